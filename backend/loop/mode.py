@@ -19,11 +19,11 @@ class Mode(StrEnum):
 MODES: tuple[Mode, ...] = tuple(Mode)
 MODE_CODE: dict[Mode, int] = {mode: code for code, mode in enumerate(MODES)}
 
-_MOVING = (Mode.RUN, Mode.COMPLIANCE, Mode.IDENTIFY, Mode.EXPERIMENT)
+MOVING = (Mode.RUN, Mode.COMPLIANCE, Mode.IDENTIFY, Mode.EXPERIMENT)
 
 LEGAL: dict[Mode, tuple[Mode, ...]] = {
     Mode.OFF: (Mode.PRETENSION,),
-    Mode.PRETENSION: (*_MOVING, Mode.STOPPING, Mode.OFF),
+    Mode.PRETENSION: (*MOVING, Mode.STOPPING, Mode.OFF),
     Mode.RUN: (Mode.PRETENSION, Mode.COMPLIANCE, Mode.IDENTIFY, Mode.EXPERIMENT, Mode.STOPPING),
     Mode.COMPLIANCE: (Mode.PRETENSION, Mode.RUN, Mode.STOPPING),
     Mode.IDENTIFY: (Mode.PRETENSION, Mode.STOPPING),

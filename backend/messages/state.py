@@ -157,6 +157,11 @@ class TaskView(Schema):
     following: int = Field(default=0, description="runs of the same order that follow this one")
     pause_wanted: bool = Field(default=False, description="whether the next run of the order is to wait")
 
+    @property
+    def paused(self) -> bool:
+        """Whether the next run of its order waits, in pretension."""
+        return self.phase is Doing.PAUSED
+
 
 class TrialView(TuningParts):
     """A tuning on trial: when it ends; the tuning here is what comes back then."""

@@ -1,6 +1,6 @@
 """Whether the actuator may go to another mode now, and in which words it is refused."""
 
-from backend.loop.mode import LEGAL, Mode
+from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.operating.present_state import PresentState
 from backend.refusal import Because, RefusalError
 
@@ -9,10 +9,13 @@ def require_legal(present: PresentState, wanted: Mode, *, loop_alive: bool) -> N
     """Raise RefusalError for a mode that cannot be gone to; a dead or unready loop says so itself."""
     mode = present.mode
     legal = present.legal(mode)
-    if wanted in legal or (present.unready and wanted in LEGAL[mode]) or not loop_alive:
+    paused = present.task is not None and present.task.paused and wanted in MOVING
+    if wanted in legal or (present.unready and wanted in LEGAL[mode] and not paused) or not loop_alive:
         return
     if mode is Mode.TRIPPED:
         reason = "a fault is latched: reset it first"
+    elif wanted in LEGAL[mode] and paused:
+        reason = "the order under way is paused, and its next run starts from pretension: go on, or stop softly"
     elif wanted in LEGAL[mode]:
         reason = f"{wanted} has to wait until both tendons hold the pretension"
     else:

@@ -29,7 +29,7 @@ from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
 from backend.operating.experiment_queue import Queue
 from backend.operating.identification_orders import plans_of, prediction_of
-from backend.operating.pause import Pause
+from backend.operating.pause import Pause, not_begun
 from backend.operating.results_under_way import ResultsUnderWay
 from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
@@ -200,7 +200,7 @@ class OrderedRuns:
             raise
         self._problem = ""
         self._results.forget()
-        self.pause.wanted = False
+        self.pause.begin(len(orders) - 1)
         progress = await self._progress(orders, 0, run)
         progress(Doing.STARTING, 0.0)
         self._running = asyncio.create_task(self._perform(orders, run, progress))
@@ -217,10 +217,12 @@ class OrderedRuns:
         try:
             for position, order in enumerate(orders):
                 if position > 0:
-                    if not await self.pause.over(self._station.loop, partial(show, Doing.PAUSED, 0.0)):
+                    playing = False
+                    if (following := await self._following(orders[position:], run, show)) is None:
                         break
-                    run = await asyncio.to_thread(create_run, self._station, order)
+                    run, playing = following, True
                     show = await self._progress(orders, position, run)
+                    show(Doing.STARTING, 0.0)
                 self._actuator.present.on_the_way = await self._on_the_way(order)
                 over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
                 closed = await played(self._station, order, run, show, over)
@@ -230,12 +232,10 @@ class OrderedRuns:
                 if end_state is not EndState.COMPLETED:
                     break
             playing = False
+            self.pause.begin(0)
             show(Doing.EVALUATION, 0.0)
             if await self._results.any_missing():
                 end_state = None  # whoever waits for the result, the queue too, waits for a person
-        except NotReadyError as error:
-            playing = False
-            _log.warning("no run follows run %s: %s", run.id, error)
         except Exception as error:
             _log.exception("run %s failed", run.id)
             self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
@@ -251,6 +251,19 @@ class OrderedRuns:
             self._actuator.changed()
             self.queue.ended(run.id, end_state)
 
+    async def _following(self, orders: Sequence[Order], run: Run, show: Notify) -> Run | None:
+        """Create the first run of what is left after ``run`` once no pause is wanted; None, and a problem, if it fails.
+
+        Nothing plays then, and ``run`` is complete: neither it nor the joint is concerned.
+        """
+        try:
+            await self.pause.over(self._station.loop, partial(show, Doing.PAUSED, 0.0))
+            return await asyncio.to_thread(create_run, self._station, orders[0])
+        except Exception as error:
+            _log.warning("no run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
+            self._problem = not_begun(run.id, error, len(orders))
+            return None
+
     async def _on_the_way(self, order: Order) -> list[Chosen]:
         """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
         choices = choices_of(order.plan, order.loop_settings.tuning)
@@ -263,7 +276,7 @@ class OrderedRuns:
         plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
         told = await asyncio.to_thread(expected, plan, self._station.parameters, start)
         ordered = Ordered(plan, run.id, told, position + 1, len(orders))
-        return run_progress(self._actuator.present, ordered, lambda: self.pause.wanted)
+        return run_progress(self._actuator.present, ordered, self.pause)
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:

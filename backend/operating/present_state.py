@@ -24,7 +24,7 @@ from backend.loop.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.loop.mode import LEGAL, Mode
+from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.supervisor import Supervisor
 from backend.messages.control import HolderView, WishView
@@ -152,7 +152,8 @@ class PresentState:
             return []
         if mode is Mode.PRETENSION and not self._pretension_done:
             return [Mode.STOPPING, Mode.OFF]
-        return list(LEGAL[mode])
+        paused = self.task is not None and self.task.paused
+        return [one for one in LEGAL[mode] if not paused or one not in MOVING]
 
     def hear(self, event: Event | LoopDied) -> None:
         """Take in what the loop tells."""

@@ -1,6 +1,5 @@
 """How far a run is, as the state shows it: of the time that it is expected to take."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from backend.experiments.forecasts.forecast import Expected
@@ -8,6 +7,7 @@ from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.plans.plan import Plan
 from backend.experiments.playing.progress import Doing, Notify
 from backend.messages.state import PartView, TaskView
+from backend.operating.pause import Pause
 from backend.operating.present_state import PresentState
 from plant.interface import T_s
 
@@ -52,7 +52,7 @@ class Ordered:
         )
 
 
-def run_progress(present: PresentState, ordered: Ordered, pause_wanted: Callable[[], bool]) -> Notify:
+def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notify:
     """Return what puts into ``present`` how far a run is.
 
     What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
@@ -81,8 +81,8 @@ def run_progress(present: PresentState, ordered: Ordered, pause_wanted: Callable
             phase=doing,
             part=part_at(parts, elapsed_s) if doing is Doing.PROGRAM else None,
             number=ordered.number,
-            following=ordered.of - ordered.number,
-            pause_wanted=pause_wanted(),
+            following=pause.following,
+            pause_wanted=pause.wanted,
         )
 
     return show

@@ -210,6 +210,10 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
             assert parts.present.task is not None
             assert parts.present.task.phase is Doing.PAUSED
+            assert parts.present.state().legal_modes == [Mode.STOPPING, Mode.OFF]
+            for mode in (Mode.RUN, Mode.COMPLIANCE):
+                with pytest.raises(RefusalError, match="go on, or stop softly; legal now: stopping, off"):
+                    await parts.actuator.set_mode(mode, OPERATOR.name)
             pause.ask(False)
 
         resumed = asyncio.create_task(goes_on())
@@ -243,7 +247,12 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
 
         seen = await follow(parts, TWO, at_each)
         assert {task.run for task in seen.tasks} == {seen.run}
-        assert parts.ordered_runs.problems == []
+        assert parts.ordered_runs.problems == [
+            f"The order ended after run {seen.run}: it was stopped softly in its pause; 1 run was not begun."
+            " Order it anew."
+        ]
+        evaluated = [task for task in seen.tasks if task.phase is Doing.EVALUATION]
+        assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}
         assert end_of(database, seen.run) is EndState.COMPLETED
         view = await parts.identifications.identification(seen.run)
         assert view.estimate is not None

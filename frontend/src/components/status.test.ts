@@ -66,6 +66,8 @@ describe("currentStatus", () => {
     expect(partOf({ ...TASK, phase: "pretension" })).toBe("pretension");
     expect(taskTitle({ ...TASK, number: 2, following: 2 })).toBe("Tracking, run 12, 2 of 4");
     expect(taskTitle({ ...TASK, number: 4, following: 0 })).toBe("Tracking, run 12, 4 of 4");
+    // ended early, in the pause behind the second of four: it is not the last of two
+    expect(taskTitle({ ...TASK, phase: "evaluation", number: 2, following: 0 })).toBe("Tracking, run 12");
   });
 
   it("says which set point an identification is at, what is done there, and counts over all runs of the order", () => {

@@ -77,10 +77,10 @@ export function taskName(task: Task): string {
 
 /**
  * Which run it is, of an order of several too: "Motor identification, run 12, 2 of 4". Set points are counted over all
- * runs of their order, and tell it by themselves.
+ * runs of their order, and tell it by themselves. Results are computed of all runs together, and none follows any more.
  */
-export function taskTitle({ kind, run, number, following, part }: Task): string {
-  const several = (following > 0 || number > 1) && part?.doing == null;
+export function taskTitle({ kind, run, number, following, part, phase }: Task): string {
+  const several = (following > 0 || number > 1) && part?.doing == null && phase !== "evaluation";
   return `${capital(inWordsOf(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
 }
 

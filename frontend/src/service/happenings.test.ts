@@ -7,17 +7,25 @@ function fault(tick: number, code: Fault["code"] = "force_limit"): Fault {
   return { code, tick, message: "A tendon pulled harder than its limit.", remedy: "Reset." };
 }
 
-function state(part: { fault?: Fault; run?: number; starts?: number; kind?: State["plant"]["kind"] }): State {
+interface Told {
+  fault?: Fault;
+  run?: number;
+  phase?: Task["phase"];
+  starts?: number;
+  kind?: State["plant"]["kind"];
+}
+
+function state(part: Told): State {
   return {
     plant: { kind: part.kind ?? "simulator" },
     link: { starts: part.starts ?? 1 },
     fault: part.fault ?? null,
-    task: part.run === undefined ? null : ({ run: part.run } as Task),
+    task: part.run === undefined ? null : ({ run: part.run, phase: part.phase ?? "program" } as Task),
   } as State;
 }
 
 /** What is heard in each of the states, one after the other. */
-function heard(...parts: Parameters<typeof state>[0][]) {
+function heard(...parts: Told[]) {
   const happenings = new Happenings();
   return parts.map((part) =>
     happenings
@@ -42,6 +50,21 @@ describe("Happenings", () => {
 
   it("tells each run of an order that is over, when the next begins and when none does", () => {
     expect(heard({}, { run: 3 }, { run: 4 }, { run: 4 }, {})).toEqual([[], [], ["over 3"], [], ["over 4"]]);
+  });
+
+  it("tells a run that is over when its order is paused, and not again when that goes on or ends there", () => {
+    const [three, paused] = [{ run: 3 }, { run: 3, phase: "paused" }] as const;
+    expect(heard(three, paused, paused, { run: 4 }, {})).toEqual([[], ["over 3"], [], [], ["over 4"]]);
+    expect(heard(three, paused, { run: 3, phase: "evaluation" }, {})).toEqual([[], ["over 3"], [], []]);
+  });
+
+  it("has nothing of a run that was over in a pause when the page was opened", () => {
+    const paused = { run: 3, phase: "paused" } as const;
+    expect(heard(paused, paused, { run: 4 }, {})).toEqual([[], [], [], ["over 4"]]);
+  });
+
+  it("tells a run whose pause is the first that is heard of it", () => {
+    expect(heard({}, { run: 3, phase: "paused" }, { run: 4 })).toEqual([[], [], ["over 3"]]);
   });
 
   it("tells a run that was under way when the page was opened", () => {

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from backend.loop.hand_push import PUSHED_IN
-from backend.loop.mode import LEGAL, Mode
+from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.operating.retuning import DEVIATIONS
 from backend.tuning.gains import UNSEEN_F
 from tests.e2e.truth.findings import Findings
@@ -19,7 +19,8 @@ def legal_modes(state: State) -> list[str]:
         return []
     if mode is Mode.PRETENSION and not state["pretension_done"]:
         return ["stopping", "off"]
-    return [str(one) for one in LEGAL[mode]]
+    paused = state["task"] is not None and state["task"]["phase"] == "paused"
+    return [str(one) for one in LEGAL[mode] if not paused or one not in MOVING]
 
 
 def may_start(state: State, mode: str) -> bool:

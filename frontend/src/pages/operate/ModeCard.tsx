@@ -95,6 +95,7 @@ export function whyNot(state: State | null, mode: Mode): string | null {
   if (isUnready(state) && mode !== "stopping") return `${capital(state.unready)}.`;
   if (state.mode === "off" && mode !== "stopping") return "Tendons are slack: start Pretension first.";
   if (state.mode === "pretension" && !state.pretension_done) return "Pretension is not reached yet.";
+  if (state.task?.phase === "paused") return "An order is paused in pretension: go on, or stop softly.";
   const legal = MOVES.filter((move) => state.legal_modes.includes(move.mode)).map(({ name }) => name);
   return `Not possible from ${heading(state.mode)}. Possible now: ${legal.join(", ") || "nothing but STOP"}.`;
 }

@@ -7,6 +7,7 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/status";
 import { useLive } from "../../live/react";
+import { counted } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
 import { usePauseOrder } from "../../service/pauseOrder";
 import type { Task } from "../../wire/types";
@@ -40,7 +41,7 @@ function Running({ task }: { task: Task }) {
           <OperatorsOnly>
             <div className={page.actions}>
               {task.following > 0 && <PauseButton task={task} pause={pause} />}
-              <AbortButton setMode={setMode} />
+              <AbortButton task={task} setMode={setMode} />
             </div>
           </OperatorsOnly>
         </div>
@@ -57,7 +58,12 @@ function Running({ task }: { task: Task }) {
   );
 }
 
-function AbortButton({ setMode }: { setMode: ReturnType<typeof useSetMode> }) {
+interface AbortProps {
+  readonly task: Task;
+  readonly setMode: ReturnType<typeof useSetMode>;
+}
+
+function AbortButton({ task, setMode }: AbortProps) {
   const reason = whyNot(
     useLive((live) => live.state),
     "stopping",
@@ -67,13 +73,20 @@ function AbortButton({ setMode }: { setMode: ReturnType<typeof useSetMode> }) {
       variant="default"
       aria-disabled={reason !== null}
       data-disabled={reason !== null ? true : undefined}
-      title={reason ?? "Soft stop: bring the joint to rest under tension. The run is kept as stopped."}
+      title={reason ?? `Soft stop: bring the joint to rest under tension. ${whatIsKept(task)}`}
       loading={setMode.isPending}
       onClick={() => reason === null && setMode.mutate("stopping")}
     >
       Abort softly
     </Button>
   );
+}
+
+/** What becomes of the run, and of those that follow it, when it is aborted now. */
+export function whatIsKept({ phase, run, following }: Pick<Task, "phase" | "run" | "following">): string {
+  return phase === "paused"
+    ? `Run ${run} is complete and stays so; ${counted(following, "run")} of its order will not be begun.`
+    : "The run is kept as stopped.";
 }
 
 interface PauseProps {

@@ -12,6 +12,14 @@ it("names modes as their buttons do", () => {
   );
 });
 
+it("says that a paused order has to go on or be stopped first", () => {
+  const pretension = state("pretension", ["stopping", "off"]);
+  const paused = { ...pretension, task: { phase: "paused" } } as State;
+  expect(whyNot(paused, "run")).toBe("An order is paused in pretension: go on, or stop softly.");
+  expect(whyNot(paused, "stopping")).toBeNull();
+  expect(whyNot(pretension, "run")).toBe("Not possible from Pretension. Possible now: Soft stop, Off.");
+});
+
 it("says what has to come before pretension", () => {
   const off = { ...state("off", []), unready: "set the zero in the bring-up" };
   expect(whyNot(off, "pretension")).toBe("Set the zero in the bring-up.");

@@ -1,0 +1,195 @@
+"""A pause between two runs of one order: who may ask for it, how it ends, and what is said of runs that never began."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from backend.experiments.playing.play import NotReadyError
+from backend.experiments.playing.progress import Doing, Notify
+from backend.experiments.playing.runner import Order, Station, create_run
+from backend.experiments.results.evaluation import Evaluation
+from backend.loop.access import LoopAccess, LoopDiedError
+from backend.loop.commands import SetMode
+from backend.loop.mode import MODE_CODE, Mode
+from backend.messages.identification import ActuatorRequest
+from backend.messages.state import TaskView
+from backend.operating import ordered_runs
+from backend.operating.pause import Pause, not_begun
+from backend.operating.present_state import PresentState
+from backend.refusal import OutOfRangeError, RefusalError
+from backend.sample import INDEX, NAMES
+from backend.storage import open_database, runs
+from backend.storage.runs import EndState, Run
+from plant.parameters import load_parameters
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+
+THREE = ActuatorRequest(tensions_N=[12.0, 16.0, 20.0], bits=4, periods=1, settle_s=1.0)
+
+
+class FakeLoop:
+    """A loop whose newest sample is in the next of these modes each time it is advanced; it dies where none is left."""
+
+    def __init__(self, *modes: Mode, at_each: Callable[[int], None] = lambda _advanced: None) -> None:
+        self.ring = self
+        self.advanced = 0
+        self._modes, self._at_each = modes, at_each
+
+    def newest(self) -> np.ndarray:
+        row = np.zeros(len(NAMES))
+        row[INDEX["mode"]] = MODE_CODE[self._modes[self.advanced - 1]]
+        return row
+
+    async def advance(self, _seconds: float) -> None:
+        if self.advanced == len(self._modes):
+            raise LoopDiedError("the loop process was killed")
+        self.advanced += 1
+        self._at_each(self.advanced)
+
+
+class Present:
+    """Of the present state what a pause knows of."""
+
+    def __init__(self) -> None:
+        self.task: TaskView | None = TaskView(
+            kind="actuator_identification",
+            run=7,
+            elapsed_s=1.0,
+            duration_s=9.0,
+            phase=Doing.PROGRAM,
+            part=None,
+            number=1,
+        )
+
+
+def paused(following: int) -> tuple[Pause, Present]:
+    present = Present()
+    pause = Pause(cast(PresentState, present), lambda: None)
+    pause.begin(following)
+    if following:
+        pause.ask(True)
+    return pause, present
+
+
+def wait(pause: Pause, loop: FakeLoop) -> int:
+    """Wait for its end; how often it was shown."""
+    shown: list[None] = []
+    asyncio.run(pause.over(cast(LoopAccess, loop), lambda: shown.append(None)))
+    return len(shown)
+
+
+def test_it_lasts_until_the_next_run_is_let_begin_and_one_less_follows_then() -> None:
+    pause, present = paused(2)
+    assert present.task is not None
+    assert present.task.pause_wanted
+    loop = FakeLoop(*[Mode.PRETENSION] * 5, at_each=lambda advanced: pause.ask(False) if advanced == 3 else None)
+    assert (wait(pause, loop), loop.advanced, pause.following) == (3, 3, 1)
+
+
+def test_where_none_is_wanted_the_next_run_begins_at_once() -> None:
+    pause, _ = paused(1)
+    pause.ask(False)
+    loop = FakeLoop()
+    assert (wait(pause, loop), loop.advanced, pause.following) == (0, 0, 0)
+    with pytest.raises(RefusalError, match="no run of the same order follows"):
+        pause.ask(True)  # the last run is being prepared: what is shown is still the one before it
+    assert not pause.wanted
+
+
+@pytest.mark.parametrize(
+    ("mode", "why"),
+    [
+        (Mode.OFF, "the motors were switched off in its pause"),
+        (Mode.STOPPING, "it was stopped softly in its pause"),
+        (Mode.TRIPPED, "a fault or STOP took the motors in its pause"),
+    ],
+)
+def test_it_ends_the_order_where_the_motors_are_let_go(mode: Mode, why: str) -> None:
+    pause, _ = paused(2)
+    loop = FakeLoop(Mode.PRETENSION, mode, Mode.PRETENSION)
+    with pytest.raises(NotReadyError, match=why) as ended:
+        wait(pause, loop)
+    assert (ended.value.mode, loop.advanced, pause.following) == (mode, 2, 2)
+
+
+def test_a_loop_that_dies_ends_it() -> None:
+    pause, _ = paused(1)
+    with pytest.raises(LoopDiedError, match="was killed"):
+        wait(pause, FakeLoop(Mode.PRETENSION))
+
+
+def test_none_is_accepted_once_no_run_will_follow() -> None:
+    pause, present = paused(1)
+    pause.begin(0)
+    assert not pause.wanted
+    with pytest.raises(RefusalError, match="no run of the same order follows"):
+        pause.ask(True)
+    present.task = None
+    with pytest.raises(RefusalError, match="nothing is under way"):
+        pause.ask(True)
+
+
+def test_what_was_not_begun_is_counted() -> None:
+    assert not_begun(7, LoopDiedError("it died."), 2) == (
+        "The order ended after run 7: it died; 2 runs were not begun. Order them anew."
+    )
+
+
+async def at_once(_station: Station, _plan: Any, _run: Run) -> Evaluation:
+    return Evaluation(None, None, "nothing was played")
+
+
+def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, dies: bool) -> tuple[list[str], Mode]:
+    """What is said of an order whose loop dies in its pause, or whose second run is refused; the mode that is left."""
+    database = open_database(tmp_path)
+    created: list[Run] = []
+
+    def second_refused(station: Station, order: Order) -> Run:
+        if created:
+            raise OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
+        created.append(create_run(station, order))
+        return created[0]
+
+    async def order(parts: Parts) -> tuple[list[str], Mode]:
+        await parts.supervisor.send(SetMode(Mode.PRETENSION))
+        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+
+        async def died(_seconds: float) -> None:
+            raise LoopDiedError("the loop process was killed")
+
+        async def complete(
+            _station: Station, _order: Order, run: Run, _show: Notify, over: Callable[[], Awaitable[None]]
+        ) -> Run:
+            if dies:
+                parts.ordered_runs.pause.ask(True)
+                monkeypatch.setattr(parts.supervisor, "advance", died)
+            await over()
+            with database.session() as session:
+                return runs.end(session, run.id, EndState.COMPLETED, "")
+
+        monkeypatch.setattr(ordered_runs, "played", complete)
+        monkeypatch.setattr(ordered_runs, "evaluated", at_once)
+        await parts.ordered_runs.start_identification(THREE, OPERATOR.name)
+        await parts.ended()
+        monkeypatch.undo()
+        await parts.supervisor.advance(0.1)  # a stop that was begun would show by now
+        return parts.ordered_runs.problems, parts.present.mode
+
+    monkeypatch.setattr(ordered_runs, "create_run", second_refused)
+    try:
+        return stepped(database, load_parameters("ideal"), order)
+    finally:
+        database.close()
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_what_ends_an_order_between_two_runs_is_no_fault_of_the_first_and_brakes_nothing(
+    dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
+    assert mode is Mode.PRETENSION
+    why = "the loop process was killed" if dies else OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
+    assert said == f"The order ended after run 1: {why}; 2 runs were not begun. Order them anew."
