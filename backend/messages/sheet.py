@@ -5,7 +5,7 @@ from pydantic import Field
 from backend.messages.base import Schema
 
 LONGEST_SHEET = 2 * 1024 * 1024
-"""Characters, as many as a body may have: sixty curves of four thousand points each, as the page sends them."""
+"""Characters, and bytes of a body with them: sixty curves of four thousand points each, as the page sends them."""
 
 
 class SheetToPrint(Schema):

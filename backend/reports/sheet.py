@@ -18,7 +18,7 @@ LONGEST_MM = 5000.0
 MOST_ELEMENTS = 20_000
 DEEPEST = 8
 
-_NUMBER = r"-?\d{1,6}(?:\.\d{1,6})?"
+_NUMBER = r"-?[0-9]{1,6}(?:\.[0-9]{1,6})?"
 _NUMBERS = rf"{_NUMBER}(?:[ ,]{_NUMBER})*"
 _COLOUR = r"none|#[0-9A-Fa-f]{3,8}"
 _PLAIN: dict[str, str] = {
@@ -29,14 +29,14 @@ _PLAIN: dict[str, str] = {
     "font-size": _NUMBER,
     "stroke-width": _NUMBER,
     # shorter dashes would be more than can be drawn
-    "stroke-dasharray": r"[1-9]\d{0,2}(?:[ ,][1-9]\d{0,2}){0,11}",
+    "stroke-dasharray": r"[1-9][0-9]{0,2}(?:[ ,][1-9][0-9]{0,2}){0,11}",
     "stroke-linejoin": "round",
     "fill": _COLOUR,
     "stroke": _COLOUR,
     "font-weight": "normal|bold|[1-9]00",
     "text-anchor": "start|middle|end",
     "xml:space": "preserve",
-    "d": r"[MLHVZmlhvz\d ,.-]*",
+    "d": r"[MLHVZmlhvz0-9 ,.-]*",
 }
 """What may stand in the attributes that are drawn."""
 _ROOT: dict[str, str] = {

@@ -12,11 +12,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from backend.messages.base import Problem, Refusal
+from backend.messages.sheet import LONGEST_SHEET
 
 MAX_BODY_BYTES = 256 * 1024
 SHEETS = "/api/chart-sheet.pdf"
 """Where drawings are sent to, the only bodies that are large."""
-MAX_SHEET_BYTES = 2 * 1024 * 1024
+MAX_SHEET_BYTES = LONGEST_SHEET
+"""So many characters a sheet may have; none takes less than a byte."""
 _READING = {"GET", "HEAD", "OPTIONS"}
 
 APP_POLICY = (

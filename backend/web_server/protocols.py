@@ -15,14 +15,14 @@ from uvicorn.server import ServerState
 from websockets.http11 import Response
 from websockets.server import ServerProtocol
 
-from backend.web_server.guard import HEADERS
+from backend.web_server.guard import HEADERS, MAX_BODY_BYTES, most_bytes
 from backend.web_server.places import Place, Places
 
 HEAD_S = 10.0
 """So long the head of a request may take, from its first byte or the connection's beginning."""
 
 BODY_S = 10.0
-"""So long a body may take: it is 256 kB at most."""
+"""So long a body of ``MAX_BODY_BYTES`` may take; where larger ones are taken, as much longer as they may be larger."""
 
 LONGEST_HEAD = 16 * 1024
 """Bytes that the head of a request may have: cookies, an address with its query, and room to spare."""
@@ -41,6 +41,11 @@ PLACE = "place"
 
 ALL_PLACES = "places"
 """Key of the account of all places, there too."""
+
+
+def body_s(path: str) -> float:
+    """Return how long the body of a request to an address may take [s]: all have to come equally fast."""
+    return BODY_S * most_bytes(path) / MAX_BODY_BYTES
 
 
 class _Placed(asyncio.Protocol):
@@ -189,6 +194,9 @@ class HttpProtocol(_Placed, H11Protocol):
             return _Wait.BODY if cycle.more_body else _Wait.NOTHING
         return _Wait.REST if self.conn.their_state is h11.SEND_BODY else _Wait.HEAD
 
+    def _body_s(self) -> float:
+        return body_s(self.cycle.scope["path"]) if self.cycle else BODY_S
+
     def _watch(self) -> None:
         waits_for = self._waiting()
         if waits_for is self._waits_for:
@@ -196,7 +204,7 @@ class HttpProtocol(_Placed, H11Protocol):
         self._unset_patience()
         self._waits_for = waits_for
         pause_s = self.timeout_keep_alive if self.cycle else 0.0
-        seconds = {_Wait.HEAD: pause_s + HEAD_S, _Wait.BODY: BODY_S, _Wait.REST: REST_S}.get(waits_for)
+        seconds = {_Wait.HEAD: pause_s + HEAD_S, _Wait.BODY: self._body_s(), _Wait.REST: REST_S}.get(waits_for)
         if seconds is not None and not self.transport.is_closing():
             self._patience = self.loop.call_later(seconds, self.end)
 

@@ -9,7 +9,7 @@ from fastapi import FastAPI, Request
 from starlette.responses import Response
 
 from backend.web_server import listener, protocols
-from backend.web_server.guard import Guard
+from backend.web_server.guard import MAX_BODY_BYTES, SHEETS, Guard, most_bytes
 from backend.web_server.places import Places
 from tests.api.conftest import PATIENCE_S
 from tests.api.serving import served
@@ -43,6 +43,11 @@ async def change(body: dict[str, int]) -> str:
     return "changed"
 
 
+@app.post(SHEETS)
+async def print_sheet(body: dict[str, int]) -> str:
+    return "printed"
+
+
 @pytest.fixture(scope="module")
 def address() -> Iterator[tuple[str, int]]:
     with served(Guard(app)) as address:
@@ -70,6 +75,22 @@ def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_who_does_not_go_on_is_sent_away(address: tuple[str, int], said: bytes) -> None:
     with connected(address, said) as slow:
         assert everything_from(slow) == b""
+
+
+def test_a_sheet_has_as_much_longer_as_it_may_be_larger(
+    address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would not come over a slow link in the time of other bodies."""
+    assert protocols.body_s(SHEETS) / protocols.body_s("/thing") == most_bytes(SHEETS) / MAX_BODY_BYTES > 1.0
+    # as much larger that its time does not end here
+    monkeypatch.setattr(protocols, "most_bytes", lambda path: MAX_BODY_BYTES * (10_000 if path == SHEETS else 1))
+    monkeypatch.setattr(protocols, "BODY_S", SHORT_S)
+    head = b" HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 8\r\nConnection: close\r\n" + HOST + b"\r\n"
+    with connected(address, b"POST " + SHEETS.encode() + head + b'{"a"') as sheet:
+        with connected(address, b"POST /thing" + head + b'{"a"') as other:
+            assert everything_from(other) == b""
+        sheet.sendall(b": 1}")
+        assert everything_from(sheet).endswith(b'"printed"')
 
 
 @pytest.mark.usefixtures("short_waits")

@@ -115,6 +115,11 @@ LINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
         (svg('<rect fill="url(#a)"/>'), 'its <rect> has fill="url(#a)"'),
         (svg('<path d="M0 0L1e309 0"/>'), "its <path> has d="),
         (svg('<path d="M0 0" stroke-dasharray="0.0001"/>'), "its <path> has stroke-dasharray="),
+        # digits of other scripts
+        (svg('<path d="M0 0L\u0661 \u0967"/>'), "its <path> has d="),
+        (svg('<rect x="\u0664"/>'), "its <rect> has x="),
+        (svg('<path d="M0 0" stroke-dasharray="4\uff10"/>'), "its <path> has stroke-dasharray="),
+        (svg(root='width="18\u0660mm" height="90mm"'), "its <svg> has width="),
         (svg('<s:svg xmlns:s="http://www.w3.org/2000/svg"/>'), "it has an element <s:svg>"),
         (
             svg(before='<?xml-stylesheet href="http://elsewhere.example"?>'),

@@ -30,7 +30,10 @@ export function stamp(when: Date): string {
 
 /** Dots to the inch in print. */
 const DPI = 300;
-const TOO_LARGE = "It has too many curves for a PDF: hide some signals, or save it as SVG.";
+const REMEDY = "hide some signals, or save it as SVG.";
+const TOO_LARGE = `It has too many curves for a PDF: ${REMEDY}`;
+/** The service gives a body so long; a link that is too slow for it breaks off without an answer. */
+const NOT_SENT = `It could not be sent to the service. If the link is slow, ${REMEDY}`;
 const MM_PER_INCH = 25.4;
 
 /** A drawing as a picture of so many millimetres in width. Rejects where the browser cannot draw it. */
@@ -65,8 +68,9 @@ async function pdfOf(svg: string): Promise<Blob> {
   try {
     return await answered(api.POST("/api/chart-sheet.pdf", { body, parseAs: "blob" }));
   } catch (error) {
-    const tooLarge = error instanceof RequestError && error.status === 413;
-    throw tooLarge ? new Error(TOO_LARGE) : error;
+    const status = error instanceof RequestError ? error.status : null;
+    if (status === 413) throw new Error(TOO_LARGE);
+    throw status === 0 || status === 408 ? new Error(NOT_SENT) : error;
   }
 }
 

@@ -30,7 +30,7 @@ export function NotificationMenu() {
   }
 
   function toggleSound(): void {
-    if (!preferences.sound) playTone();
+    if (!preferences.sound) void playTone();
     change({ sound: !preferences.sound });
   }
 

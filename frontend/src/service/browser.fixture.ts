@@ -11,8 +11,10 @@ interface Shown {
 
 /** Every notification that was shown, as the desktop has them: one of the same tag takes the place of the one before. */
 export const shown: Shown[] = [];
-/** The tones that were played. */
+/** The tones that were begun. */
 export const tones: number[] = [];
+/** Whether pages were clicked since they were loaded: only then audio goes on. */
+export const clicked = { yet: true };
 
 export function useBrowser(permission: NotificationPermission, answer: NotificationPermission = permission) {
   const asked = vi.fn();
@@ -36,7 +38,12 @@ export function useBrowser(permission: NotificationPermission, answer: Notificat
   const tone = { ...node, frequency: { value: 0 }, start: () => tones.push(tone.frequency.value), stop() {} };
   class FakeAudio {
     readonly currentTime = 0;
-    readonly resume = async () => undefined;
+    state = "suspended";
+    resume(): Promise<void> {
+      if (!clicked.yet) return new Promise(() => undefined);
+      this.state = "running";
+      return Promise.resolve();
+    }
     readonly createOscillator = () => tone;
     readonly createGain = () => node;
   }
@@ -46,6 +53,7 @@ export function useBrowser(permission: NotificationPermission, answer: Notificat
   vi.stubGlobal("navigator", { ...navigator, locks: new FakeLocks() });
   shown.length = 0;
   tones.length = 0;
+  clicked.yet = true;
   return { asked };
 }
 

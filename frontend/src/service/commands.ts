@@ -3,15 +3,7 @@
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../wire/client";
 import { giveUpControl, heldEpoch } from "../wire/control";
-import type {
-  BankFile,
-  IdentificationRequest,
-  Mode,
-  References,
-  TouchOrder,
-  TuningRequest,
-  Wall,
-} from "../wire/types";
+import type { BankFile, IdentificationRequest, Mode, TouchOrder, TuningRequest, Wall } from "../wire/types";
 import { sessionQuery } from "./queries";
 
 export function useSetMode() {
@@ -20,10 +12,6 @@ export function useSetMode() {
 
 export function useReset() {
   return useMutation({ mutationFn: () => answered(api.POST("/api/reset")) });
-}
-
-export function useSetReferences() {
-  return useMutation({ mutationFn: (body: References) => answered(api.PUT("/api/references", { body })) });
 }
 
 /** A push on the joint of a simulated plant; one of 0 N lets go. */

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { look, shown, tones, useBrowser } from "./browser.fixture";
+import { clicked, look, shown, tones, useBrowser } from "./browser.fixture";
 import { keepLookedAt, type Told, tell } from "./notifications";
 
 const BOTH = { notification: true, sound: true };
@@ -69,4 +69,39 @@ it("has a sound without notifications, and neither where they are not allowed an
   expect([shown.length, tones.length]).toEqual([0, 1]);
   await tell(told("sinew-run-4"), { notification: true, sound: false });
   expect([shown.length, tones.length]).toEqual([0, 1]);
+});
+
+/** Another tab of the same browser: with modules, and so audio, of its own. */
+async function tab(): Promise<typeof tell> {
+  vi.resetModules();
+  return (await import("./notifications")).tell;
+}
+
+it("sounds in a tab that was clicked, though one that was not hears of it first", async () => {
+  useBrowser("granted");
+  const [first, second, third] = [await tab(), await tab(), await tab()];
+  clicked.yet = false;
+  const untouched = first(told(), BOTH);
+  await vi.advanceTimersByTimeAsync(10);
+  expect([shown.length, tones.length]).toEqual([1, 0]);
+  clicked.yet = true;
+  await Promise.all([second(told(), BOTH), third(told(), BOTH)]);
+  expect([shown.length, tones.length]).toEqual([1, 1]);
+  await vi.advanceTimersByTimeAsync(2000);
+  await untouched;
+  expect([shown.length, tones.length]).toEqual([1, 1]);
+});
+
+it("begins no tone where it cannot be heard, at a later click neither", async () => {
+  useBrowser("denied");
+  const only = await tab();
+  clicked.yet = false;
+  const telling = only(told(), BOTH);
+  await vi.advanceTimersByTimeAsync(2000);
+  await telling;
+  clicked.yet = true;
+  await vi.advanceTimersByTimeAsync(60_000);
+  expect(tones).toEqual([]);
+  await only(told("sinew-run-4"), BOTH);
+  expect(tones).toHaveLength(1);
 });

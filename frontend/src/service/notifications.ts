@@ -20,6 +20,8 @@ export interface Ways {
 const LOOKED_AT = "sinew-looked-at";
 /** Tabs hear of the same thing within seconds of each other. */
 const REMEMBERED_MS = 60_000;
+/** Audio that may play goes on within some tens of these [ms]. */
+const RESUMED_WITHIN_MS = 1000;
 const TONE_HZ = 880;
 const TONE_S = 0.25;
 
@@ -59,53 +61,84 @@ export function keepLookedAt(): () => void {
 
 /** Tell it in these ways, unless a tab of this page is looked at, or another one has told it. */
 export async function tell(told: Told, ways: Ways): Promise<void> {
-  if (document.visibilityState === "visible") return;
+  if (await isLookedAt()) return;
+  await Promise.all([
+    ways.notification && allowed() === "granted" && once(`sinew-told-${told.tag}`, () => show(told)),
+    ways.sound && soundOnce(told.tag),
+  ]);
+}
+
+async function isLookedAt(): Promise<boolean> {
+  if (document.visibilityState === "visible") return true;
+  const { held = [] } = (await navigator.locks?.query()) ?? {};
+  return held.some(({ name }) => name === LOOKED_AT);
+}
+
+/** Do it in one of the tabs. Where they cannot agree all do: notifications of one tag are one all the same. */
+async function once(name: string, act: () => void): Promise<void> {
   const { locks } = navigator;
   if (locks === undefined) {
-    tellNow(told, ways); // tabs cannot agree: notifications of one tag are one all the same
+    act();
     return;
   }
-  const { held = [] } = await locks.query();
-  if (held.some(({ name }) => name === LOOKED_AT)) return;
   await new Promise<void>((done) => {
-    void locks.request(`sinew-told-${told.tag}`, { ifAvailable: true }, async (lock) => {
-      if (lock !== null) tellNow(told, ways);
+    void locks.request(name, { ifAvailable: true }, async (lock) => {
+      if (lock !== null) act();
       done();
       if (lock !== null) await new Promise((over) => setTimeout(over, REMEMBERED_MS));
     });
   });
 }
 
-function tellNow({ tag, title, body, open }: Told, { notification, sound }: Ways): void {
-  if (notification && allowed() === "granted") {
-    try {
-      const shown = new Notification(title, { tag, body, icon: "./sinew.svg", silent: true });
-      shown.onclick = () => {
-        window.focus();
-        shown.close();
-        open();
-      };
-    } catch {
-      // a browser that takes them from installed pages only: the sound is left
-    }
+/** A tab that cannot play leaves it to those that can. */
+async function soundOnce(tag: string): Promise<void> {
+  const ready = await playing();
+  if (ready === null || (await isLookedAt())) return;
+  await once(`sinew-heard-${tag}`, () => sound(ready));
+}
+
+function show({ tag, title, body, open }: Told): void {
+  try {
+    const shown = new Notification(title, { tag, body, icon: "./sinew.svg", silent: true });
+    shown.onclick = () => {
+      window.focus();
+      shown.close();
+      open();
+    };
+  } catch {
+    // a browser that takes them from installed pages only: the sound is left
   }
-  if (sound) playTone();
 }
 
 let audio: AudioContext | null = null;
 
-/** A short tone; a browser plays it only on a page that was clicked since it was loaded. */
-export function playTone(): void {
-  if (!("AudioContext" in globalThis)) return;
+/** What plays; null on a page that was not clicked since it was loaded, on which a browser plays nothing. */
+async function playing(): Promise<AudioContext | null> {
+  if (!("AudioContext" in globalThis)) return null;
   audio ??= new AudioContext();
-  void audio.resume();
-  const now_s = audio.currentTime;
-  const tone = audio.createOscillator();
-  const loudness = audio.createGain();
+  const mine = audio;
+  if (mine.state !== "running") {
+    // without a click it is not refused: it waits for one
+    const late = new Promise((over) => setTimeout(over, RESUMED_WITHIN_MS));
+    await Promise.race([mine.resume().catch(() => undefined), late]);
+  }
+  return mine.state === "running" ? mine : null;
+}
+
+/** A short tone, at once or not at all. */
+export async function playTone(): Promise<void> {
+  const ready = await playing();
+  if (ready !== null) sound(ready);
+}
+
+function sound(through: AudioContext): void {
+  const now_s = through.currentTime;
+  const tone = through.createOscillator();
+  const loudness = through.createGain();
   tone.frequency.value = TONE_HZ;
   loudness.gain.setValueAtTime(0.2, now_s);
   loudness.gain.exponentialRampToValueAtTime(0.001, now_s + TONE_S);
-  tone.connect(loudness).connect(audio.destination);
+  tone.connect(loudness).connect(through.destination);
   tone.start(now_s);
   tone.stop(now_s + TONE_S);
 }

@@ -9,8 +9,8 @@ import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { angleText, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
-import { useSetReferences } from "../../service/commands";
 import { useMayCommand } from "../../service/useMayCommand";
+import { useReferenceOrders } from "../../service/useReferenceOrders";
 import type { References } from "../../wire/types";
 import { whyNoReferences } from "./allowed";
 import styles from "./MapCard.module.css";
@@ -20,7 +20,7 @@ import { useBankEntries } from "./useBankEntries";
 
 export function MapCard() {
   const store = useLiveStore();
-  const send = useSetReferences();
+  const send = useReferenceOrders();
   const angles = useAngles();
   const [target, setTarget] = useState<References | null>(null);
   const references = useLive((live) => live.state?.references);

@@ -47,7 +47,7 @@ interface ControlsProps {
 }
 
 function ReferenceControls({ references, limits, open, locked }: ControlsProps) {
-  const send = useReferenceOrders(references);
+  const { mutateAsync: send } = useReferenceOrders();
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;

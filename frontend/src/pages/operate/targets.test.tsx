@@ -1,6 +1,6 @@
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import type { ReactElement } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
@@ -36,9 +36,10 @@ const STATE = {
   references: { q_ref: 10 / DEGREES, S_ref: 10, in_force: true },
   limits: LIMITS,
   tuning: { bank: null },
+  link: { starts: 1 },
 } as unknown as State;
 
-function open(card: ReactElement, state = STATE): void {
+function open(card: ReactElement, state = STATE): LiveStore {
   const store = new LiveStore(0);
   store.setState(state);
   render(
@@ -48,6 +49,7 @@ function open(card: ReactElement, state = STATE): void {
       </QueryClientProvider>
     </MantineProvider>,
   );
+  return store;
 }
 
 async function commanded(): Promise<{ q_ref: number; S_ref: number }[]> {
@@ -152,23 +154,88 @@ it.each([
   expect(screen.queryAllByText(/measured, no reference/).length).toBe(in_force ? 0 : 2);
 });
 
+function enter(label: string, text: string): void {
+  const box = screen.getByLabelText(label);
+  fireEvent.change(box, { target: { value: text } });
+  fireEvent.keyDown(box, { key: "Enter" });
+}
+const Q_BOX = "q_ref value [deg]";
+const S_BOX = "S_ref value [N·m/rad]";
+
+async function sent(count: number): Promise<void> {
+  await waitFor(async () => expect((await commanded()).length).toBe(count));
+  await act(settled); // answered too
+}
+
 it("sends one reference with the other one as it was ordered last, though the state does not tell it yet", async () => {
   open(<ReferencesCard />);
-  for (const [label, text] of [
-    ["q_ref value [deg]", "30"],
-    ["S_ref value [N·m/rad]", "12"],
-    ["q_ref value [deg]", "20"],
-  ] as const) {
-    const box = screen.getByLabelText(label);
-    fireEvent.change(box, { target: { value: text } });
-    fireEvent.keyDown(box, { key: "Enter" });
-  }
-  await waitFor(async () => expect((await commanded()).length).toBe(3));
+  enter(Q_BOX, "30");
+  enter(S_BOX, "12");
+  enter(Q_BOX, "20");
+  await sent(3);
   expect(await commanded()).toEqual([
     { q_ref: 30 / DEGREES, S_ref: 10 },
     { q_ref: 30 / DEGREES, S_ref: 12 },
     { q_ref: 20 / DEGREES, S_ref: 12 },
   ]);
+});
+
+it("sends in the card what the map ordered since, not what the card did before", async () => {
+  open(
+    <>
+      <ReferencesCard />
+      <MapCard />
+    </>,
+  );
+  enter(S_BOX, "12");
+  await sent(1);
+  clickMap(30, 9);
+  fireEvent.click(screen.getByRole("button", { name: "Send target" }));
+  await sent(2);
+  enter(Q_BOX, "20");
+  await sent(3);
+  const [, ofMap, last] = await commanded();
+  expect(Math.abs((ofMap?.S_ref ?? 0) - 9)).toBeLessThan(0.1);
+  expect(last).toEqual({ q_ref: 20 / DEGREES, S_ref: ofMap?.S_ref });
+});
+
+const told = (degrees: number, S_ref: number) => ({ q_ref: degrees / DEGREES, S_ref, in_force: true });
+
+it.each([
+  ["before the order", [told(10, 10)], 12],
+  ["of the first of two orders", [told(10, 11)], 12],
+  ["of the order itself, and then of somebody else's", [told(10, 12), told(0, 8)], 8],
+  ["of somebody else's order", [told(0, 8)], 8],
+  ["of going back to those from before", [told(10, 12), told(10, 10)], 10],
+] as const)(
+  "goes by the state once it tells other references than those ordered (%s)",
+  async (_, states, S) => {
+    const store = open(<ReferencesCard />);
+    enter(S_BOX, "11");
+    await sent(1);
+    enter(S_BOX, "12");
+    await sent(2);
+    for (const references of states) act(() => store.setState({ ...STATE, references }));
+    enter(Q_BOX, "20");
+    await sent(3);
+    expect((await commanded())[2]).toEqual({ q_ref: 20 / DEGREES, S_ref: S });
+  },
+);
+
+it("forgets an order that was refused", async () => {
+  const store = open(<ReferencesCard />);
+  const answers = fetched.getMockImplementation() as (request: Request) => Promise<Response>;
+  const problem = { code: "out_of_range", message: "S_ref is too high" };
+  fetched.mockImplementation(async (request) =>
+    request.method === "PUT" ? Response.json({ error: problem }, { status: 422 }) : answers(request),
+  );
+  enter(S_BOX, "14");
+  await sent(1);
+  fetched.mockImplementation(answers);
+  enter(Q_BOX, "20");
+  await sent(2);
+  expect((await commanded())[1]).toEqual({ q_ref: 20 / DEGREES, S_ref: 10 });
+  expect(store.snapshot().state?.references.S_ref).toBe(10);
 });
 
 it.each([

@@ -1,0 +1,133 @@
+import { act, cleanup, renderHook } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+const went = vi.hoisted(() => vi.fn());
+vi.mock("wouter", () => ({ useLocation: () => ["/", went] }));
+vi.mock("./preferences", () => ({
+  usePreferences: () => ({ preferences: { notify: true, sound: false, angles: "deg" } }),
+}));
+
+import { LiveProvider } from "../live/react";
+import { LiveStore } from "../live/store";
+import type { Flight, State } from "../wire/types";
+import { look, shown, useBrowser } from "./browser.fixture";
+import { useTelling } from "./useTelling";
+
+const NOW = Date.parse("2026-03-01T12:00:00Z");
+/** The service's clock is not the page's. */
+const AHEAD_MS = 3_600_000;
+
+function state(part: object): State {
+  return { plant: { kind: "simulator" }, link: { starts: 1 }, fault: null, task: null, ...part } as State;
+}
+const FAULT = { code: "force_limit", tick: 5000, message: "Too hard.", remedy: "Reset." };
+
+/** A record of a trip so long before `NOW`. */
+function record(id: number, tick: number, before_s: number): Flight {
+  const at = new Date(NOW + AHEAD_MS - 1000 * before_s).toISOString();
+  return { id, at, tick, fault: "force_limit", text: "", run: null, before_s: 10, after_s: 5 };
+}
+
+let store: LiveStore;
+let flights: Flight[];
+let answer: () => Response;
+const asked = (path: string) =>
+  fetched.mock.calls.filter(([{ url }]) => new URL(url).pathname === path).length;
+
+beforeEach(() => {
+  vi.useFakeTimers({ now: NOW });
+  useBrowser("granted");
+  look(false);
+  went.mockReset();
+  flights = [];
+  answer = () => Response.json({ error: { code: "unknown", message: "no such run" } }, { status: 404 });
+  fetched.mockReset().mockImplementation(async ({ url }) => {
+    const headers = { Date: new Date(Date.now() + AHEAD_MS).toUTCString() };
+    return url.endsWith("/api/flights") ? Response.json({ flights }, { headers }) : answer();
+  });
+  store = new LiveStore(0);
+  store.setState(state({ tick: 0 }));
+  renderHook(() => useTelling(), {
+    wrapper: ({ children }) => <LiveProvider store={store}>{children}</LiveProvider>,
+  });
+});
+afterEach(() => {
+  cleanup();
+  vi.useRealTimers();
+  vi.restoreAllMocks();
+});
+
+const tell = (part: object) => act(async () => store.setState(state(part)));
+const pass = (ms: number) => act(() => vi.advanceTimersByTimeAsync(ms));
+const click = () => act(async () => shown[0]?.onclick?.());
+
+it("asks for no flight records until its notification is clicked, and leads to the one of the trip", async () => {
+  vi.spyOn(window, "focus").mockReturnValue();
+  // heard 40 s late: its own record is the newest by then, and one of an earlier loop has the same tick
+  flights = [record(8, 5000, 40), record(7, 5000, 90)];
+  await tell({ tick: 45_000, fault: FAULT });
+  await pass(1);
+  expect(shown).toHaveLength(1);
+  expect(asked("/api/flights")).toBe(0);
+  await click();
+  await pass(1);
+  expect(went.mock.calls).toEqual([["/flights/8"]]);
+});
+
+it("waits for the record of the trip, not taking that of an earlier loop, nor of a later one", async () => {
+  vi.spyOn(window, "focus").mockReturnValue();
+  flights = [record(7, 5000, 90)];
+  await tell({ tick: 5100, fault: FAULT });
+  await pass(1);
+  await click();
+  await pass(2000);
+  expect(went).not.toHaveBeenCalled();
+  flights = [record(9, 4990, -20), record(8, 5000, 0.1), ...flights];
+  await pass(1000);
+  expect(went.mock.calls).toEqual([["/flights/8"]]);
+});
+
+it("goes by the state of the click where the tab had slept, and finds the record that trips share", async () => {
+  vi.spyOn(window, "focus").mockReturnValue();
+  flights = [record(8, 3000, 0)];
+  await tell({ tick: 5000, fault: FAULT }); // told by a message of a minute ago
+  await tell({ tick: 65_000, fault: FAULT });
+  flights = [record(8, 3000, 62)];
+  await pass(1);
+  await click();
+  await pass(1);
+  expect(went.mock.calls).toEqual([["/flights/8"]]);
+});
+
+it("asks no more for a run that is not there", async () => {
+  await tell({ tick: 1, task: { run: 3 } });
+  await tell({ tick: 2 });
+  for (let tick = 3; tick < 20; tick++) {
+    await pass(1000);
+    await tell({ tick });
+  }
+  expect(asked("/api/runs/3")).toBe(1);
+});
+
+it("pauses between tries while the service cannot say, and tells the run once it can", async () => {
+  answer = () => Response.json({ error: { code: "unavailable", message: "busy" } }, { status: 503 });
+  await tell({ tick: 1, task: { run: 3 } });
+  for (let tick = 2; tick < 52; tick++) {
+    await tell({ tick });
+    await pass(100);
+  }
+  expect(asked("/api/runs/3")).toBe(1);
+  const run = { id: 3, kind: "step", title: "Steps", end_state: "completed", end_reason: "" };
+  answer = () => Response.json(run);
+  await pass(1000);
+  await tell({ tick: 60 });
+  await pass(1);
+  expect(asked("/api/runs/3")).toBe(2);
+  expect(shown).toHaveLength(1);
+});
