@@ -19,6 +19,7 @@ from backend.messages.comparison import Differences, DifferencesAsked
 from backend.offload import Offload
 from backend.piping import piped
 from backend.reading import Angles
+from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.flight import flight_columns
 from backend.refusal import Because, RefusalError
 from backend.reports.rendering import render, render_series
@@ -32,9 +33,6 @@ COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
 AT_ONCE = 6
 """Downloads of samples under way at a time, each with a process of its own."""
-
-AT_HAND_SAMPLES = 1_000_000
-"""Fewer are compared beside the live stream without making it stutter, and sooner than in a process."""
 
 _LOG = logging.getLogger(__name__)
 _REPORTS = "backend.reports.build", "backend.reports.html", "backend.reports.pdf"

@@ -12,6 +12,7 @@ from backend.messages.flight import FlightList
 from backend.messages.run import Evaluation, RunList, RunView, SamplesView
 from backend.messages.state import TaskView
 from backend.offload import Offload
+from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import Envelope, read_envelope
 from backend.refusal import Because, RefusalError
 from backend.sample import COMBINED_BY_NAME
@@ -19,9 +20,6 @@ from backend.storage import Database, Session, flights, origins, recordings, res
 from backend.storage.recordings import Extent, Recording
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.storage.runs import EndState, Run, RunKind
-
-AT_HAND_SAMPLES = 1_000_000
-"""So many at most are read one by one beside the live stream, where what is drawn asks for every one of them."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,9 @@ from dataclasses import asdict
 
 from backend.faults import FAULTS, Limit
 from backend.loop.mode import MODES
+from backend.recording.combined import AT_HAND_SAMPLES
 from backend.sample import COMBINED, STORED
+from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 from backend.tuning.models import LAM_MOTOR, LAM_Q, LAM_S
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant.interface import T_s
@@ -35,6 +37,13 @@ def sample_typescript() -> str:
             "",
             "/** Defaults of the method [s]. */",
             f"export const LAMBDAS = {_literal({'lam_q': LAM_Q, 'lam_S': LAM_S, 'lam_motor': LAM_MOTOR})} as const;",
+            "",
+            "/** So many samples at most are read one by one at hand; of more it takes longer. */",
+            f"export const AT_HAND_SAMPLES = {AT_HAND_SAMPLES};",
+            "",
+            "/** Outside force that a rejection leaves alone [N]: so many deviations of the estimate. */",
+            f"export const UNSEEN_F = {UNSEEN_F};",
+            f"export const DEVIATIONS = {DEVIATIONS};",
             "",
             f"export const MODES = {_literal([str(mode) for mode in MODES])} as const;",
             f"export const FAULTS = {_literal([str(fault) for fault in FAULTS])} as const;",

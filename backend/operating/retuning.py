@@ -32,13 +32,10 @@ from backend.operating.tuning_trial import Trial
 from backend.refusal import Because, RefusalError
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
-from backend.tuning.gains import UNSEEN_F
+from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 
 RETRY_S = 0.5
 """How soon it is tried again to put a tuning back that the loop did not take [s]."""
-
-DEVIATIONS = 6.0
-"""The rejection's dead zone has to be so many standard deviations of the estimate: at rest it then does nothing."""
 
 _log = logging.getLogger(__name__)
 

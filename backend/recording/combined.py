@@ -12,6 +12,10 @@ from backend.sample import Combined, Term
 from backend.storage import Session, recordings, runs
 from backend.storage.recordings import Chunk, Recording
 
+AT_HAND_SAMPLES = 1_000_000
+"""So many samples at most are read one by one beside the live stream without making it stutter; more are read in a
+process of its own, which takes longer to begin."""
+
 _AT_ONCE = 64
 """Chunks that are unpacked together: fewer take longer, more take more memory."""
 

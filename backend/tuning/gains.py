@@ -30,6 +30,9 @@ UNSEEN_F, MOST_F = 0.3, 10.0
 """Outside force [N] that the rejection leaves to the position loop, and the largest that it answers: the estimate errs
 by 0.3 N at most in fast moves; and against a wall, which does not give way, the answer is pressed on top."""
 
+DEVIATIONS = 6.0
+"""The rejection's dead zone has to be so many standard deviations of the estimate: at rest it then does nothing."""
+
 
 class Knowledge(NamedTuple):
     """What the cascade knows of a plant beside its gains."""

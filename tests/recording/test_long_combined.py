@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.archive.stored_runs import AT_HAND_SAMPLES, Excerpt, StoredRuns
+from backend.archive.stored_runs import Excerpt, StoredRuns
 from backend.offload import Offload
 from backend.recording.codec import pack, summarise
+from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import read_envelope
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 from backend.loop.hand_push import PUSHED_IN
 from backend.loop.mode import LEGAL, Mode
-from backend.operating.retuning import DEVIATIONS
-from backend.tuning.gains import UNSEEN_F
+from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import Moment, State
 

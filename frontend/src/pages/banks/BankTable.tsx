@@ -7,8 +7,8 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { dateTime } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
+import { whyNoRetuning } from "../../service/retuning";
 import type { Bank } from "../../wire/types";
-import { whyNoRetuning } from "../operate/allowed";
 import page from "../Page.module.css";
 import { entryName } from "./difference";
 

@@ -6,10 +6,10 @@ import { Refusal } from "../../components/Refusal";
 import { UndoTuning } from "../../components/UndoTuning";
 import { useLive } from "../../live/react";
 import { useGeometry, useUndo } from "../../service/commands";
+import { whyNoRetuning } from "../../service/retuning";
 import { tuningInWords } from "../../service/tuningWords";
 import type { Bank } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
-import { whyNoRetuning } from "../operate/allowed";
 import page from "../Page.module.css";
 
 export function InForce({ banks }: { banks: readonly Bank[] }) {

@@ -14,11 +14,11 @@ afterEach(cleanup);
 const WITHOUT = { give: 0.0505, back_s: 11.9, felt_slow: 9.93, felt_fast: 9.59 };
 const REJECTED = { give: 0.0505, back_s: 1.42, felt_slow: 44.9, felt_fast: 7.18 };
 
-function open(k_ext: number, learned: boolean, rejected: Pushed["rejected"] = null) {
+function open(k_ext: number, learned: boolean, rejected: Pushed["rejected"] = null, std_N = 0.01) {
   const drafted = vi.fn();
   const sent = vi.fn(() => new Promise(() => {}));
   const store = new LiveStore(0);
-  const points = learned ? [{ S: 10, F: 0, std_N: 0.01 }] : [];
+  const points = learned ? [{ S: 10, F: 0, std_N }] : [];
   store.setState({ touch: { learned: points, contact_N: 0, felt: null } } as unknown as State);
   const forecast = { F: 5, near: 0.00157, k_ext, without: WITHOUT, rejected } as Pushed;
   render(
@@ -43,7 +43,17 @@ const said = () => screen.getByLabelText("Forecast of a push").textContent;
 it("is offered only where it is known what the estimate reads with nothing outside", () => {
   open(0, false);
   expect(screen.getByRole<HTMLInputElement>("switch").disabled).toBe(true);
-  expect(screen.getByText("learn at rest first (Touch)")).toBeTruthy();
+  expect(screen.getByText(/learn at rest first \(Touch\)/)).toBeTruthy();
+});
+
+it("is not offered where the estimate moves more than the service takes, and can be switched off", () => {
+  open(0, true, null, 0.06);
+  const control = () => screen.getByRole<HTMLInputElement>("switch");
+  expect(control().disabled).toBe(true);
+  expect(screen.getByText(/standard deviation of the estimate is 0\.060 N, above 0\.050 N/)).toBeTruthy();
+  cleanup();
+  open(0.7, true, null, 0.06);
+  expect(control().disabled).toBe(false);
 });
 
 it("is switched on at the usual share, forecast before it is in force, and off again", () => {

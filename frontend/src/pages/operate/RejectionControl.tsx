@@ -10,6 +10,7 @@ import { fixed } from "../../samples/format";
 import { angleText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
+import { whyNoEstimate } from "../../service/retuning";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Pushed, Tuning } from "../../wire/types";
@@ -37,7 +38,7 @@ interface RejectionControlProps {
 export function RejectionControl(props: RejectionControlProps) {
   const { tuning, forecast, missing, disabled, onDraft, onCommit } = props;
   const { k_ext } = tuning;
-  const learned = useLive((live) => (live.state?.touch.learned.length ?? 0) > 0);
+  const reason = useLive((live) => whyNoEstimate(live.state));
   const sent = useSentValue(k_ext, onCommit);
   const [problem, setProblem] = useState<string | null>(null);
   const refusal = problem === null ? sent.refusal : null;
@@ -57,10 +58,13 @@ export function RejectionControl(props: RejectionControlProps) {
           size="xs"
           label="Reject pushes"
           checked={rejects}
-          disabled={disabled || !(learned || rejects)}
+          disabled={disabled || (reason !== null && !rejects)}
+          title={rejects ? undefined : (reason ?? undefined)}
           onChange={(event) => sent.commit(event.currentTarget.checked ? USUAL : 0)}
         />
-        <span className={styles.bounds}>{hint(rejects, learned)}</span>
+        <span className={styles.bounds}>
+          {rejects ? "share 0 to 1" : (reason ?? "left to the position loop")}
+        </span>
         {rejects && (
           <ValueBox
             label="Share of pushes that is fed forward"
@@ -83,11 +87,6 @@ export function RejectionControl(props: RejectionControlProps) {
       <PushForecast forecast={forecast} missing={missing} />
     </div>
   );
-}
-
-function hint(rejects: boolean, learned: boolean): string {
-  if (rejects) return "share 0 to 1";
-  return learned ? "left to the position loop" : "learn at rest first (Touch)";
 }
 
 /**

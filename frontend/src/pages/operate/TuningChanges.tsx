@@ -16,9 +16,9 @@ import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from 
 import { fieldEntry } from "../../service/fieldHelp";
 import { savedTuningQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
+import { whyNoRejection } from "../../service/retuning";
 import type { LambdaName, Staging } from "../../service/useStaged";
 import type { SavedTuning, Trial, Tuning } from "../../wire/types";
-import { whyNoRejection } from "./allowed";
 import styles from "./TuningChanges.module.css";
 
 /** Every part of a tuning but the bank, for which it is saved: what differs in one of them is another tuning. */

@@ -6,9 +6,10 @@ import type { Stretch } from "../../samples/stretch";
 import { recordingQuery } from "../../service/queries";
 import { isSum } from "../../theme/signals";
 import type { Excerpt } from "../../wire/curves";
+import { AT_HAND_SAMPLES, PERIOD_S } from "../../wire/sample.gen";
 
-/** Of what is longer [s] the service takes seconds to read every sample, and to tell the extremes of a difference. */
-export const LONG_S = 600;
+/** Of what is longer [s] every sample is read beside the service: the extremes of a difference come some seconds later. */
+export const LONG_S = AT_HAND_SAMPLES * PERIOD_S;
 
 interface Asked {
   readonly id: number;
