@@ -8,7 +8,7 @@ import pytest
 
 from backend.identification.estimate import estimate
 from backend.identification.record import Record
-from backend.identification.result import CorrelationTest, Estimate, FirstOrder, Grade, Model, Residuals
+from backend.identification.result import CorrelationTest, DryFriction, Estimate, FirstOrder, Grade, Model, Residuals
 from backend.identification.validation import Evidence, judge
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
 
@@ -218,3 +218,8 @@ def test_the_bounds_are_those_of_the_table_of_verdicts(change: dict[str, Any], g
     if reason:
         assert len(verdict.reasons) == 1
         assert reason in verdict.reasons[0]
+
+
+def test_a_linear_model_is_so_many_per_cent_off_one_with_friction_in_gain_and_in_lags_with_dead_time() -> None:
+    found = DryFriction(True, 2.0, 0.1, 0.05, 0.0, 0.0, 0.0, 99.0, t_d=0.02)
+    assert found.off_percent(2.2, 0.108) == (pytest.approx(10.0), pytest.approx(-10.0))
