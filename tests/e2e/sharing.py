@@ -30,11 +30,12 @@ class SharedPage:
     def turn_of(self, request: pytest.FixtureRequest) -> Iterator[Operator]:
         """Let a test have the page; it fails when the console complained meanwhile.
 
-        What lay over the page is closed before, and control is given up after it: a script may bring the joint to where
-        the next test needs it.
+        What lay over the page is closed before, and a box that was being filled in is left; control is given up after
+        it: a script may bring the joint to where the next test needs it.
         """
         with attended(self._watched, self._service, request) as watched:
             watched.page.keyboard.press("Escape")
+            watched.page.evaluate("document.activeElement?.blur()")
             yield Operator(watched.page, self._service)
             give_up_control(watched.page)
 
