@@ -222,4 +222,4 @@ def test_the_bounds_are_those_of_the_table_of_verdicts(change: dict[str, Any], g
 
 def test_a_linear_model_is_so_many_per_cent_off_one_with_friction_in_gain_and_in_lags_with_dead_time() -> None:
     found = DryFriction(True, 2.0, 0.1, 0.05, 0.0, 0.0, 0.0, 99.0, t_d=0.02)
-    assert found.off_percent(2.2, 0.108) == (pytest.approx(10.0), pytest.approx(-10.0))
+    assert found.off_percent(2.2, 0.108) == pytest.approx((10.0, -10.0))
