@@ -246,6 +246,7 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
                 stopping.append(asyncio.create_task(parts.supervisor.send(SetMode(Mode.STOPPING))))
 
         seen = await follow(parts, TWO, at_each)
+        await asyncio.gather(*stopping)
         assert {task.run for task in seen.tasks} == {seen.run}
         assert parts.ordered_runs.problems == [
             f"The order ended after run {seen.run}: it was stopped softly in its pause; 1 run was not begun."

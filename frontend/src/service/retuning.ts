@@ -4,6 +4,8 @@ import { fixed } from "../samples/format";
 import { DEVIATIONS, UNSEEN_F } from "../wire/sample.gen";
 import type { State } from "../wire/types";
 
+export const ON_TRIAL = "A tuning is on trial: keep it or revert it first.";
+
 /** Why the tuning cannot be changed, by whatever part of it; null where it can. */
 export function whyNoRetuning(state: State | null): string | null {
   if (state?.own_tuning == null) return null;
@@ -31,6 +33,6 @@ export function whyNoRejection(state: State | null, k_ext: number | undefined): 
 /** Why the last change cannot be undone; null where it can. */
 export function whyNoUndo(state: State | null): string | null {
   if (state?.earlier == null) return "Nothing was changed yet";
-  if (state.trial !== null) return "A tuning is on trial: keep it or revert it first.";
+  if (state.trial !== null) return ON_TRIAL;
   return whyNoRetuning(state) ?? whyNoRejection(state, state.earlier.k_ext);
 }

@@ -10,6 +10,7 @@ import { useLive } from "../../live/react";
 import { counted } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
 import { usePauseOrder } from "../../service/pauseOrder";
+import { lastRefusal } from "../../service/refusedFields";
 import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
@@ -49,7 +50,7 @@ function Running({ task }: { task: Task }) {
           <Progress.Section value={100 * taskProgress(task)} aria-label="Progress of what runs now" />
         </Progress.Root>
         {task.part !== null && <PlannedProfile run={task.run} at_s={task.part.t} />}
-        <Refusal error={setMode.error ?? pause.error} about={task.run} />
+        <Refusal error={lastRefusal(setMode, pause)} about={task.run} />
       </div>
       <div className={page.charts} style={{ marginTop: 12 }}>
         <LiveCharts />

@@ -1,15 +1,14 @@
 import { expect, it } from "vitest";
 import type { State } from "../../wire/types";
-import { whyNoStart } from "./allowed";
+import { whyNoReferences, whyNoStart } from "./allowed";
 
 const FREE = {
   mode: "run",
   legal_modes: ["experiment"],
   task: null,
   trial: null,
-  own_tuning: null,
   unready: "",
-  touch: { learned: [] },
+  touch: { felt: null },
 } as unknown as State;
 const changed = (part: object) => ({ ...FREE, ...part }) as State;
 
@@ -18,4 +17,13 @@ it("starts nothing beside a run or a tuning on trial, which the service refuses"
   expect(whyNoStart(changed({ task: { run: 3 } }), "experiment")).toBe("Another task is running.");
   expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment")).toContain("on trial");
   expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment")).toContain("slack");
+});
+
+it("takes references in run and compliance only, and none while the joint gives way", () => {
+  expect(whyNoReferences(null)).toBe("not known yet");
+  for (const mode of ["run", "compliance"]) expect(whyNoReferences(changed({ mode }))).toBeNull();
+  for (const mode of ["off", "pretension", "experiment", "tripped"]) {
+    expect(whyNoReferences(changed({ mode }))).toBe("set in run and compliance");
+  }
+  expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }))).toContain("gives way");
 });

@@ -1,12 +1,13 @@
 /** What the service would refuse at present, and why: a control whose command it would not take is not offered. Pure. */
 
+import { ON_TRIAL } from "../../service/retuning";
 import type { Mode, State } from "../../wire/types";
 import { whyNot } from "./ModeCard";
 
 /** Why no experiment and no identification can be started; null where one can. */
 export function whyNoStart(state: State | null, mode: Mode): string | null {
   if (state?.task != null) return "Another task is running.";
-  if (state?.trial != null) return "A tuning is on trial: keep it or revert it first.";
+  if (state?.trial != null) return ON_TRIAL;
   return whyNot(state, mode);
 }
 
