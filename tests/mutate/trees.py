@@ -33,6 +33,9 @@ COMPILED = (
 AT_MOST = 10.0
 """Times its limit of processor time that a run may last: what waits for something that never comes takes none."""
 
+MOST_BYTES = 6 * 1024**3
+"""Of memory: what takes more and more of it fails before the machine does."""
+
 
 def tracked() -> list[str]:
     """Return the files of the project, those not committed yet too."""
@@ -170,6 +173,7 @@ def _pytest(
 ) -> None:
     os.setsid()
     resource.setrlimit(resource.RLIMIT_CPU, (round(limit_s), round(limit_s) + 5))
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_BYTES, MOST_BYTES))
     with said.open("w") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)

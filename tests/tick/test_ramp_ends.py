@@ -88,3 +88,26 @@ def test_a_ramp_that_goes_on_is_not_slowed_down_in_between() -> None:
         bench.advance(2.5)
         driven.append(np.array(bench.samples.rows[before:])[:, INDEX["q"]])
     assert np.max(np.abs(driven[0] - driven[1])) <= 1.01 * COUNT
+
+
+@pytest.mark.parametrize(
+    "excitation",
+    [
+        Segment(0.02, 0.5, 12.0, shape=Shape.SINE, period_s=0.01),
+        Segment(0.02, 0.5, 12.0, shape=Shape.SWEEP, period_s=0.01, period_end_s=0.005),
+        Segment(0.021, 0.5, 12.0, shape=Shape.PRBS, period_s=0.001, count=3),
+        Segment(0.02, 0.5, 12.0, shape=Shape.MULTISINE, period_s=0.01, count=2, peak=2.0),
+    ],
+)
+def test_what_follows_an_excitation_begins_where_that_began(excitation: Segment) -> None:
+    """Told by a ramp behind it; a sine of whole periods ends there by itself."""
+    start, ramp = Target(0.1, 10.0, 0.0), Segment(0.02, 0.3, 14.0, shape=Shape.RAMP)
+    player = player_of((excitation, ramp), start)
+    targets, (done, target, player) = [], play(player, start)
+    while not done:
+        targets.append((target.q_ref, target.S_ref))
+        done, target, player = play(player, target)
+    share = np.arange(1, 21) / 20.0
+    line = np.column_stack((0.1 + 0.2 * share, 10.0 + 4.0 * share))
+    np.testing.assert_allclose(targets[-20:], line, atol=1e-12)
+    assert np.ptp([q for q, _ in targets[:-20]]) > 0.1
