@@ -210,11 +210,14 @@ def _unwhitened(found: Fit) -> Fit:
 
 
 def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
-    """Solve from quick starting values, and from thorough ones where the residuals still follow the input."""
+    """Solve from quick starting values, and from thorough ones where the residuals are not white.
+
+    That they do not follow the input is not enough: a wrong valley may leave over what looks like coloured noise.
+    """
     starts = quick_starts(problem, *further)
     problem = _with_room(problem, starts[:_STARTS_TRIED])
     found = _first_converged(problem, starts, FINE if drive is None else COARSE)
-    if problem.structure.order >= 3 and (found is None or not _explains(Fit(found, drive))):
+    if problem.structure.order >= 3 and (found is None or not Fit(found, drive).whiteness().passed):
         # A start that simulates about as well as the solution before it was improved lies in a better valley.
         bound = np.inf if found is None else _CLOSE * found.cost
         better = [start for error, start in thorough_starts(problem) if error < bound]

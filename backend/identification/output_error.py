@@ -64,9 +64,11 @@ def _normalised(here: Evaluation) -> tuple[Signal, Signal]:
 
 
 def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
-    weights = np.sqrt(damping) * np.linalg.norm(factor, axis=0)
-    stacked = np.vstack((factor, np.diag(weights)))
-    step = np.linalg.lstsq(stacked, np.concatenate((right, np.zeros(right.size))), rcond=None)[0]
+    # Columns of one size: else the unit of the output would decide which of them is too small to count.
+    size = np.linalg.norm(factor, axis=0)
+    size[size == 0.0] = 1.0
+    stacked = np.vstack((factor / size, np.sqrt(damping) * np.eye(size.size)))
+    step = np.linalg.lstsq(stacked, np.concatenate((right, np.zeros(right.size))), rcond=None)[0] / size
     return np.asarray(step / max(1.0, float(np.max(np.abs(step[1:]))) / 1.5))
 
 

@@ -57,12 +57,14 @@ def test_white_noise_in_the_loop_is_within_its_standard_errors(
     assert found.residuals.input_correlation.passed
 
 
-def test_a_light_resonance_in_noise_is_found_where_the_quick_starts_lead_nowhere() -> None:
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
+def test_a_light_resonance_in_noise_is_found_where_the_quick_starts_lead_nowhere(unit: float) -> None:
     """Few steps of a lag and a pair of poles of damping 0.1 at 200 rad/s: the noise hides the pair from least squares.
 
-    What is found leaves no more over than the truth does, which SciPy has computed, and is within its errors of it.
+    What is found leaves no more over than the truth does, which SciPy has computed, and is within its errors of it,
+    in whatever unit the output was recorded.
     """
-    truth = {"K": 1.0, "T": 0.4, "a2": 2.5e-5, "a1": 1e-3}
+    truth = {"K": unit, "T": 0.4, "a2": 2.5e-5, "a1": 1e-3}
     random = np.random.default_rng(174)
     u = np.repeat(random.choice([-1.0, 1.0], 6), 400)
     clean = held_response(truth, u)

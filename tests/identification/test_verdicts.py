@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from backend.identification.estimate import estimate
+from backend.identification.friction import SIGNIFICANT_STD, fit_friction
 from backend.identification.record import Record
 from backend.identification.result import CorrelationTest, DryFriction, Estimate, FirstOrder, Grade, Model, Residuals
 from backend.identification.validation import Evidence, judge
@@ -50,6 +52,17 @@ def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, 
     # A linear model that friction moved by more than a tenth is no model.
     off = max(abs(found.first_order.K / K_M - 1.0), abs(found.first_order.T / T_M - 1.0))
     assert (found.verdict.grade is Grade.UNUSABLE) or off < 0.11
+
+
+def test_a_model_with_friction_that_explains_less_than_the_linear_one_tells_of_none() -> None:
+    """Behind a lag as long as the motor's own, friction is over-told by more than its error: no word is the truth."""
+    u, lag = voltages("sines", 7000), 1.0 - np.exp(-PERIOD_S / T_M)
+    speed = lfilter([lag], [1.0, lag - 1.0], motor(u, 1.0)[0])
+    record = Record(PERIOD_S, u, noisy(speed, 0.01))
+    fitted = fit_friction(record, 0.0)
+    assert fitted.parameters[2] - 1.0 > 0.25
+    assert fitted.parameters[2] > SIGNIFICANT_STD * np.sqrt(fitted.covariance[2, 2])
+    assert estimate(record, "first").friction is None
 
 
 def test_the_fit_with_friction_is_what_the_noise_leaves() -> None:
