@@ -21,8 +21,7 @@ run: install frontend
 
 test: install-dev frontend
 	.ci/provide browser compose postgres
-	$(NPM) test
-	$(BIN)/python -m tests.lanes $(ARGS)
+	$(BIN)/python -m tests.lanes --front-end $(ARGS)
 
 test-thorough:
 	$(MAKE) --no-print-directory test ARGS="--thorough $(ARGS)"

@@ -44,6 +44,7 @@ ONLY_COMPUTES = {
     "wire",
     "test_forks.py",
     "test_house.py",
+    "test_lanes.py",
     "test_reading.py",
     "test_refusal.py",
 }

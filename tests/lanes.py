@@ -4,7 +4,8 @@ The pages are tried in a browser, then what is live, one lane after the other: a
 slow cores with a second pair of them wait for each other for longer than a person would. They wait for clocks and
 motions half of the time: what only computes runs in that time, as idle work, which the kernel takes off a core in the
 moment something else wants it.
-`tests/conftest.py` says which is which. At the end the tests that were run are counted against those there are: a test
+`tests/conftest.py` says which is which. With ``--front-end`` the tests of the page without a browser run beside them
+too. At the end the tests that were run are counted against those there are: a test
 that no lane runs is a failure.
 """
 
@@ -37,6 +38,9 @@ takes a process seconds to load, makes requests to a live service only."""
 IN_TURN, BESIDE = ("page", "live"), "pure"
 """What runs one after the other, and what runs beside all of it and is shown at the end."""
 
+FRONT_END = "--front-end"
+PAGE_ALONE = (sys.executable, "frontend/build.py", "test")
+
 NO_TESTS = int(pytest.ExitCode.NO_TESTS_COLLECTED)
 
 
@@ -62,7 +66,7 @@ def run(name: str, arguments: list[str], said: IO[bytes] | None = None) -> Ended
         begun = time.monotonic()
         with subprocess.Popen([*command, *arguments], cwd=ROOT, stdout=said, stderr=said) as process:
             if name == BESIDE:
-                os.sched_setscheduler(process.pid, os.SCHED_IDLE, os.sched_param(0))
+                _as_idle_work(process)
         there, outcomes = (_lines(Path(folder) / kept) for kept in ("there", "outcomes"))
         return Ended(
             name,
@@ -71,6 +75,13 @@ def run(name: str, arguments: list[str], said: IO[bytes] | None = None) -> Ended
             there,
             dict(line.split(" ", 1)[::-1] for line in outcomes),
         )
+
+
+def run_front_end(said: IO[bytes]) -> int:
+    """Run the tests of the page that need no browser, and return their exit code; they are counted by themselves."""
+    with subprocess.Popen(PAGE_ALONE, cwd=ROOT, stdout=said, stderr=said) as process:
+        _as_idle_work(process)
+        return process.wait()
 
 
 def run_all(arguments: list[str], console: Console) -> list[Ended]:
@@ -83,8 +94,7 @@ def run_all(arguments: list[str], console: Console) -> list[Ended]:
             ended.append(run(name, arguments))
         console.rule(f"lane: {BESIDE}, beside the others")
         ended.append(computing.result())
-        said.seek(0)
-        sys.stdout.write(said.read().decode("utf-8", "replace"))
+        _show(said)
     return ended
 
 
@@ -97,7 +107,14 @@ def not_run_once(lanes: list[Ended]) -> list[str]:
 
 def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
-    lanes = run_all(sys.argv[1:], console)
+    arguments = [argument for argument in sys.argv[1:] if argument != FRONT_END]
+    with tempfile.TemporaryFile() as said, ThreadPoolExecutor(1) as threads:
+        page_alone = threads.submit(run_front_end, said) if FRONT_END in sys.argv else None
+        lanes = run_all(arguments, console)
+        page_failed = bool(page_alone and page_alone.result())
+        if page_alone:
+            console.rule("the page without a browser, beside the others")
+            _show(said)
     table = Table("lane", "tests", "failed", "time [s]", title=f"Python {sys.version.split()[0]}")
     for lane in lanes:
         table.add_row(lane.name, str(len(lane.outcomes)), str(lane.failed), f"{lane.seconds:.0f}")
@@ -114,7 +131,18 @@ def main() -> int:
     failed = sum(lane.failed for lane in lanes)
     ran = sum(len(lane.outcomes) for lane in lanes)
     console.print(f"{ran - failed} passed, {failed} failed")
-    return int(bool(broken or astray or unknown or failed or any(lane.code for lane in lanes)))
+    if page_failed:
+        console.print("tests of the page without a browser failed: see above")
+    return int(bool(broken or astray or unknown or failed or page_failed or any(lane.code for lane in lanes)))
+
+
+def _as_idle_work(process: subprocess.Popen[bytes]) -> None:
+    os.sched_setscheduler(process.pid, os.SCHED_IDLE, os.sched_param(0))
+
+
+def _show(said: IO[bytes]) -> None:
+    said.seek(0)
+    sys.stdout.write(said.read().decode("utf-8", "replace"))
 
 
 def _lines(path: Path) -> list[str]:

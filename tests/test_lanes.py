@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once
+import pytest
+
+from tests import lanes
+from tests.lanes import BESIDE, FRONT_END, IN_TURN, LANES, Ended, not_run_once
 from tests.tiers import Left, left_out, renamed, whole_files
 
 ROOT = Path(__file__).parents[1]
@@ -47,6 +50,17 @@ def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert ended.returncode == 1
     assert "the lane live did not come to its end: exit code -9" in ended.stdout
+
+
+@pytest.mark.parametrize("code", [0, 3])
+def test_the_page_without_a_browser_counts_too(
+    code: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(lanes, "PAGE_ALONE", (sys.executable, "-c", f"print('said'); raise SystemExit({code})"))
+    monkeypatch.setattr(lanes, "run_all", lambda *_: [lane(["a"], ["a"])])
+    monkeypatch.setattr(sys, "argv", ["lanes", FRONT_END])
+    assert lanes.main() == int(code != 0)
+    assert "said" in capfd.readouterr().out
 
 
 def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
