@@ -71,7 +71,7 @@ def sideways(page: Page) -> float:
     """Return by how much document and page are wider than what is seen of them [CSS px]."""
     return float(
         page.evaluate(
-            "Math.max(...[document.documentElement, document.querySelector('main')]"
+            "Math.max(...document.querySelectorAll('html, main').values()"
             ".map(one => one.scrollWidth - one.clientWidth))"
         )
     )

@@ -1,0 +1,28 @@
+"""Pages by their address, and when all that is on one has come."""
+
+from collections.abc import Callable
+
+from playwright.sync_api import Page, expect
+
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+
+Look = Callable[[Page, str], None]
+"""What is done with a page as it is now, whose page and state have this name; the page is left as it was found."""
+
+WAITING = ("Loading …", "Comparing …", "Predicting …", "Drawing …")
+
+
+def visit(operator: Operator, address: str) -> None:
+    """Open a page by what follows its #/, and wait until all of it is there."""
+    operator.page.goto(f"{operator.service.url}/#/{address}")
+    expect(operator.page.get_by_role("heading", level=1)).to_have_count(1)
+    settled(operator.page)
+
+
+def settled(page: Page) -> None:
+    """Wait until nothing says that it is still to come, and what came has been drawn."""
+    expect(page.get_by_role("main")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    page.wait_for_load_state("networkidle")
+    for words in WAITING:
+        expect(page.get_by_text(words, exact=True)).to_have_count(0, timeout=MOTION_TIMEOUT_MS)
+    page.evaluate("new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))")

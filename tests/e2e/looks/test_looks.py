@@ -1,0 +1,60 @@
+"""Each page in each state of the service: no rule of accessibility broken, nothing cut, STOP and the mode in sight."""
+
+import re
+
+import pytest
+from playwright.sync_api import Browser, Page, ViewportSize, expect
+
+from tests.e2e.browser import DESKTOP, TABLET
+from tests.e2e.layout import covered, cut, document_scrolls_by, sideways
+from tests.e2e.looks.journey import journey
+from tests.e2e.service import Service
+from tests.e2e.test_accessibility import PHONE, SCHEMES, violations
+
+SIZES: dict[str, ViewportSize] = {
+    "1920x1080": ViewportSize(width=1920, height=1080),
+    "1024x768": TABLET,
+    "390x844": PHONE,
+    "1440x900": DESKTOP,
+}
+"""The usual one last: it is what the journey goes on with."""
+
+ALWAYS = "button[aria-label=STOP], [role=status][aria-label=Mode]"
+CUT = "main :is(button, label, th, h1, h2, h3, legend, figcaption span):not(.visually-hidden, .visually-hidden *)"
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
+
+@pytest.mark.timeout(2400)  # all that a service does, in real time; each wait has an end of its own
+def test_each_page_in_each_state_keeps_the_rules(browser: Browser, service: Service) -> None:
+    wrong: dict[str, list[str]] = {}
+
+    def look(page: Page, name: str) -> None:
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+            expect(page.locator("html")).to_have_attribute("data-mantine-color-scheme", scheme)
+            wrong[f"{name}, {scheme}"] = violations(page)
+        page.emulate_media(color_scheme="null", reduced_motion="null")
+        for size_name, size in SIZES.items():
+            page.set_viewport_size(size)
+            page.evaluate("new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
+            wrong[f"{name} at {size_name}"] = misplaced(page)
+
+    journey(browser, service, look)
+    assert len(wrong) > 300
+    assert {where: faults for where, faults in wrong.items() if faults} == {}
+
+
+def misplaced(page: Page) -> list[str]:
+    """What of the page is cut, too wide, or covered where it must never be."""
+    faults = [f"cut: {one}" for one in cut(page, CUT)]
+    if (wide := sideways(page)) > 0:
+        faults.append(f"{wide:g} px too wide")
+    if (high := document_scrolls_by(page)) > 0:
+        faults.append(f"the document scrolls by {high:g} px, and STOP with it")
+    if page.get_by_role("button", name=re.compile("^STOP")).count():
+        faults += [f"covered: {one}" for one in covered(page, ALWAYS)]
+    return faults
