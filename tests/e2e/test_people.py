@@ -67,14 +67,14 @@ def _take_control(page: Page) -> None:
     page.get_by_role("button", name="Control: nobody").click()
     page.get_by_role("menuitem", name="Take control").click()
     expect(page.get_by_role("button", name="Control: you")).to_be_visible()
-    expect(page.get_by_role("list", name="Connected")).to_have_count(0)  # the menu is closed, not closing
+    expect(page.get_by_role("group", name="Connected")).to_have_count(0)  # the menu is closed, not closing
 
 
 def _expect_connected(page: Page, *listed: str, within_s: float = PATIENCE_S) -> None:
-    people = page.get_by_role("list", name="Connected")
+    people = page.get_by_role("group", name="Connected")
     if people.count() == 0:
         page.get_by_role("button", name="Control: ").click()
-    lines = people.get_by_role("listitem")
+    lines = people.get_by_role("menuitem")
     words = [r"\s+".join(map(re.escape, f"{line}, since".split())) for line in listed]
     expect(lines).to_have_text([re.compile(f"^{one}") for one in words], use_inner_text=True, timeout=1000 * within_s)
     told = page.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.people)")

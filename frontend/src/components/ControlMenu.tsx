@@ -39,7 +39,7 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
   const others = othersToGetControl(people, me?.name);
   const refusal = useStanding(take.error ?? giveUp.error ?? signOut.error)?.message;
   return (
-    <Menu position="bottom-end" width={300}>
+    <Menu position="bottom-end" width={300} withInitialFocusPlaceholder={false}>
       <Menu.Target>
         <Button
           size="compact-sm"
@@ -84,9 +84,10 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
         <Menu.Label>Anyone may press STOP</Menu.Label>
         <Menu.Divider />
         <Menu.Label>Connected</Menu.Label>
-        <ul className={styles.people} aria-label="Connected">
+        {/* biome-ignore lint/a11y/useSemanticElements: a menu holds items only; these can be read and do nothing */}
+        <div role="group" className={styles.people} aria-label="Connected">
           {people.map((person) => (
-            <li key={`${person.name} ${person.role}`}>
+            <div role="menuitem" aria-disabled tabIndex={-1} key={`${person.name} ${person.role}`}>
               <span>
                 {person.name}
                 {person.name === me?.name && ", you"}
@@ -95,9 +96,9 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
                 {whatOf(person, holder?.name ?? null)},{" "}
                 <span className={styles.since}>since {timeOfDay(person.since)}</span>
               </span>
-            </li>
+            </div>
           ))}
-        </ul>
+        </div>
         <Menu.Divider />
         <Menu.Item onClick={onName}>Change name</Menu.Item>
         <Menu.Item onClick={() => signOut.mutate()}>Sign out</Menu.Item>

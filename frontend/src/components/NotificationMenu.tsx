@@ -36,7 +36,13 @@ export function NotificationMenu() {
 
   const refused = answer === "default" && !preferences.notify && !asked ? "" : whyNotTold(answer);
   return (
-    <Menu position="bottom-end" width={300} closeOnItemClick={false} onOpen={() => setAnswer(allowed())}>
+    <Menu
+      position="bottom-end"
+      width={300}
+      closeOnItemClick={false}
+      withInitialFocusPlaceholder={false}
+      onOpen={() => setAnswer(allowed())}
+    >
       <Menu.Target>
         <ActionIcon
           variant="subtle"

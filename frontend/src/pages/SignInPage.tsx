@@ -1,6 +1,17 @@
 /** Shown when the page has no session: a token opens it. STOP is here too: a session that lapsed is good for it. */
 
-import { Alert, Button, Group, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
+import {
+  Alert,
+  Box,
+  Button,
+  Group,
+  Paper,
+  PasswordInput,
+  Stack,
+  Text,
+  TextInput,
+  Title,
+} from "@mantine/core";
 import { type FormEvent, useState } from "react";
 import { StopButton } from "../components/StopButton";
 import { stopSentence } from "../components/status";
@@ -19,50 +30,52 @@ export function SignInPage() {
   }
 
   return (
-    <Paper component="main" withBorder maw={420} mx="auto" mt="12vh" p="xl">
-      <form onSubmit={submit}>
-        <Stack gap="md">
-          <Title order={1} size="h3">
-            Sign in to Sinew
-          </Title>
-          <Text size="sm" c="dimmed">
-            Open the sign-in link that the service printed when it started, or paste its token here. The token
-            is also kept in the data folder.
-          </Text>
-          <Group wrap="nowrap">
-            <div style={{ flexShrink: 0 }}>
-              <StopButton />
-            </div>
-            <Text size="sm">
-              STOP works here as long as this browser was signed in and did not sign out. If it is not
-              confirmed, use the stop at the machine.
+    <Box pt="12vh" px="xs">
+      <Paper component="main" withBorder maw={420} mx="auto" p="xl">
+        <form onSubmit={submit}>
+          <Stack gap="md">
+            <Title order={1} size="h3">
+              Sign in to Sinew
+            </Title>
+            <Text size="sm" c="dimmed">
+              Open the sign-in link that the service printed when it started, or paste its token here. The
+              token is also kept in the data folder.
             </Text>
-          </Group>
-          {stop.state.kind !== "idle" && (
-            <Alert color={stop.state.kind === "unconfirmed" ? "red" : "blue"} p="xs">
-              <output aria-label="Stop result">{stopSentence(stop.state, null)}</output>
-            </Alert>
-          )}
-          <PasswordInput
-            label="Token"
-            required
-            withAsterisk={false}
-            autoComplete="current-password"
-            value={token}
-            onChange={(event) => setToken(event.currentTarget.value)}
-          />
-          <TextInput
-            label="Your name"
-            description="shown to the others at this machine"
-            value={name}
-            onChange={(event) => setName(event.currentTarget.value)}
-          />
-          {signIn.error && <Alert color="yellow">{signIn.error.message}</Alert>}
-          <Button type="submit" size="sm" loading={signIn.isPending} disabled={token.trim() === ""}>
-            Sign in
-          </Button>
-        </Stack>
-      </form>
-    </Paper>
+            <Group wrap="nowrap">
+              <div style={{ flexShrink: 0 }}>
+                <StopButton />
+              </div>
+              <Text size="sm">
+                STOP works here as long as this browser was signed in and did not sign out. If it is not
+                confirmed, use the stop at the machine.
+              </Text>
+            </Group>
+            {stop.state.kind !== "idle" && (
+              <Alert color={stop.state.kind === "unconfirmed" ? "red" : "blue"} p="xs">
+                <output aria-label="Stop result">{stopSentence(stop.state, null)}</output>
+              </Alert>
+            )}
+            <PasswordInput
+              label="Token"
+              required
+              withAsterisk={false}
+              autoComplete="current-password"
+              value={token}
+              onChange={(event) => setToken(event.currentTarget.value)}
+            />
+            <TextInput
+              label="Your name"
+              description="shown to the others at this machine"
+              value={name}
+              onChange={(event) => setName(event.currentTarget.value)}
+            />
+            {signIn.error && <Alert color="yellow">{signIn.error.message}</Alert>}
+            <Button type="submit" size="sm" loading={signIn.isPending} disabled={token.trim() === ""}>
+              Sign in
+            </Button>
+          </Stack>
+        </form>
+      </Paper>
+    </Box>
   );
 }

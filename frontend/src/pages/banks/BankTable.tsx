@@ -16,12 +16,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
   const activate = useActivateBank();
   const locked = useLive((live) => whyNoRetuning(live.state));
   if (banks.length === 0) {
-    return (
-      <p className={page.empty}>
-        No bank yet: gains come from geometry. <Link href="/identify">Identify</Link> the actuator at some
-        tensions, then build a bank from the runs.
-      </p>
-    );
+    return <p className={page.empty}>No bank yet: gains come from geometry.</p>;
   }
   return (
     <>

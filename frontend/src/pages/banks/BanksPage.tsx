@@ -11,6 +11,7 @@ import { BankEntries } from "./BankEntries";
 import { BankImport } from "./BankImport";
 import { BankTable } from "./BankTable";
 import { InForce } from "./InForce";
+import { WithoutBank } from "./WithoutBank";
 
 export default function BanksPage() {
   const { id } = useParams();
@@ -35,6 +36,7 @@ export default function BanksPage() {
           <BankTable banks={all} selected={selected?.id} />
         )}
       </Card>
+      {banks.data?.length === 0 && <WithoutBank />}
       {selected && <BankEntries bank={selected} />}
       {selected && all.length > 1 && <BankComparison key={selected.id} bank={selected} all={all} />}
     </div>

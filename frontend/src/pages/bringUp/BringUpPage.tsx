@@ -1,6 +1,7 @@
 /** Bringing a rig up, step by step: from drives off and a turn by hand to a safety module that was seen to trip. */
 
 import { useQuery } from "@tanstack/react-query";
+import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { capital } from "../../samples/words";
 import { bringUpQuery } from "../../service/bringUp";
@@ -29,6 +30,20 @@ function Nothing({ why }: { why: string }) {
   return (
     <Card title="Steps">
       <p className={page.empty}>{capital(why)}</p>
+      <div className={styles.none}>
+        <p>On a rig this page leads from drives off to a joint that may be driven:</p>
+        <ol>
+          <li>with drives off each sensor is turned or pulled by hand, and has to read what it should;</li>
+          <li>the load cells are tared, and calibrated with known weights;</li>
+          <li>the encoders count from where the joint is known to be, by hand or by its end switch;</li>
+          <li>each motor is driven with 1 V at most, and has to go to its side;</li>
+          <li>the tendons are wound to the pretension, and the safety module is seen to cut the motors.</li>
+        </ol>
+        <p>
+          <Link href="/docs/rig">The rig</Link> says what each step proves. The same steps can be tried
+          without hardware on the virtual card.
+        </p>
+      </div>
     </Card>
   );
 }

@@ -36,17 +36,17 @@ export function ModelView({
             <Explained of="quantity:K">Gain K</Explained> {unit !== "" && `[${unit}]`}
           </dt>
           <dd>{significant(model.K, 4)}</dd>
-          <small>
+          <dd className={styles.beside}>
             geometry {significant(model.gain_geometry, 3)}, {sign}
             {fixed(deviation, 1)} %
-          </small>
+          </dd>
         </div>
         <div>
           <dt>
             <Explained of="quantity:T">Sum of lags T</Explained> [s]
           </dt>
           <dd>{significant(model.T, 3)}</dd>
-          <small>first-order reduction</small>
+          <dd className={styles.beside}>first-order reduction</dd>
         </div>
         <div>
           <dt>
@@ -57,7 +57,7 @@ export function ModelView({
               {(fit) => fixed(fit, 1)}
             </Shown>
           </dd>
-          <small>on data not used</small>
+          <dd className={styles.beside}>on data not used</dd>
         </div>
       </dl>
       <Table withRowBorders={false} verticalSpacing={2} aria-label={`Parameters of ${name}`}>

@@ -10,6 +10,7 @@ import { runsQuery } from "../../service/queries";
 import page from "../Page.module.css";
 import { addressOf, MOST_COMPARED } from "./address";
 import { type Filters, NO_FILTERS, whereOf } from "./filters";
+import { NoRuns } from "./NoRuns";
 import { RunRows } from "./RunRows";
 import { RunSearch } from "./RunSearch";
 
@@ -47,13 +48,9 @@ export function RunTable() {
           }}
         />
         {runs.data === undefined && !runs.error && <p className={page.empty}>Loading …</p>}
-        {runs.data !== undefined && rows.length === 0 && (
-          <p className={page.empty}>
-            {asked === "" && form === ""
-              ? "Nothing recorded yet. A run begins with the mode run."
-              : "No run matches."}
-          </p>
-        )}
+        {runs.data !== undefined &&
+          rows.length === 0 &&
+          (asked === "" && form === "" ? <NoRuns /> : <p className={page.empty}>No run matches.</p>)}
         {rows.length > 0 && (
           <RunRows
             runs={rows}

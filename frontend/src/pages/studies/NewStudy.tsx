@@ -57,7 +57,7 @@ export function NewStudy() {
           value={text}
           onChange={(event) => change(event.currentTarget.value)}
           autosize
-          minRows={6}
+          minRows={14}
           maxRows={24}
           spellCheck={false}
           wrap="off"
