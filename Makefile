@@ -37,7 +37,7 @@ check: install-dev
 	$(BIN)/python .ci/lock.py --check
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python -m backend.api.export --check frontend/src/wire
 	$(NPM) check
