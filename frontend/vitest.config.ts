@@ -9,6 +9,7 @@ export default mergeConfig(
       restoreMocks: true,
       setupFiles: ["src/testSetup.ts"],
       testTimeout: 60_000,
+      css: { include: /\.css\?raw$/ }, // what a test reads; what pages import stays empty
       projects: [
         { extends: true, test: { name: "paged", include: ["src/**/*.test.tsx"], environment: "jsdom" } },
         // What only computes needs no page and leaves nothing behind: its files share what they load.

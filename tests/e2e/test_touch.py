@@ -23,7 +23,7 @@ def test_a_contact_is_learned_armed_felt_and_released(same_operator: Operator) -
         return dict(state["touch"])
 
     card = page.get_by_role("group", name="Touch", exact=True)
-    said = page.locator("#refusal-of-touch")
+    said = page.locator("#told-of-touch")
     expect(said).to_contain_text("Nothing learned")
     arm = card.get_by_role("button", name="Give way", exact=True)
     expect(arm).to_be_disabled()
@@ -68,7 +68,7 @@ def test_it_is_learned_over_S_by_itself_and_can_be_stopped(same_operator: Operat
     expect(page.get_by_text("Pushed with")).to_be_hidden()  # what the test before pushes with
     held = state()["references"]
     card = page.get_by_role("group", name="Touch", exact=True)
-    said, table = page.locator("#refusal-of-touch"), page.get_by_role("table", name="Learned of the outside force")
+    said, table = page.locator("#told-of-touch"), page.get_by_role("table", name="Learned of the outside force")
     begin = card.get_by_role("button", name="Learn over S", exact=True)
     sent, _ = forms.pressed(page, begin, "/api/touch")
     assert sent == {"learn": False, "forget": False, "sweep": "begin"}

@@ -3,7 +3,7 @@
 import { Popover } from "@mantine/core";
 import { useState } from "react";
 import { usePreferences } from "../service/preferences";
-import { PALETTE, signalOf, type Trace } from "../theme/signals";
+import { PALETTE, paintOf, signalOf, type Trace } from "../theme/signals";
 import styles from "./ColourChoice.module.css";
 import { TraceLine } from "./TraceLine";
 
@@ -38,7 +38,7 @@ export function ColourChoice({ trace }: { trace: Trace }) {
               key={hue}
               type="button"
               className={styles.hue}
-              style={{ background: hue }}
+              style={{ background: paintOf(hue) }}
               aria-label={`Colour ${hue}`}
               aria-pressed={hue === trace.hue}
               onClick={() => choose(hue)}

@@ -4,6 +4,7 @@ import { useComputedColorScheme } from "@mantine/core";
 import { useElementSize } from "@mantine/hooks";
 import { useEffect, useRef } from "react";
 import uPlot from "uplot";
+import { paintOf } from "../theme/signals";
 import styles from "./CurvePlot.module.css";
 import { type ChartColours, readColours } from "./colours";
 import { logLabels, tickLabels } from "./ticks";
@@ -74,7 +75,7 @@ export function CurvePlot(props: CurvePlotProps) {
 }
 
 function Key({ curve }: { curve: Curve }) {
-  const stroke = { text: "var(--text)", limit: "var(--chart-limit)" }[curve.colour] ?? curve.colour;
+  const stroke = { text: "var(--text)", limit: "var(--chart-limit)" }[curve.colour] ?? paintOf(curve.colour);
   return (
     <svg width="18" height="8" aria-hidden="true">
       {curve.line !== "none" && (
@@ -130,7 +131,7 @@ function configuration(
 }
 
 function seriesOf(curve: Curve, colours: ChartColours): uPlot.Series {
-  const colour = { text: colours.text, limit: colours.limit }[curve.colour] ?? curve.colour;
+  const colour = { text: colours.text, limit: colours.limit }[curve.colour] ?? colours.drawn(curve.colour);
   return {
     stroke: colour,
     width: curve.line === "none" ? 0 : LINE_WIDTH,

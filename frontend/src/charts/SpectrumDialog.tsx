@@ -6,7 +6,7 @@ import uPlot from "uplot";
 import { fixed, significant } from "../samples/format";
 import { longestWhole, type Spectrum, welch } from "../samples/spectrum";
 import type { SampleTable } from "../samples/table";
-import { dashOf, type Panel } from "../theme/signals";
+import { dashOf, type Panel, paintOf } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import { readColours } from "./colours";
 import { decadeRange } from "./range";
@@ -59,7 +59,7 @@ function Content({ panels, table }: { panels: readonly Panel[]; table: SampleTab
         />
         {panel.traces.map((trace) => (
           <span key={trace.name} className={styles.key}>
-            <span style={{ background: trace.hue, opacity: trace.dashed ? 0.5 : 1 }} /> {trace.name}
+            <span style={{ background: paintOf(trace.hue), opacity: trace.dashed ? 0.5 : 1 }} /> {trace.name}
           </span>
         ))}
       </div>
@@ -130,7 +130,7 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
         series: [
           {},
           ...shown.map(({ trace }) => ({
-            stroke: trace.hue,
+            stroke: colours.drawn(trace.hue),
             width: 1.2,
             dash: dashOf(trace),
             points: { show: false },

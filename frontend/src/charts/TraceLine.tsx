@@ -1,6 +1,6 @@
 /** A short piece of a curve, as the chart draws it. */
 
-import { dashOf, type Trace } from "../theme/signals";
+import { dashOf, paintOf, type Trace } from "../theme/signals";
 
 export function TraceLine({ trace }: { trace: Trace }) {
   return (
@@ -10,7 +10,7 @@ export function TraceLine({ trace }: { trace: Trace }) {
         x2="18"
         y1="4"
         y2="4"
-        stroke={trace.hue}
+        stroke={paintOf(trace.hue)}
         strokeWidth="2.5"
         strokeDasharray={dashOf(trace).join(" ") || undefined}
       />

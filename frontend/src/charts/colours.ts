@@ -1,5 +1,7 @@
 /** Colours of what the charts draw beside the curves, read from the theme's variables. */
 
+import { variableOf } from "../theme/signals";
+
 export interface ChartColours {
   grid: string;
   axis: string;
@@ -9,6 +11,8 @@ export interface ChartColours {
   panel: string;
   accent: string;
   accentSoft: string;
+  /** A hue as this theme draws it. */
+  drawn(hue: string): string;
 }
 
 export function readColours(element: Element): ChartColours {
@@ -23,5 +27,6 @@ export function readColours(element: Element): ChartColours {
     panel: variable("--panel"),
     accent: variable("--accent"),
     accentSoft: variable("--accent-soft"),
+    drawn: (hue) => variable(variableOf(hue)) || hue,
   };
 }

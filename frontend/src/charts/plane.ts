@@ -137,7 +137,7 @@ export function paintPlane({ context: pen, width, height, colours }: Surface, dr
   pen.lineJoin = "round";
   for (const [index, trace] of drawn.traces.entries()) {
     const { x: xs, y: ys } = drawn.curves[index] as Pairs;
-    pen.strokeStyle = trace.hue;
+    pen.strokeStyle = colours.drawn(trace.hue);
     pen.lineWidth = LINE_WIDTH * (trace.broad ? 2 : 1);
     pen.setLineDash(dashOf(trace));
     pen.beginPath();
@@ -155,7 +155,8 @@ export function paintPlane({ context: pen, width, height, colours }: Surface, dr
     if (Number.isNaN(dot.x) || Number.isNaN(dot.y)) continue;
     pen.beginPath();
     pen.arc(px(dot.x), py(dot.y), DOT_PX, 0, 2 * Math.PI);
-    pen.fillStyle = drawn.traces[index]?.hue ?? colours.text;
+    const hue = drawn.traces[index]?.hue;
+    pen.fillStyle = hue === undefined ? colours.text : colours.drawn(hue);
     pen.fill();
     pen.strokeStyle = colours.panel;
     pen.lineWidth = 1;

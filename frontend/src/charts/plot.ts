@@ -140,7 +140,7 @@ export class SignalPlot {
           (trace): uPlot.Series => ({
             scale: "y",
             auto: false,
-            stroke: trace.hue,
+            stroke: colours.drawn(trace.hue),
             width: (software ? HAIRLINE : LINE_WIDTH) * (trace.broad ? BROAD : 1),
             dash: dashOf(trace),
             paths: linePath,
@@ -148,7 +148,7 @@ export class SignalPlot {
             points: {
               show: (plot, _series, first, last) => last - first < plot.bbox.width / 10,
               size: 4,
-              fill: trace.hue,
+              fill: colours.drawn(trace.hue),
             },
           }),
         ),

@@ -76,6 +76,16 @@ const REFERENCE = [6, 4] as const;
 /** What a reference becomes on its way to the loop. */
 const GOVERNED = [10, 3, 2, 3] as const;
 
+/** The variable of a theme that draws a hue otherwise, so that it stands out from its ground. */
+export function variableOf(hue: string): string {
+  return `--hue-${hue.slice(1).toLowerCase()}`;
+}
+
+/** A hue as the theme in force draws it, for what is styled; canvases ask their `ChartColours`. */
+export function paintOf(hue: string): string {
+  return hue.startsWith("#") ? `var(${variableOf(hue)}, ${hue})` : hue;
+}
+
 /** Lengths of dashes and gaps of a curve [px], none of a solid one; the same wherever it is drawn. */
 export function dashOf({ dash, dashed }: Trace): number[] {
   return [...(dash ?? (dashed ? REFERENCE : []))];

@@ -168,7 +168,7 @@ def _outside(found: Findings, moment: Moment) -> None:
     """What acts on the joint from outside, as its cards tell it."""
     state, said, angles = moment.state, moment.shown.all["refusals"], angles_of(moment)
     wall, touch = state["wall"], state["touch"]
-    told = said.get("refusal-of-wall", "")
+    told = said.get("told-of-wall", "")
     found.same("whether a wall is said to stand", told.startswith("A wall stands"), wall is not None)
     if wall is not None:
         angle = wall["q_wall"] * (180.0 / math.pi if angles == "deg" else 1.0)
@@ -179,7 +179,7 @@ def _outside(found: Findings, moment: Moment) -> None:
         found.same("whether a push is told", told.startswith("Pushed with"), False)
     if told.startswith("Pushed with") and pushed is not None:
         found.sentence("push", told, "Pushed with {n} N.", pushed)
-    told, sweep = said.get("refusal-of-touch", ""), touch["sweep"]
+    told, sweep = said.get("told-of-touch", ""), touch["sweep"]
     if touch["felt"]:
         found.sentence(
             "contact", told, "Contact: {n} N. The joint gives way; choose a mode to go on.", touch["felt"]["F_ext_hat"]

@@ -37,7 +37,9 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
             {banks.map((bank) => (
               <Table.Tr key={bank.id} bg={bank.id === selected ? "var(--accent-soft)" : undefined}>
                 <Table.Td>
-                  <Link href={`/banks/${bank.id}`}>{nameOf(bank)}</Link>
+                  <Link href={`/banks/${bank.id}`} style={{ whiteSpace: "nowrap" }}>
+                    {nameOf(bank)}
+                  </Link>
                 </Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(bank.created)}</Table.Td>
                 <Table.Td>{bank.who}</Table.Td>

@@ -19,7 +19,7 @@ import { RemarkForm } from "./RemarkForm";
 export function LogRows({ entries }: { entries: readonly LogEntry[] }) {
   return (
     <div className={page.tableScroll}>
-      <Table aria-label="Log" verticalSpacing={3}>
+      <Table aria-label="Log" verticalSpacing={3} className={styles.rows ?? ""}>
         <Table.Thead>
           <Table.Tr>
             <Table.Th>When</Table.Th>

@@ -6,7 +6,7 @@ import { fixed } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { plannedQuery } from "../../service/queries";
-import { traceFor } from "../../theme/signals";
+import { paintOf, traceFor } from "../../theme/signals";
 import type { Planned } from "../../wire/types";
 import styles from "./PlannedProfile.module.css";
 import { HEIGHT, lineOf, placeOf, valueAt, WIDTH } from "./plannedLines";
@@ -66,7 +66,7 @@ function Row({ planned, line: { name, unit: inSI, values }, at_s }: RowProps) {
         ))}
         <rect className={styles.past} x="0" y="0" width={x} height={HEIGHT} />
         {pieces.map((points) => (
-          <polyline key={points.slice(0, 20)} className={styles.line} points={points} stroke={hue} />
+          <polyline key={points.slice(0, 20)} className={styles.line} points={points} stroke={paintOf(hue)} />
         ))}
         <line className={styles.now} x1={x} x2={x} y1="0" y2={HEIGHT} />
       </svg>

@@ -5,6 +5,7 @@ import { Shown } from "../../components/Absent";
 import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
 import { fixed, short } from "../../samples/format";
+import { paintOf } from "../../theme/signals";
 import type { LoopPreview } from "../../wire/types";
 import styles from "./StepPreview.module.css";
 import { stepPath } from "./stepPath";
@@ -81,7 +82,7 @@ export function StepPreview({ symbol, hue, preview, missing, present, drafted, c
                   vectorEffect="non-scaling-stroke"
                 />
               )}
-              <path d={drawing.path} stroke={hue} vectorEffect="non-scaling-stroke" />
+              <path d={drawing.path} stroke={paintOf(hue)} vectorEffect="non-scaling-stroke" />
             </>
           )}
         </svg>

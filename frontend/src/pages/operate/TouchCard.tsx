@@ -101,13 +101,16 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             Forget
           </Button>
         </div>
+        <output id="told-of-touch" className={styles.touchNow} data-matters={told(touch) !== null}>
+          {told(touch) ?? learned(touch)}
+        </output>
         <Refusal
           id="refusal-of-touch"
           error={refusal}
           about={about}
           forFields
-          text={problem ?? told(touch)}
-          hint={`${learned(touch)} Threshold ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
+          text={problem}
+          hint={`Threshold ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
         />
         <Learned points={touch.learned} />
       </RefusedFields>

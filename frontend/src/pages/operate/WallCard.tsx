@@ -41,7 +41,16 @@ function WallControls({ limits }: { limits: Limits }) {
   const refusal = problem === null ? order.error : null;
   const about = [q_wall, side, k_wall, c_wall];
   return (
-    <Card title="Wall" aside={<span className={styles.bounds}>simulated plants only</span>}>
+    <Card
+      title="Wall"
+      aside={
+        <output id="told-of-wall" className={styles.bounds} data-stands={stands !== null}>
+          {stands
+            ? `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)}.`
+            : "simulated plants only"}
+        </output>
+      }
+    >
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
         <div className={styles.wallRow} role="group" aria-label="Wall">
@@ -110,10 +119,7 @@ function WallControls({ limits }: { limits: Limits }) {
           error={refusal}
           about={about}
           forFields
-          text={
-            problem ??
-            (stands && `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)}.`)
-          }
+          text={problem}
           hint={`${bounds(limits)}; its force is F_wall`}
         />
       </RefusedFields>

@@ -29,8 +29,8 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
   pen.lineJoin = "round";
   paintJoint(pen, pose, colours);
   pen.font = `${letters(scale, 12)}px system-ui, sans-serif`;
-  paintSide(pen, -1, pose.A, HUES.F_A, signals.F_A, colours);
-  paintSide(pen, 1, pose.B, HUES.F_B, signals.F_B, colours);
+  paintSide(pen, -1, pose.A, colours.drawn(HUES.F_A), signals.F_A, colours);
+  paintSide(pen, 1, pose.B, colours.drawn(HUES.F_B), signals.F_B, colours);
   pen.fillStyle = colours.text;
   pen.textAlign = "center";
   pen.font = `600 ${letters(scale, 13)}px system-ui, sans-serif`;
@@ -58,20 +58,20 @@ function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): 
   pen.translate(0, AXIS_Y);
   turned(pen, pose.link_deg, () => {
     pen.globalAlpha = 0.2;
-    pen.fillStyle = HUES.S;
+    pen.fillStyle = colours.drawn(HUES.S);
     pen.beginPath();
     pen.moveTo(0, 0);
     pen.arc(0, 0, LINK + 10, -Math.PI / 2 - pose.fan_deg / DEGREES, -Math.PI / 2 + pose.fan_deg / DEGREES);
     pen.fill();
     pen.globalAlpha = 1;
-    line(pen, [0, 0, 0, -LINK], HUES.q, 9);
+    line(pen, [0, 0, 0, -LINK], colours.drawn(HUES.q), 9);
     disc(pen, PULLEY, colours, 3);
     line(pen, [0, -PULLEY + 9, 0, -PULLEY + 2], colours.axis, 3);
   });
   if (pose.ghost_deg !== null) {
     turned(pen, pose.ghost_deg, () => {
       pen.setLineDash([5, 4]);
-      line(pen, [0, -PULLEY - 4, 0, -LINK - 12], HUES.q, 2.5);
+      line(pen, [0, -PULLEY - 4, 0, -LINK - 12], colours.drawn(HUES.q), 2.5);
       pen.setLineDash([]);
     });
   }

@@ -40,7 +40,7 @@ function drawn(entries: readonly PlaneEntry[], way: PlannedWay | null): Call[] {
         calls.push([String(name), ...values]),
     set: () => true,
   });
-  const surface = { ...SIZE, context: pen, colours: {} } as unknown as Surface;
+  const surface = { ...SIZE, context: pen, colours: { drawn: (hue: string) => hue } } as unknown as Surface;
   paintPlane(surface, LIMITS, undefined, new SampleWindow(["q", "S"], 16), entries, null, "deg", way);
   return calls;
 }

@@ -138,7 +138,7 @@ function paintPlanned(
 ): void {
   const [left, right] = [xOf(plane, q_low), xOf(plane, q_high)];
   pen.save();
-  pen.fillStyle = HUES.q;
+  pen.fillStyle = colours.drawn(HUES.q);
   pen.globalAlpha = BAND;
   pen.fillRect(left, yOf(plane, plane.S[1]), right - left, yOf(plane, plane.S[0]) - yOf(plane, plane.S[1]));
   pen.restore();
@@ -198,7 +198,7 @@ function paintTrail(
 
 function paintJoint(pen: CanvasRenderingContext2D, x: number, y: number, colours: Surface["colours"]): void {
   if (!Number.isFinite(x) || !Number.isFinite(y)) return;
-  pen.fillStyle = HUES.q;
+  pen.fillStyle = colours.drawn(HUES.q);
   pen.strokeStyle = colours.panel;
   pen.lineWidth = 1.5;
   pen.beginPath();

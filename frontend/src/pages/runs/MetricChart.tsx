@@ -19,7 +19,7 @@ import styles from "./Runs.module.css";
 
 /** What is looked at where nobody has chosen yet. */
 const USUAL = "tracking";
-const HEIGHT = 360;
+const HEIGHT = 520;
 /** Beyond so many points they are small, and no line joins them. */
 const DENSE = 500;
 

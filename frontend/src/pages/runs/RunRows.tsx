@@ -65,7 +65,9 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
 const Cells = memo(({ run, stations }: { run: Run; stations: boolean }) => (
   <>
     <Table.Td>
-      <Link href={`/runs/${run.id}`}>Run {run.id}</Link>
+      <Link href={`/runs/${run.id}`} style={{ whiteSpace: "nowrap" }}>
+        Run {run.id}
+      </Link>
     </Table.Td>
     <Table.Td>{run.title}</Table.Td>
     <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(run.started)}</Table.Td>
