@@ -169,7 +169,7 @@ ON_OPERATE = (
     *(pressing(name, "operate", 1) for name in ("Save", "Undo change", "Keep", "Revert now", "Discard")),
     pressing("Push", "operate", 2),
     pressing("Let go", "operate", 0.5),
-    Deed("Put up", "operate", 1, lambda scene: scene.shown.offers("Put up"), _wall),
+    Deed("Put up", "operate", 1, lambda scene: scene.shown.offers("Put up"), _wall, Value),
     pressing("Take away", "operate", 0.7),
     pressing("Learn here", "operate", 2, Value),
     pressing("Learn over S", "operate", 0.5, Value),
