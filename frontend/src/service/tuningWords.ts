@@ -1,5 +1,6 @@
 /** A tuning in words: the λ, b, and the bank whose models it is applied to. Pure. */
 
+import { short } from "../samples/format";
 import type { Bank } from "../wire/types";
 
 const LAMBDAS = [
@@ -30,14 +31,14 @@ export function bankInWords(id: unknown, banks: readonly Bank[]): string {
 
 /** What the references are followed by; nothing for the governor of the paper, and for runs from before there was a plan. */
 export function planInWords(u_plan: unknown): string {
-  return typeof u_plan === "number" && u_plan > 0 ? `plan of ${u_plan} V` : "";
+  return typeof u_plan === "number" && u_plan > 0 ? `plan of ${short(u_plan)} V` : "";
 }
 
 /** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */
 export function rejectionInWords(k_ext: unknown): string {
-  return typeof k_ext === "number" && k_ext > 0 ? `pushes rejected by ${k_ext}` : "";
+  return typeof k_ext === "number" && k_ext > 0 ? `pushes rejected by ${short(k_ext)}` : "";
 }
 
 function partOf(value: unknown, symbol: string, unit: string): string {
-  return typeof value === "number" ? `${symbol} ${value}${unit}` : "";
+  return typeof value === "number" ? `${symbol} ${short(value)}${unit}` : "";
 }

@@ -101,7 +101,7 @@ def banks(moment: Moment) -> Findings:
     bank = own["bank"]
     words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
     found.holds("bank in force", said, words)
-    template = f"λ_q {own['lam_q']:.12g} s, λ_S {own['lam_S']:.12g} s"
+    template = f"λ_q {own['lam_q']:.4g} s, λ_S {own['lam_S']:.4g} s"
     found.holds("λ in force", said, template)
     free = may_retune(state)
     offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
