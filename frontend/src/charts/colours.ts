@@ -18,6 +18,12 @@ export interface ChartColours {
 export function readColours(element: Element): ChartColours {
   const style = getComputedStyle(element);
   const variable = (name: string) => style.getPropertyValue(name).trim();
+  const asked = new Map<string, string>(); // to ask the style anew for each frame would have it computed anew
+  const drawn = (hue: string) => {
+    const known = asked.get(hue) ?? (variable(variableOf(hue)) || hue);
+    asked.set(hue, known);
+    return known;
+  };
   return {
     grid: variable("--chart-grid"),
     axis: variable("--chart-axis"),
@@ -27,6 +33,6 @@ export function readColours(element: Element): ChartColours {
     panel: variable("--panel"),
     accent: variable("--accent"),
     accentSoft: variable("--accent-soft"),
-    drawn: (hue) => variable(variableOf(hue)) || hue,
+    drawn,
   };
 }

@@ -6,7 +6,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.looks.later import look_back, trip, watch
-from tests.e2e.looks.pages import Look, settled, visit
+from tests.e2e.looks.pages import Look, settled, to_the_top, visit
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
 from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
@@ -101,6 +101,7 @@ def identification(operator: Operator, look: Look) -> str:
     look(page, "identify-ready")
     operator.press("Start identification")
     expect(page.get_by_role("region", name="Running now", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    to_the_top(page)
     look(page, "identify-running")
     visit(operator, "operate")
     look(page, "operate-identify")
@@ -108,6 +109,7 @@ def identification(operator: Operator, look: Look) -> str:
     result = page.get_by_role("region", name="Result", exact=True)
     expect(result).to_contain_text("Gq", timeout=IDENTIFICATION_TIMEOUT_MS)
     settled(page)
+    to_the_top(page)
     look(page, "identify-result")
     return page.get_by_role("table", name="Identification runs", exact=True).get_by_role("link").first.inner_text()
 
@@ -129,17 +131,20 @@ def experiment(operator: Operator, look: Look) -> None:
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS):
         form.get_by_role("button", name="Dry run", exact=True).click()
     settled(page)
+    page.get_by_role("region", name="Dry run", exact=True).scroll_into_view_if_needed()
     look(page, "experiments-dry-run")
     form.get_by_role("button", name="Add to queue", exact=True).click()
     operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
     expect(page.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    to_the_top(page)
     look(page, "experiments-running")
     visit(operator, "operate")
     look(page, "operate-experiment")
     visit(operator, "experiments")
     expect(page.get_by_role("table", name="Criteria", exact=True)).to_be_visible(timeout=2 * MOTION_TIMEOUT_MS)
     settled(page)
+    to_the_top(page)
     look(page, "experiments-result")
     operator.press("Start queue")
     operator.wait(lambda: len(ended_of(operator, "tracking")) == 2)

@@ -19,6 +19,11 @@ def visit(operator: Operator, address: str) -> None:
     settled(operator.page)
 
 
+def to_the_top(page: Page) -> None:
+    """Scroll back to where a page begins: what was pressed had been scrolled to."""
+    page.evaluate("document.querySelectorAll('main, main *').forEach(one => one.scrollTop > 0 && one.scrollTo(0, 0))")
+
+
 def settled(page: Page) -> None:
     """Wait until nothing says that it is still to come, and what came has been drawn."""
     expect(page.get_by_role("main")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
