@@ -118,8 +118,8 @@ ELSEWHERE = (
     pressing("Abort softly", "experiments", 3),
     pressing("Abort softly", "identify", 1),
     Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
-    Deed("activate a bank", "banks", 3, _offers("Activate "), _activate),
-    pressing("Back to geometry", "banks", 1),
+    Deed("activate a bank", "banks", 3, _offers("Activate "), _activate, Value),  # its models may allow other λ
+    pressing("Back to geometry", "banks", 1, Value),
     pressing("Undo change", "banks", 1),
     Deed("note in the log", "log", 2, _offers("Say something of: "), _note),
     Deed("go", None, 6, always, _go),
