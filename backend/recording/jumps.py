@@ -3,6 +3,7 @@
 So the begin of a ramp is none, and nor is any part of a sine. Only stretches whose summaries move are read.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
@@ -10,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS
-from backend.recording.reader import read_envelope, read_samples
+from backend.recording.reader import read_envelope, read_stretches
 from backend.storage import Session, recordings
 
 _MOST_BUCKETS = 1200
-"""Read at once: a minute."""
+"""Of which all samples are read at once: a minute."""
+
+_MOST_SUMMARIES = 12_000
+"""Read at once: ten minutes. Whoever asks for the first jumps does not wait for those of the eighth hour."""
 
 
 def jumps(session: Session, run_id: int, name: str) -> Iterator[float]:
@@ -23,18 +27,33 @@ def jumps(session: Session, run_id: int, name: str) -> Iterator[float]:
     Raises UnknownRecordError, UnknownSignalError.
     """
     period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
-    points = max(1, -(-(span.end_tick - span.first_tick) // BUCKET_TICKS))
-    envelope = read_envelope(session, run_id, points, [name])
+    whole_s = (span.end_tick - span.first_tick) * period_s
+    piece_s, bucket_s = _MOST_SUMMARIES * BUCKET_TICKS * period_s, BUCKET_TICKS * period_s
+    for begin_s in np.arange(0.0, whole_s, piece_s):
+        end_s = begin_s + piece_s
+        # what is stored of a bucket may reach into the next one, and is compared with the one before
+        around = max(0.0, begin_s - 2.0 * bucket_s), end_s + bucket_s
+        stretches = _moving(session, run_id, name, around, period_s)
+        earlier = begin_s - 0.5 * period_s
+        reads = [(max(0.0, from_s - 3.0 * period_s), to_s + 2.0 * period_s) for from_s, to_s in stretches]
+        for (from_s, to_s), samples in zip(stretches, read_stretches(session, run_id, [name], reads), strict=True):
+            found = samples.t[_jumped(samples.t, samples.columns[name], period_s)]
+            inside = (found > max(earlier, from_s - 0.5 * period_s)) & (found < min(end_s, to_s) - 0.5 * period_s)
+            yield from found[inside].tolist()
+
+
+def _moving(
+    session: Session, run_id: int, name: str, around: tuple[float, float], period_s: float
+) -> list[tuple[float, float]]:
+    """Return the stretches [from_s, to_s) of which the summaries say that the signal may change."""
+    points = max(1, math.ceil((around[1] - around[0]) / (BUCKET_TICKS * period_s)))
+    envelope = read_envelope(session, run_id, points, [name], *around)
     low, high = envelope.minimum[name], envelope.maximum[name]
     moving = low != high
     moving[1:] |= low[1:] != high[:-1]
-    # what is stored of a bucket may reach into the next one
-    for begin, end in _stretches(np.flatnonzero(moving), reach=1):
-        from_s, to_s = begin * envelope.width_s, end * envelope.width_s
-        samples = read_samples(session, run_id, [name], max(0.0, from_s - 3.0 * period_s), to_s + 2.0 * period_s)
-        found = samples.t[_jumped(samples.t, samples.columns[name], period_s)]
-        inside = (found > from_s - 0.5 * period_s) & (found < to_s - 0.5 * period_s)
-        yield from found[inside].tolist()
+    stretches = _stretches(np.flatnonzero(moving), reach=1)
+    start_s = float(envelope.t[0]) if envelope.t.size else 0.0
+    return [(start_s + begin * envelope.width_s, start_s + end * envelope.width_s) for begin, end in stretches]
 
 
 def nth_jump(session: Session, run_id: int, name: str, number: int) -> tuple[float | None, int]:

@@ -1,6 +1,6 @@
 """Read recordings back: raw samples, or the envelope of smallest and largest values for drawing."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -55,12 +55,23 @@ def read_samples(
     One that only later versions record is nan. Raises UnknownRecordError when nothing of the run was recorded, and
     UnknownSignalError.
     """
+    return next(read_stretches(session, run_id, names, [(from_s, to_s)]))
+
+
+def read_stretches(
+    session: Session, run_id: int, names: Sequence[str], stretches: Iterable[tuple[float, float]]
+) -> Iterator[Samples]:
+    """Yield the samples of one stretch [from_s, to_s) after the other; what they share is asked for once.
+
+    Raises like ``read_samples``.
+    """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     chosen = _columns(recording, names)
-    from_tick, to_tick = _ticks(recording, span, from_s, to_s)
-    ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
-    t = np.asarray((ticks - span.first_tick) * recording.period_s, np.float64)
-    return Samples(span.first_tick, t, _named(chosen, names, tables))
+    for from_s, to_s in stretches:
+        from_tick, to_tick = _ticks(recording, span, from_s, to_s)
+        ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
+        t = np.asarray((ticks - span.first_tick) * recording.period_s, np.float64)
+        yield Samples(span.first_tick, t, _named(chosen, names, tables))
 
 
 def read_envelope(

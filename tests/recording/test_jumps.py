@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from backend.recording import jumps as found_by
 from backend.recording.jumps import jumps, nth_jump
 from backend.storage import Database, open_database
 from tests.recording.compared_runs import recorded_run
@@ -49,17 +50,23 @@ def looked_at(values: list[float], lost: range) -> list[float]:
     return found
 
 
-@given(parts=PARTS, lost_at=st.integers(0, 3000), lost_for=st.sampled_from([0, 1, 60, 1000]))
+@given(
+    parts=PARTS,
+    lost_at=st.integers(0, 3000),
+    lost_for=st.sampled_from([0, 1, 60, 1000]),
+    at_once=st.sampled_from([1, 3, 12_000]),
+)
 @settings(max_examples=60, deadline=None)
 def test_every_jump_is_found_and_nothing_else(
-    database: Database, parts: list[tuple[str, int, float]], lost_at: int, lost_for: int
+    database: Database, parts: list[tuple[str, int, float]], lost_at: int, lost_for: int, at_once: int
 ) -> None:
     values, lost = drawn(parts), range(lost_at, lost_at + lost_for)
     if all(k in lost for k in range(len(values))):
         return
     run = recorded_run(database, {"q_ref": values}, lost)
     expected = looked_at(values, lost)
-    with database.reading() as session:
+    with pytest.MonkeyPatch.context() as patched, database.reading() as session:
+        patched.setattr(found_by, "_MOST_SUMMARIES", at_once)
         assert [round(at_s, 6) for at_s in jumps(session, run, "q_ref")] == expected
         for number in (1, len(expected), len(expected) + 1):
             if number == 0:
