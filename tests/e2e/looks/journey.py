@@ -199,7 +199,7 @@ def overlays(operator: Operator, look: Look) -> None:
     page.keyboard.press("Escape")
     for name, of in (("control", re.compile("^Control: ")), ("notifications", "Notifications")):
         page.get_by_role("button", name=of).click()
-        expect(page.get_by_role("menu")).to_be_visible()
+        expect(page.get_by_role("menu")).to_have_css("opacity", "1")
         look(page, name)
         page.keyboard.press("Escape")
         expect(page.get_by_role("menu")).to_have_count(0)

@@ -23,6 +23,8 @@ def look_back(operator: Operator, look: Look) -> None:
         ("docs/first-hour", "document"),
     ):
         visit(operator, address)
+        if name == "runs-compared":  # below what the first of them came to
+            page.get_by_role("region", name="Curves", exact=True).evaluate("card => card.scrollIntoView()")
         look(page, name)
     visit(operator, "studies")
     page.get_by_role("table", name="Studies", exact=True).get_by_role("link").first.click()
