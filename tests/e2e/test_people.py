@@ -65,7 +65,7 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
 
 def _take_control(page: Page) -> None:
     page.get_by_role("button", name="Control: nobody").click()
-    page.get_by_role("menuitem", name="Take control").click()
+    page.get_by_role("menuitem", name="Take control", exact=True).click()
     expect(page.get_by_role("button", name="Control: you")).to_be_visible()
     expect(page.get_by_role("group", name="Connected")).to_have_count(0)  # the menu is closed, not closing
 

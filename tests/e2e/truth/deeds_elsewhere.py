@@ -84,7 +84,7 @@ def _control(scene: Scene) -> None:
     items.first.wait_for()
     wanted = [one for one in items.all_inner_texts() if one.startswith(("Take", "Give up"))]
     scene.say(wanted[0])
-    scene.page.get_by_role("menuitem", name=wanted[0]).click()
+    scene.page.get_by_role("menuitem", name=wanted[0], exact=True).click()
 
 
 def _reload(scene: Scene) -> None:
