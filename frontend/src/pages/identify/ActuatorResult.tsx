@@ -168,39 +168,45 @@ function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
 
 function Candidates({ channel }: { channel: ChannelCurves }) {
   return (
-    <Table withRowBorders={false} verticalSpacing={2} aria-label={`Candidates for ${channel.name}`}>
-      <Table.Caption>Structures tried on the same record, best first</Table.Caption>
-      <Table.Thead>
-        <Table.Tr>
-          <Table.Th>Structure</Table.Th>
-          <Table.Th className={page.number}>K</Table.Th>
-          <Table.Th className={page.number}>T [s]</Table.Th>
-          <Table.Th className={page.number}>Fit [%]</Table.Th>
-          <Table.Th className={page.number}>BIC</Table.Th>
-          <Table.Th>Grade</Table.Th>
-        </Table.Tr>
-      </Table.Thead>
-      <Table.Tbody>
-        {channel.candidates.map((candidate) => (
-          <Table.Tr key={candidate.structure}>
-            <Table.Td>{structureInWords(candidate.structure)}</Table.Td>
-            <Tried value={candidate.K} problem={candidate.problem} told={(K) => significant(K, 4)} />
-            <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
-            <Tried value={candidate.fit_percent} problem={candidate.problem} told={(fit) => fixed(fit, 1)} />
-            <Tried value={candidate.BIC} problem={candidate.problem} told={(BIC) => fixed(BIC, 0)} />
-            <Table.Td>
-              {candidate.problem === "" ? (
-                <Explained of={`grade:${candidate.grade}`} quiet>
-                  {candidate.grade}
-                </Explained>
-              ) : (
-                candidate.problem
-              )}
-            </Table.Td>
+    <div className={page.tableScroll} style={{ marginBottom: 0 }}>
+      <Table withRowBorders={false} verticalSpacing={2} aria-label={`Candidates for ${channel.name}`}>
+        <Table.Caption>Structures tried on the same record, best first</Table.Caption>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>Structure</Table.Th>
+            <Table.Th className={page.number}>K</Table.Th>
+            <Table.Th className={page.number}>T [s]</Table.Th>
+            <Table.Th className={page.number}>Fit [%]</Table.Th>
+            <Table.Th className={page.number}>BIC</Table.Th>
+            <Table.Th>Grade</Table.Th>
           </Table.Tr>
-        ))}
-      </Table.Tbody>
-    </Table>
+        </Table.Thead>
+        <Table.Tbody>
+          {channel.candidates.map((candidate) => (
+            <Table.Tr key={candidate.structure}>
+              <Table.Td>{structureInWords(candidate.structure)}</Table.Td>
+              <Tried value={candidate.K} problem={candidate.problem} told={(K) => significant(K, 4)} />
+              <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
+              <Tried
+                value={candidate.fit_percent}
+                problem={candidate.problem}
+                told={(fit) => fixed(fit, 1)}
+              />
+              <Tried value={candidate.BIC} problem={candidate.problem} told={(BIC) => fixed(BIC, 0)} />
+              <Table.Td>
+                {candidate.problem === "" ? (
+                  <Explained of={`grade:${candidate.grade}`} quiet>
+                    {candidate.grade}
+                  </Explained>
+                ) : (
+                  candidate.problem
+                )}
+              </Table.Td>
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+    </div>
   );
 }
 

@@ -48,7 +48,7 @@ export function MetricChart() {
               placeholder="of runs that fit a search"
               leftSection={<TbSearch size={14} />}
               value={typed}
-              w={240}
+              w={220}
               onChange={(event) => setTyped(event.currentTarget.value)}
             />
             <NativeSelect

@@ -13,6 +13,7 @@ import { isUnderWay, type MapPick, studyQuery, useResumeStudy, useStopStudy } fr
 import type { Study } from "../../wire/types";
 import page from "../Page.module.css";
 import { MapsCard } from "./MapsCard";
+import styles from "./Studies.module.css";
 import { StudyProgress } from "./StudyProgress";
 import { FiguresCard, RowsCard } from "./StudyTables";
 
@@ -32,7 +33,7 @@ export function StudyPage({ id }: { id: number }) {
           {data.figures.length > 0 && <FiguresCard figures={data.figures} />}
           {data.rows.length > 0 && <RowsCard detail={data} />}
           <Card title="Text">
-            <pre className={page.dim}>{data.text}</pre>
+            <pre className={styles.text}>{data.text}</pre>
           </Card>
         </>
       )}
