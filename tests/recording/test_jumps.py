@@ -56,7 +56,7 @@ def looked_at(values: list[float], lost: range) -> list[float]:
     lost_for=st.sampled_from([0, 1, 60, 1000]),
     at_once=st.sampled_from([1, 3, 12_000]),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_every_jump_is_found_and_nothing_else(
     database: Database, parts: list[tuple[str, int, float]], lost_at: int, lost_for: int, at_once: int
 ) -> None:
