@@ -76,6 +76,30 @@ class Silent(Watcher):
         self.closed = True
 
 
+class Slow(Watcher):
+    """Talks nonsense and takes late what it is sent: a close waits for it, and once one has begun nothing can be sent."""
+
+    closing = closed = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.speaks = asyncio.Event()
+
+    async def receive_text(self) -> str:
+        await self.speaks.wait()
+        return "ping?"
+
+    async def send_bytes(self, frame: bytes) -> None:
+        if self.closing:
+            raise RuntimeError("a close message has been sent")
+        self.frames.append(wire.unpack(frame))
+
+    async def close(self, code: int, _reason: str) -> None:
+        self.closing = True
+        await self.reads.wait()
+        self.closed = code == 1008
+
+
 def stream_on(ring: Ring) -> LiveStream:
     return LiveStream(lambda: ring, lambda: StateMessage.model_construct(type="state"))
 
@@ -188,6 +212,25 @@ def test_marks_reach_those_who_come_later() -> None:
 def test_who_talks_nonsense_and_leaves_is_no_failure_of_the_stream(caplog: pytest.LogCaptureFixture) -> None:
     asyncio.run(served(stream_on(Ring.create(1024)), Babbler()))
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
+
+
+def test_who_is_sent_away_is_told_why_however_late_that_is_taken() -> None:
+    async def session() -> None:
+        ring = Ring.create(1024)
+        stream, slow = stream_on(ring), Slow()
+        serving = asyncio.create_task(served(stream, slow))
+        await settle()
+        slow.reads.clear()
+        slow.speaks.set()
+        await settle()
+        fill(ring, 10)
+        stream.step(0.0)
+        await settle()
+        slow.reads.set()
+        await serving
+        assert slow.closed
+
+    asyncio.run(session())
 
 
 def test_a_new_loop_begins_a_new_time_axis() -> None:
