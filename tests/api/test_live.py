@@ -77,7 +77,7 @@ class Silent(Watcher):
 
 
 class Slow(Watcher):
-    """Talks nonsense and takes late what it is sent: a close waits for it, and once one has begun nothing can be sent."""
+    """Talks nonsense and takes late what it is sent: a close waits for it, and after one begins nothing is sent."""
 
     closing = closed = False
 
