@@ -57,7 +57,7 @@ def test_white_noise_in_the_loop_is_within_its_standard_errors(
     assert found.residuals.input_correlation.passed
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e6])
 def test_a_light_resonance_in_noise_is_found_where_the_quick_starts_lead_nowhere(unit: float) -> None:
     """Few steps of a lag and a pair of poles of damping 0.1 at 200 rad/s: the noise hides the pair from least squares.
 
