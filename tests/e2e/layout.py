@@ -3,11 +3,13 @@
 All that one question needs is asked in one turn: a page that draws live charts answers each turn late.
 """
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from playwright.sync_api import Page
 
+DRAWN_WITHIN_S = 10.0
 _SURVEY = """
 selectors => {
     const main = document.querySelector("main");
@@ -75,6 +77,14 @@ def sideways(page: Page) -> float:
             ".map(one => one.scrollWidth - one.clientWidth))"
         )
     )
+
+
+def stays(page: Page, wrong: Callable[[], list[str]]) -> list[str]:
+    """Return what is still wrong once what is new of a size has been drawn, some frames later."""
+    deadline = time.monotonic() + DRAWN_WITHIN_S
+    while (found := wrong()) and time.monotonic() < deadline:
+        page.evaluate("new Promise(requestAnimationFrame)")
+    return found
 
 
 def document_scrolls_by(page: Page) -> float:

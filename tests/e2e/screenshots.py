@@ -11,14 +11,14 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, ViewportSize
+from playwright.sync_api import Page
 
 from tests.e2e.browser import DESKTOP, chromium
 from tests.e2e.looks.journey import journey
 from tests.e2e.service import running_service
+from tests.e2e.test_accessibility import PHONE
 
 FOLDER = Path(__file__).parents[2] / "docs" / "screenshots"
-PHONE = ViewportSize(width=390, height=844)
 ON_A_PHONE = ("-idle", "-running", "-run", "-tripped", "-result", "flight", "runs-compared", "sign-in")
 """Pages whose name ends like this are taken on a phone too."""
 

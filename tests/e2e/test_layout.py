@@ -1,11 +1,11 @@
 """The Operate page on small windows: every chart is reached, legends are whole, nothing covers anything."""
 
-import time
+from functools import partial
 from itertools import combinations, pairwise
 
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
-from tests.e2e.layout import Box, covered, cut, document_scrolls_by, scrolled_page, sideways, survey
+from tests.e2e.layout import Box, covered, cut, document_scrolls_by, scrolled_page, sideways, stays, survey
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
 
@@ -21,7 +21,6 @@ CHARTS.append("main figure[aria-label='Motor voltage']")
 VIEWS = [f"main section[aria-label='{name}']" for name in ("Actuator", "Reachable map")]
 CONTROLS = [f"main section[aria-label='{name}']" for name in ("Mode", "References", "Tuning")]
 TOOLS, FIGURES, STOP = "main [role=toolbar]", "main table[aria-label=Statistics]", "button[aria-label=STOP]"
-DRAWN_WITHIN_S = 10.0
 LEAST_CHART_PX = 40
 """Below this height a curve says nothing."""
 
@@ -39,17 +38,9 @@ def test_every_chart_is_reached_and_nothing_is_covered(operator: Operator) -> No
         expect(statistics).to_have_attribute("aria-pressed", pressed)
         for name, size in SIZES.items():
             page.set_viewport_size(size)
-            wrong[f"{name}, statistics {pressed}"] = _what_stays_wrong(page)
+            wrong[f"{name}, statistics {pressed}"] = stays(page, partial(_what_is_wrong, page))
     statistics.click()
     assert {name: faults for name, faults in wrong.items() if faults} == {}
-
-
-def _what_stays_wrong(page: Page) -> list[str]:
-    """What is wrong once what is new of the size has been drawn, some frames later."""
-    deadline = time.monotonic() + DRAWN_WITHIN_S
-    while (wrong := _what_is_wrong(page)) and time.monotonic() < deadline:
-        page.evaluate("new Promise(requestAnimationFrame)")
-    return wrong
 
 
 def _what_is_wrong(page: Page) -> list[str]:

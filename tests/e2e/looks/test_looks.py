@@ -1,16 +1,16 @@
 """Each page in each state of the service: no rule of accessibility broken, nothing cut, STOP and the mode in sight."""
 
 import re
-import time
+from functools import partial
 
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, expect
+from playwright.sync_api import Browser, Page, ViewportSize
 
 from tests.e2e.browser import DESKTOP, TABLET
-from tests.e2e.layout import covered, cut, document_scrolls_by, sideways
+from tests.e2e.layout import covered, cut, document_scrolls_by, sideways, stays
 from tests.e2e.looks.journey import journey
 from tests.e2e.service import Service
-from tests.e2e.test_accessibility import PHONE, SCHEMES, violations
+from tests.e2e.test_accessibility import PHONE, in_both_schemes
 
 SIZES: dict[str, ViewportSize] = {
     "1920x1080": ViewportSize(width=1920, height=1080),
@@ -20,7 +20,6 @@ SIZES: dict[str, ViewportSize] = {
 }
 """The usual one last: it is what the journey goes on with."""
 
-DRAWN_WITHIN_S = 10.0
 ALWAYS = "button[aria-label=STOP], [role=status][aria-label=Mode]"
 CUT = "main :is(button, label, th, h1, h2, h3, legend, figcaption span):not(.visually-hidden, .visually-hidden *)"
 
@@ -35,26 +34,15 @@ def test_each_page_in_each_state_keeps_the_rules(browser: Browser, service: Serv
     wrong: dict[str, list[str]] = {}
 
     def look(page: Page, name: str) -> None:
-        for scheme in SCHEMES:
-            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
-            expect(page.locator("html")).to_have_attribute("data-mantine-color-scheme", scheme)
-            wrong[f"{name}, {scheme}"] = violations(page)
+        in_both_schemes(page, wrong, name)
         page.emulate_media(color_scheme="null", reduced_motion="null")
         for size_name, size in SIZES.items():
             page.set_viewport_size(size)
-            wrong[f"{name} at {size_name}"] = _stays_misplaced(page)
+            wrong[f"{name} at {size_name}"] = stays(page, partial(misplaced, page))
 
     journey(browser, service, look)
     assert len(wrong) > 300
     assert {where: faults for where, faults in wrong.items() if faults} == {}
-
-
-def _stays_misplaced(page: Page) -> list[str]:
-    """What is misplaced once what is new of a size has been drawn, some frames later."""
-    deadline = time.monotonic() + DRAWN_WITHIN_S
-    while (faults := misplaced(page)) and time.monotonic() < deadline:
-        page.evaluate("new Promise(requestAnimationFrame)")
-    return faults
 
 
 def misplaced(page: Page) -> list[str]:

@@ -68,8 +68,8 @@ function FromGeometry({ tuning }: { tuning: Tuning }) {
         ))}
       </div>
       <p className={page.lead}>
-        Computed from the springs, the pulley and the motors as the parameter file has them. What they are on
-        this joint, an identification measures.
+        Computed from the springs, the pulley and the motors as the parameters in force have them. What they
+        are on this joint, an identification measures.
       </p>
     </Card>
   );

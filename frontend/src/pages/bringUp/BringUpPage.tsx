@@ -36,7 +36,7 @@ function Nothing({ why }: { why: string }) {
           <li>with drives off each sensor is turned or pulled by hand, and has to read what it should;</li>
           <li>the load cells are tared, and calibrated with known weights;</li>
           <li>the encoders count from where the joint is known to be, by hand or by its end switch;</li>
-          <li>each motor is driven with 1 V at most, and has to go to its side;</li>
+          <li>each motor is driven a little, and has to go to its side;</li>
           <li>the tendons are wound to the pretension, and the safety module is seen to cut the motors.</li>
         </ol>
         <p>

@@ -36,6 +36,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
   const contact_N = chosen ?? (armed ? touch.contact_N : USUAL_N);
   const about = [contact_N, touch.learned.length];
   const refusal = problem === null ? order.error : null;
+  const now = told(touch);
   return (
     <Card title="Touch" aside={<ForceNow touch={touch} />}>
       <RefusedFields error={refusal} about={about}>
@@ -101,8 +102,8 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             Forget
           </Button>
         </div>
-        <output id="told-of-touch" className={styles.touchNow} data-matters={told(touch) !== null}>
-          {told(touch) ?? learned(touch)}
+        <output id="told-of-touch" className={styles.touchNow} data-matters={now !== null}>
+          {now ?? learned(touch)}
         </output>
         <Refusal
           id="refusal-of-touch"
