@@ -10,6 +10,8 @@ BIN := $(VENV)/bin
 NPM := $(BIN)/python frontend/build.py
 ARGS ?=
 EXTRAS ?=
+# What is imported is compiled to bytecode once, whatever is set for this shell: all that starts later starts sooner.
+unexport PYTHONDONTWRITEBYTECODE
 # Generated requests for each operation and kind of token, and the seed that they are made from.
 EXAMPLES ?= 120
 SEED ?= 1

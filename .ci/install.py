@@ -43,9 +43,7 @@ def as_pip_was_told() -> dict[str, str]:
     ):
         if told.get(option):
             environment[variable] = separator.join(told[option])
-    # What is imported here for the first time is compiled to bytecode for all starts, whatever is set for this shell.
-    own = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    return {**environment, **own}
+    return {**environment, **os.environ}
 
 
 def bring_uv() -> None:

@@ -51,6 +51,9 @@ ONLY_COMPUTES = {
 """What a busy machine makes slower but not wrong, but for modules that say of themselves that they are live. Else,
 new folders too, tests are taken to be live."""
 
+LIVE = "mark.live"
+"""How such a module says it."""
+
 PAGE = "e2e"
 """Tests with a browser, which takes most of a core."""
 
@@ -66,11 +69,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave alone what a lane has nothing of: to import it takes seconds."""
-    if collection_path.parent != TESTS:
+    if TESTS not in collection_path.parents:
         return None
-    live, page = collection_path.name not in ONLY_COMPUTES, collection_path.name == PAGE
-    unasked = {"not live": live, "page": not page, "live and not page": page}
+    place = collection_path.relative_to(TESTS).parts[0]
+    live, page = place not in ONLY_COMPUTES or _says_live(collection_path), place == PAGE
+    unasked = {"not live": place not in ONLY_COMPUTES, "page": not page, "live and not page": page or not live}
     return unasked.get(config.getoption("markexpr")) or None
+
+
+def _says_live(path: Path) -> bool:
+    """Return whether a module says of itself, or of a test, that it is live; a folder may have such a module."""
+    return path.suffix != ".py" or LIVE in path.read_text(encoding="utf-8")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
