@@ -91,6 +91,17 @@ def test_what_was_read_outlives_the_ring() -> None:
         os.fstat(fd)
 
 
+def test_a_process_without_a_standard_input_closes_its_ring_too() -> None:
+    program = (
+        "import os; from backend.loop.ring import Ring\n"
+        "os.close(0); ring = Ring.create(4); assert ring.fd == 0, ring.fd; ring.close()\n"
+        "try: os.fstat(0)\n"
+        "except OSError as gone: print(gone.errno == 9)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=60)
+    assert done.stdout == "True\n"
+
+
 def test_foreign_memory_is_refused() -> None:
     fd = os.memfd_create("other")
     os.ftruncate(fd, 4096)

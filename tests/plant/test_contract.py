@@ -3,6 +3,7 @@
 import gc
 from collections.abc import Callable
 from dataclasses import replace
+from inspect import isfunction, signature
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,12 @@ import pytest
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
 from plant.contract import CHECKS, LONG_TICKS, WARM_UP_TICKS, run_contract
-from plant.interface import Measurement, MotorCommand
+from plant.interface import Measurement, MotorCommand, Plant
 from plant.parameters import PlantParameters
 from plant.promises import Check, Outcome, Subject
 from plant.recording import load_recording
+from plant.replay import Replay
+from plant.rig import Rig
 from plant.simulator import Simulator
 from tests.plant import example
 from tests.plant.recorded import trip_recorded
@@ -56,6 +59,12 @@ def test_the_contract_holds(
     (finding,) = run_contract(subject, (check,))
     left_out = name == "replay" and check.name in NOT_FOR_A_RECORDING
     assert finding.outcome is (Outcome.NOT_TRIED if left_out else Outcome.HOLDS), finding.seen
+
+
+@pytest.mark.parametrize("kind", [Simulator, Replay, Rig])
+def test_each_is_called_as_the_interface_says(kind: type[Plant]) -> None:
+    promised = {name: signature(each) for name, each in vars(Plant).items() if isfunction(each) and name[0] != "_"}
+    assert {name: signature(getattr(kind, name)) for name in promised} == promised
 
 
 class Degrees(Simulator):
