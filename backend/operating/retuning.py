@@ -196,7 +196,7 @@ class Retuning:
         if not noise <= UNSEEN_F / DEVIATIONS:
             raise RefusalError(
                 Because.NOT_NOW,
-                f"a rejection is refused: the estimate itself moves by {noise:.2f} N (standard deviation), and what is "
+                f"a rejection is refused: the estimate itself moves by {noise:.4g} N (standard deviation), and what is "
                 f"left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
             )
 

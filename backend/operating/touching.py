@@ -162,7 +162,7 @@ def _require_learned(points: list[TouchPoint], contact_N: float) -> None:
     if not math.isfinite(noise) or contact_N < SIGMAS * noise:
         raise RefusalError(
             Because.NOT_NOW,
-            f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {noise:.2f} N (standard "
+            f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {noise:.4g} N (standard "
             f"deviation), and {SIGMAS:g} times that is the least",
         )
 

@@ -36,8 +36,9 @@ const learned = (...deviations: number[]) =>
 
 it("brings no rejection back of an estimate that moves more than its sixth of 0.3 N, at any stiffness", () => {
   expect(whyNoRejection(learned(0.01, 0.0499), 0.7)).toBeNull();
-  expect(whyNoRejection(learned(0.0501, 0.01), 0.7)).toContain("is 0.050 N, above 0.050 N");
-  expect(whyNoRejection(learned(0.01, 0.08), 0.7)).toContain("is 0.080 N, above 0.050 N: learn again");
+  expect(whyNoRejection(learned(0.0501, 0.01), 0.7)).toContain("is 0.0501 N, above 0.05 N");
+  expect(whyNoRejection(learned(0.01, 0.08), 0.7)).toContain("is 0.08 N, above 0.05 N: learn again");
+  expect(whyNoRejection(learned(0.050000123), 0.7)).toContain("is 0.0500001 N, above 0.05 N");
   expect(whyNoRejection(learned(0.08), 0)).toBeNull();
 });
 
@@ -48,5 +49,5 @@ it("undoes what the service would undo, and says why not", () => {
   expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }))).toContain("on trial");
   expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, own_tuning: {}, task: { run: 7 } }))).toContain("Run 7");
   expect(whyNoUndo(changed({ earlier: { k_ext: 0.7 } }))).toContain("learn at rest first");
-  expect(whyNoUndo(learned(0.08))).toContain("0.080 N");
+  expect(whyNoUndo(learned(0.08))).toContain("0.08 N");
 });

@@ -1,6 +1,6 @@
 /** Which changes of the tuning the service would refuse at present, and why. Pure. */
 
-import { fixed } from "../samples/format";
+import { digitsApart, short } from "../samples/format";
 import { DEVIATIONS, UNSEEN_F } from "../wire/sample.gen";
 import type { State } from "../wire/types";
 
@@ -19,9 +19,9 @@ export function whyNoEstimate(state: State | null): string | null {
   if (deviations.length === 0) return "Nothing is learned of pushes: learn at rest first (Touch).";
   const noise = Math.max(...deviations);
   const most = UNSEEN_F / DEVIATIONS;
-  return noise <= most
-    ? null
-    : `The standard deviation of the estimate is ${fixed(noise, 3)} N, above ${fixed(most, 3)} N: learn again with the joint at rest (Touch).`;
+  if (noise <= most) return null;
+  const digits = digitsApart([noise, most], 2);
+  return `The standard deviation of the estimate is ${short(noise, digits)} N, above ${short(most, digits)} N: learn again with the joint at rest (Touch).`;
 }
 
 /** Why a tuning cannot come into force for what it rejects; null where it can, or rejects nothing. */
