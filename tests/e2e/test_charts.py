@@ -146,11 +146,11 @@ def test_colour_and_hidden_signals_are_remembered_for_the_person(watching: Opera
     page.evaluate("localStorage.clear()")
     page.reload()
     line = page.get_by_role("button", name="Colour of q_ref", exact=True).locator("line")
-    expect(line).to_have_attribute("stroke", "#D55E00", timeout=MOTION_TIMEOUT_MS)
+    expect(line).to_have_css("stroke", "rgb(213, 94, 0)", timeout=MOTION_TIMEOUT_MS)
     expect(watching.legend("Tendon force", "F_B")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="Colour of q", exact=True).click()
     page.get_by_role("button", name="Standard", exact=True).click()
-    expect(line).to_have_attribute("stroke", "#0072B2")
+    expect(line).to_have_css("stroke", "rgb(0, 114, 178)")
     watching.legend("Tendon force", "F_B").click()
 
 

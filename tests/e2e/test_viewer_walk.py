@@ -33,8 +33,8 @@ LEFT_ALONE = re.compile(r"STOP|Sign out")
 OWN = re.compile(r"/api/(preferences|session/name|experiments/(dry-run|check)|(runs|flights)/\d+/replay)$")
 """What changes nothing that others see: preferences and name are a person's own, the others only answer or show."""
 
-BARE = ("bring-up", "system/developer")
-"""On a simulator, and for a viewer, there is nothing to use on these."""
+BARE = ("system/developer",)
+"""For a viewer there is nothing to use on these."""
 
 AROUND = "header, nav, section[aria-label=Tour], form[aria-label='Your name']"
 LEFT_OUT = "_left_out_"
@@ -117,6 +117,9 @@ def open_place(page: Page, service: Service, place: str) -> None:
     expect(page.get_by_role("heading", level=1)).to_have_count(1)
     if place in SEEN:
         expect(page.get_by_role("main")).to_contain_text(re.compile(SEEN[place]))
+    if place not in BARE:  # lists come after the words above them
+        used = page.get_by_role("main").locator("a, button, input, select")
+        expect(used.locator("visible=true").first).to_be_visible()
     for _ in range(2):
         page.keyboard.press("Escape")
 
