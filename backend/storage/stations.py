@@ -6,8 +6,10 @@ By its number every run can be read, whoever made it.
 """
 
 import hashlib
+from contextlib import suppress
 
 from sqlalchemy import Connection, Engine, text
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from backend.refusal import Because, RefusalError
@@ -57,7 +59,9 @@ class HeldStation:
     def let_go(self) -> None:
         """Let another service work for the station."""
         if self._connection is not None:
-            self._connection.invalidate()  # a pooled connection would keep the lock
+            with suppress(DBAPIError):  # of a connection that is gone, and the lock with it
+                self._connection.execute(text("SELECT pg_advisory_unlock_all()"))
+            self._connection.invalidate()  # the server sees the end of a connection a moment later
             self._connection.close()
             self._connection = None
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Barrier
 
 import pytest
-from sqlalchemy import NullPool, create_engine, text
+from sqlalchemy import Connection, NullPool, create_engine, text
 
 from backend.recording import retention as keeping
 from backend.recording.retention import NotRemovableError, Rule
@@ -255,6 +255,18 @@ def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
     first.let_go()
     HeldStation(engines[2], "rig-a").let_go()
     other.let_go()
+
+
+def test_a_station_is_free_before_its_connection_has_ended(postgres: str) -> None:
+    engine, other = (create_engine(postgres) for _ in range(2))
+    held = HeldStation(engine, "rig-a")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Connection, "invalidate", lambda self: None)
+        patch.setattr(Connection, "close", lambda self: None)
+        held.let_go()
+    HeldStation(other, "rig-a").let_go()
+    engine.dispose()
+    other.dispose()
 
 
 def test_a_lock_of_a_service_that_was_killed_is_let_go(postgres: str) -> None:
