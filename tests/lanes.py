@@ -27,10 +27,13 @@ from rich.table import Table
 from tests.tiers import renamed
 
 ROOT = Path(__file__).parents[1]
+COMPUTING = (os.cpu_count() or 1) + 1
+"""Processes: one more than cores, for what waits a moment in a test that computes."""
+
 LANES = {
     "page": ("-m", "page", "-p", "no:xdist", "-p", "no:schemathesis"),
     "live": ("-m", "live and not page", "-p", "no:xdist"),
-    "pure": ("-m", "not live", "-n", "auto", "--dist", "worksteal", "-p", "no:schemathesis"),
+    "pure": ("-m", "not live", "-n", str(COMPUTING), "--dist", "worksteal", "-p", "no:schemathesis"),
 }
 """Worksteal leaves the tests of a file beside each other, in the process that has what they share. Schemathesis, which
 takes a process seconds to load, makes requests to a live service only."""
