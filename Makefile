@@ -23,7 +23,7 @@ run: install frontend
 
 test: install-dev frontend
 	.ci/provide browser compose postgres
-	$(BIN)/python -m tests.lanes --front-end $(ARGS)
+	$(BIN)/python -m tests.lanes --beside "$(NPM) test" $(ARGS)
 
 test-thorough:
 	$(MAKE) --no-print-directory test ARGS="--thorough $(ARGS)"

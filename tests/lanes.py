@@ -4,18 +4,21 @@ The pages are tried in a browser, then what is live, one lane after the other: a
 slow cores with a second pair of them wait for each other for longer than a person would. They wait for clocks and
 motions half of the time: what only computes runs in that time, as idle work, which the kernel takes off a core in the
 moment something else wants it.
-`tests/conftest.py` says which is which. With ``--front-end`` the tests of the page without a browser run beside them
-too. At the end the tests that were run are counted against those there are: a test
-that no lane runs is a failure.
+`tests/conftest.py` says which is which. With ``--beside COMMAND`` a command runs beside them too, as the tests of the
+page without a browser do; with ``--then COMMAND`` after the live ones, while what computes goes on. At the end the
+tests that were run are counted against those there are: a test that no lane runs is a failure.
 """
 
+import argparse
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -40,9 +43,6 @@ takes a process seconds to load, makes requests to a live service only."""
 
 IN_TURN, BESIDE = ("page", "live"), "pure"
 """What runs one after the other, and what runs beside all of it and is shown at the end."""
-
-FRONT_END = "--front-end"
-PAGE_ALONE = (sys.executable, "frontend/build.py", "test")
 
 NO_TESTS = int(pytest.ExitCode.NO_TESTS_COLLECTED)
 
@@ -80,25 +80,39 @@ def run(name: str, arguments: list[str], said: IO[bytes] | None = None) -> Ended
         )
 
 
-def run_front_end(said: IO[bytes]) -> int:
-    """Run the tests of the page that need no browser, and return their exit code; they are counted by themselves."""
-    with subprocess.Popen(PAGE_ALONE, cwd=ROOT, stdout=said, stderr=said) as process:
-        _as_idle_work(process)
-        return process.wait()
+@dataclass(frozen=True)
+class Command:
+    """A command that ran with the lanes, at its end."""
+
+    words: str
+    code: int
+    seconds: float
 
 
-def run_all(arguments: list[str], console: Console) -> list[Ended]:
-    """Run the lanes one after the other, and beside them all what only computes."""
+def run_command(words: str, said: IO[bytes] | None = None) -> Command:
+    """Run it, its output as it comes; or as idle work, its output into ``said``."""
+    begun = time.monotonic()
+    with subprocess.Popen(shlex.split(words), cwd=ROOT, stdout=said, stderr=said) as process:
+        if said is not None:
+            _as_idle_work(process)
+    return Command(words, process.returncode, time.monotonic() - begun)
+
+
+def run_all(arguments: list[str], then: list[str], console: Console) -> tuple[list[Ended], list[Command]]:
+    """Run the lanes one after the other and then these commands, and beside them all what only computes."""
     with tempfile.TemporaryFile() as said, ThreadPoolExecutor(1) as threads:
         computing = threads.submit(run, BESIDE, arguments, said)
-        ended = []
+        lanes, commands = [], []
         for name in IN_TURN:
             console.rule(f"lane: {name}")
-            ended.append(run(name, arguments))
+            lanes.append(run(name, arguments))
+        for words in then:
+            console.rule(words)
+            commands.append(run_command(words))
         console.rule(f"lane: {BESIDE}, beside the others")
-        ended.append(computing.result())
+        lanes.append(computing.result())
         _show(said)
-    return ended
+    return lanes, commands
 
 
 def not_run_once(lanes: list[Ended]) -> list[str]:
@@ -109,18 +123,25 @@ def not_run_once(lanes: list[Ended]) -> list[str]:
 
 
 def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.lanes", description=__doc__, allow_abbrev=False)
+    parser.add_argument("--beside", action="append", default=[], metavar="COMMAND", help="what runs beside the lanes")
+    parser.add_argument("--then", action="append", default=[], metavar="COMMAND", help="what runs after the live ones")
+    given, arguments = parser.parse_known_args()
     console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
-    arguments = [argument for argument in sys.argv[1:] if argument != FRONT_END]
-    with tempfile.TemporaryFile() as said, ThreadPoolExecutor(1) as threads:
-        page_alone = threads.submit(run_front_end, said) if FRONT_END in sys.argv else None
-        lanes = run_all(arguments, console)
-        page_failed = bool(page_alone and page_alone.result())
-        if page_alone:
-            console.rule("the page without a browser, beside the others")
+    with ExitStack() as files, ThreadPoolExecutor(len(given.beside) or 1) as threads:
+        beside = [(words, files.enter_context(tempfile.TemporaryFile())) for words in given.beside]
+        running = [threads.submit(run_command, words, said) for words, said in beside]
+        lanes, commands = run_all(arguments, given.then, console)
+        for (words, said), companion in zip(beside, running, strict=True):
+            commands.append(companion.result())
+            console.rule(f"{words}, beside the lanes")
             _show(said)
     table = Table("lane", "tests", "failed", "time [s]", title=f"Python {sys.version.split()[0]}")
     for lane in lanes:
         table.add_row(lane.name, str(len(lane.outcomes)), str(lane.failed), f"{lane.seconds:.0f}")
+    for command in commands:
+        words = " ".join(shlex.split(command.words)[:2])
+        table.add_row(words, "", "yes" if command.code else "no", f"{command.seconds:.0f}")
     console.print(table)
     broken = [lane for lane in lanes if lane.code not in (0, 1)]
     for lane in broken:
@@ -128,15 +149,16 @@ def main() -> int:
     astray = [] if broken else not_run_once(lanes)
     for test in astray:
         console.print(f"not run once: {test}")
-    unknown = renamed({test for lane in lanes for test in lane.there}) if "--thorough" in sys.argv else []
+    unknown = renamed({test for lane in lanes for test in lane.there}) if "--thorough" in arguments else []
     for test in unknown:
         console.print(f"named in thorough.toml, but no longer there: {test}")
     failed = sum(lane.failed for lane in lanes)
     ran = sum(len(lane.outcomes) for lane in lanes)
     console.print(f"{ran - failed} passed, {failed} failed")
-    if page_failed:
-        console.print("tests of the page without a browser failed: see above")
-    return int(bool(broken or astray or unknown or failed or page_failed or any(lane.code for lane in lanes)))
+    wrong = [command for command in commands if command.code]
+    for command in wrong:
+        console.print(f"failed, see above: {command.words}")
+    return int(bool(broken or astray or unknown or failed or wrong or any(lane.code for lane in lanes)))
 
 
 def _as_idle_work(process: subprocess.Popen[bytes]) -> None:

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests import lanes
-from tests.lanes import BESIDE, FRONT_END, IN_TURN, LANES, Ended, not_run_once
+from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once
 from tests.tiers import Left, left_out, renamed, whole_files
 
 ROOT = Path(__file__).parents[1]
@@ -53,14 +54,24 @@ def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("code", [0, 3])
-def test_the_page_without_a_browser_counts_too(
-    code: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("place", ["--beside", "--then"])
+def test_a_command_with_the_lanes_counts_too(
+    place: str, code: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(lanes, "PAGE_ALONE", (sys.executable, "-c", f"print('said'); raise SystemExit({code})"))
-    monkeypatch.setattr(lanes, "run_all", lambda *_: [lane(["a"], ["a"])])
-    monkeypatch.setattr(sys, "argv", ["lanes", FRONT_END])
+    asked: list[list[str]] = []
+
+    def ran(name: str, arguments: list[str], said: object = None) -> Ended:
+        asked.append(arguments)
+        return lane(["a"], ["a"] if name == BESIDE else [])
+
+    command = shlex.join((sys.executable, "-c", f"print('sa' + 'id'); raise SystemExit({code})"))
+    monkeypatch.setattr(lanes, "run", ran)
+    monkeypatch.setattr(sys, "argv", ["lanes", "tests/wire", place, command, "-q"])
     assert lanes.main() == int(code != 0)
-    assert "said" in capfd.readouterr().out
+    assert asked == [["tests/wire", "-q"]] * len(LANES)
+    told = capfd.readouterr().out
+    assert "said" in told
+    assert ("failed, see above" in told) == (code != 0)
 
 
 def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
