@@ -9,7 +9,6 @@ from pathlib import Path
 from threading import Barrier
 
 import pytest
-from sqlalchemy import Connection, NullPool, create_engine, text
 
 from backend.recording import retention as keeping
 from backend.recording.retention import NotRemovableError, Rule
@@ -40,7 +39,6 @@ from backend.storage.recordings import Chunk
 from backend.storage.records import UnknownRecordError
 from backend.storage.run_query import QueryError, parse
 from backend.storage.runs import EndState
-from backend.storage.stations import HeldStation, StationTakenError
 from tests.postgres import new_database
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 
@@ -245,39 +243,6 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
     with database.reading() as session:
         assert runs.count(session) == 0
         assert settings.newest(session, "active bank") is None
-
-
-def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
-    engines = [create_engine(postgres, poolclass=NullPool) for _ in range(3)]
-    first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
-    with pytest.raises(StationTakenError, match="another service works on this database as station rig-a"):
-        HeldStation(engines[2], "rig-a")
-    first.let_go()
-    HeldStation(engines[2], "rig-a").let_go()
-    other.let_go()
-
-
-def test_a_station_is_free_before_its_connection_has_ended(postgres: str) -> None:
-    engine, other = (create_engine(postgres) for _ in range(2))
-    held = HeldStation(engine, "rig-a")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Connection, "invalidate", lambda self: None)
-        patch.setattr(Connection, "close", lambda self: None)
-        held.let_go()
-    HeldStation(other, "rig-a").let_go()
-    engine.dispose()
-    other.dispose()
-
-
-def test_a_lock_of_a_service_that_was_killed_is_let_go(postgres: str) -> None:
-    engine, other = (create_engine(postgres) for _ in range(2))
-    held = HeldStation(engine, "rig-a")
-    with other.connect() as connection:
-        connection.execute(text("SELECT pg_terminate_backend(pid, 5000) FROM pg_locks WHERE locktype = 'advisory'"))
-    HeldStation(other, "rig-a").let_go()
-    held.let_go()
-    engine.dispose()
-    other.dispose()
 
 
 def test_two_services_may_make_the_tables_at_once(postgres: str, tmp_path: Path) -> None:
