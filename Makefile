@@ -16,12 +16,12 @@ unexport PYTHONDONTWRITEBYTECODE
 EXAMPLES ?= 120
 SEED ?= 1
 
-.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate screenshots lock install install-dev install-newest frontend
+.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate screenshots lock install install-dev install-newest frontend packages
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
 
-test: install-dev frontend
+test: install-dev frontend packages
 	.ci/provide browser compose postgres
 	$(BIN)/python -m tests.lanes --beside "$(NPM) test" $(ARGS)
 
@@ -35,7 +35,7 @@ test-newest: install-newest
 fuzz: install-dev frontend
 	FUZZ_EXAMPLES=$(EXAMPLES) FUZZ_SEED=$(SEED) $(BIN)/python -m pytest tests/fuzz $(ARGS)
 
-check: install-dev
+check: install-dev packages
 	$(BIN)/python .ci/lock.py --check
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
@@ -95,3 +95,7 @@ lock: install
 
 frontend: install
 	@$(NPM) build
+
+# What only the checks and tests of the page need.
+packages: install-dev
+	@$(NPM) packages

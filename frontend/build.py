@@ -2,7 +2,7 @@
 
 Hatch calls it for each wheel and editable install; ``python frontend/build.py [build|check|test|types|format]`` runs
 one npm script from the command line. Nothing is built where the sources are the same as for the last build. What only
-checks and tests need is not installed for a build: who just runs Sinew does not wait for it.
+checks and tests need is not installed for a build: who just runs Sinew does not wait for it; ``packages`` installs it.
 """
 
 import hashlib
@@ -45,17 +45,22 @@ def build() -> None:
 
 
 def run_script(name: str) -> None:
-    """Run one script of package.json, after installing what the lock file names. Raises CalledProcessError."""
+    """Run one script of package.json, after installing what it needs. Raises CalledProcessError."""
+    install_packages(for_a_build=name == "build")
+    _npm("run", name)
+
+
+def install_packages(*, for_a_build: bool = False) -> None:
+    """Install what the lock file names, or what of it a build needs. Raises CalledProcessError."""
     everything = _digest([FRONTEND / "package-lock.json"])
     part = FOR_A_BUILD + everything
     installed = _read(INSTALLED_FROM)
-    if name == "build" and installed not in (everything, part):
+    if for_a_build and installed not in (everything, part):
         _npm("ci", "--no-progress", "--omit=dev")
         INSTALLED_FROM.write_text(part)
-    elif name != "build" and installed != everything:
+    elif not for_a_build and installed != everything:
         _npm("ci", "--no-progress")
         INSTALLED_FROM.write_text(everything)
-    _npm("run", name)
 
 
 def _npm(*arguments: str) -> None:
@@ -88,6 +93,7 @@ def _read(file: Path) -> str | None:
 
 if __name__ == "__main__":
     try:
-        build() if sys.argv[1:] in ([], ["build"]) else run_script(sys.argv[1])
+        asked = sys.argv[1] if sys.argv[1:] else "build"
+        {"build": build, "packages": install_packages}.get(asked, lambda: run_script(asked))()
     except subprocess.CalledProcessError as error:
         sys.exit(error.returncode)
