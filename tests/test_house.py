@@ -13,7 +13,6 @@ TOP_LEVEL = {
     "migrations", "plant", "pyproject.toml", "tests",
 }  # fmt: skip
 BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
-MAX_LINES = 300
 MAX_BYTES = 1_000_000
 
 
@@ -40,12 +39,6 @@ def test_top_level_is_the_one_agreed_on() -> None:
 
 def test_no_file_has_a_name_that_says_nothing() -> None:
     assert names([path for path in FILES if path.stem.lower() in BANNED_NAMES]) == []
-
-
-def test_source_files_stay_short() -> None:
-    sources = [path for path in FILES if path.suffix in {".py", ".ts", ".tsx", ".css"} and ".gen." not in path.name]
-    long = [path for path in sources if len(TEXTS.get(path, "").splitlines()) > MAX_LINES]
-    assert names(long) == []
 
 
 def test_no_large_file_is_tracked() -> None:
