@@ -26,6 +26,14 @@ class Axis(NamedTuple):
     omega: float
 
 
+class Lagged(NamedTuple):
+    """Angle [rad] and speed [rad/s] of an axis, and the voltage [V] behind the motors' electrical lag."""
+
+    theta: float
+    omega: float
+    u: float
+
+
 class Goal(NamedTuple):
     """Where an axis is sent [rad], how fast that moves [rad/s], 0 where it has jumped, and where it will stand [rad].
 
@@ -125,3 +133,18 @@ def turned(K: float, T: float, axis: Axis, u: float) -> Axis:
     g = math.exp(-T_s / T)
     over = axis.omega - K * u
     return Axis(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
+
+
+@compiled
+def turned_lagged(K: float, T: float, tau_e: float, axis: Lagged, u: float) -> Lagged:
+    """Axis one tick later under u [V], exactly: T θ'' + θ' = K v, τ_e v' + v = u."""
+    if abs(T - tau_e) < 1e-7 * T:
+        tau_e *= 1.0 + 1e-7  # the solution below is for two different lags
+    g, h = math.exp(-T_s / T), math.exp(-T_s / tau_e)
+    left = K * (axis.u - u) * tau_e / (tau_e - T)
+    over = axis.omega - K * u - left
+    return Lagged(
+        axis.theta + K * u * T_s + left * tau_e * (1.0 - h) + over * T * (1.0 - g),
+        K * u + left * h + over * g,
+        u + (axis.u - u) * h,
+    )

@@ -10,7 +10,17 @@ import math
 from typing import NamedTuple
 
 from backend.controllers import decoupler
-from backend.controllers.axis import HALVINGS, Axis, Goal, duration, least_voltage, toward, turned
+from backend.controllers.axis import (
+    HALVINGS,
+    Axis,
+    Goal,
+    Lagged,
+    duration,
+    least_voltage,
+    toward,
+    turned,
+    turned_lagged,
+)
 from backend.controllers.decoupler import Decoupler
 from backend.controllers.goals import References, goals, jumps, soonest_stand
 from plant.compiled import compiled
@@ -30,7 +40,10 @@ STANDS = 0.05
 
 
 class Model(NamedTuple):
-    """What the plan knows of the actuator: motors (equation 17), torque per volt [N·m/V], joint (equations 5, 13)."""
+    """What the plan knows of the actuator.
+
+    Motors (equation 17), torque per volt [N·m/V], joint (equations 5, 13), electrical lags [s] (equations 8, 9).
+    """
 
     K_A: float
     T_A: float
@@ -40,6 +53,8 @@ class Model(NamedTuple):
     K_t_B: float
     J_j: float
     B_j: float
+    tau_e_A: float
+    tau_e_B: float
 
 
 Window = tuple[float, float, float, float, float, float, float, float, float, float]
@@ -49,10 +64,11 @@ Window = tuple[float, float, float, float, float, float, float, float, float, fl
 class State(NamedTuple):
     """The model and its way.
 
-    ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it, where the motors of
-    the model are. ``share`` of the budget is the difference axis's; ``asked`` [V] of it is what the tuning has,
-    ``allowed`` [V] what is in use: more where axes that move could not be stopped in time with less. ``q`` [rad],
-    ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops' integrators carry already.
+    ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it and behind the
+    electrical lag, where the motors of the model are. ``share`` of the budget is the difference axis's; ``asked`` [V]
+    of it is what the tuning has, ``allowed`` [V] what is in use: more where axes that move could not be stopped in time
+    with less. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops'
+    integrators carry already.
     """
 
     goal_d: Goal
@@ -61,8 +77,8 @@ class State(NamedTuple):
     c: Axis
     window_d: Window
     window_c: Window
-    smooth_d: Axis
-    smooth_c: Axis
+    smooth_d: Lagged
+    smooth_c: Lagged
     share: float
     asked: float
     allowed: float
@@ -109,8 +125,8 @@ def begin(
         common,
         _filled(difference.omega / K),
         _filled(common.omega / K),
-        difference,
-        common,
+        Lagged(difference.theta, difference.omega, difference.omega / K),
+        Lagged(common.theta, common.omega, common.omega / K),
         0.5,
         -1.0,
         (abs(difference.omega) + abs(common.omega)) / K,
@@ -134,7 +150,8 @@ def stands(model: Model, state: State) -> bool:
     """Whether the model moves no more, or not yet."""
     K = min(model.K_A, model.K_B)
     speed = max(abs(state.smooth_d.omega), abs(state.smooth_c.omega))
-    return max(speed, K * abs(_mean(state.window_d)), K * abs(_mean(state.window_c))) < STANDS
+    driven = max(abs(_mean(state.window_d)), abs(_mean(state.window_c)), abs(state.smooth_d.u), abs(state.smooth_c.u))
+    return max(speed, K * driven) < STANDS
 
 
 @compiled
@@ -164,7 +181,9 @@ def step(d: Decoupler, model: Model, budget: float, state: State, at: Now, r: Re
     u_c = toward(K, T, allowed - abs(u_d), state.c, goal_c)
     window_d, window_c = _pushed(state.window_d, u_d), _pushed(state.window_c, u_c)
     mean_d, mean_c = _mean(window_d), _mean(window_c)
-    smooth_d, smooth_c = turned(K, T, state.smooth_d, mean_d), turned(K, T, state.smooth_c, mean_c)
+    tau_e = max(model.tau_e_A, model.tau_e_B)
+    smooth_d = turned_lagged(K, T, tau_e, state.smooth_d, mean_d)
+    smooth_c = turned_lagged(K, T, tau_e, state.smooth_c, mean_c)
 
     A, B = _motors(smooth_d, smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
@@ -200,15 +219,24 @@ def step(d: Decoupler, model: Model, budget: float, state: State, at: Now, r: Re
 def voltages(d: Decoupler, model: Model, state: State, at: Now) -> tuple[float, float]:
     """Voltages [V] of the two motors for what the axes' windows say, and for the tension that has come since ``begin``.
 
-    The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion.
+    The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion:
+    u − F r_m/K_t = (ω + (T + τ_e) dω/dt + T τ_e d²ω/dt²)/K, and a change of tension is answered ahead of the lag τ_e.
     """
-    K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
-    turning_d = (K * _mean(state.window_d) - state.smooth_d.omega) / T
-    turning_c = (K * _mean(state.window_c) - state.smooth_c.omega) / T
+    K, T, tau_e = min(model.K_A, model.K_B), max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
+    turning_d = (K * state.smooth_d.u - state.smooth_d.omega) / T
+    turning_c = (K * state.smooth_c.u - state.smooth_c.omega) / T
+    jerk_d = (K * (_mean(state.window_d) - state.smooth_d.u) / tau_e - turning_d) / T
+    jerk_c = (K * (_mean(state.window_c) - state.smooth_c.u) / tau_e - turning_c) / T
     F_A, F_B = _tensions(d, at.q_e, at.S, at.q)
+    tendon = 0.5 * at.S / (d.r_j * d.r_j)
+    F_A += model.tau_e_A * tendon * (d.r_m * at.omega_A - d.r_j * state.q_dot)
+    F_B += model.tau_e_B * tendon * (d.r_m * at.omega_B + d.r_j * state.q_dot)
+    A, B = model.T_A * model.tau_e_A, model.T_B * model.tau_e_B
+    u_A = at.omega_A + (model.T_A + model.tau_e_A) * (turning_c + turning_d) + A * (jerk_c + jerk_d)
+    u_B = at.omega_B + (model.T_B + model.tau_e_B) * (turning_c - turning_d) + B * (jerk_c - jerk_d)
     return (
-        (model.T_A * (turning_c + turning_d) + at.omega_A) / model.K_A + d.r_m * (F_A - state.F_held_A) / model.K_t_A,
-        (model.T_B * (turning_c - turning_d) + at.omega_B) / model.K_B + d.r_m * (F_B - state.F_held_B) / model.K_t_B,
+        u_A / model.K_A + d.r_m * (F_A - state.F_held_A) / model.K_t_A,
+        u_B / model.K_B + d.r_m * (F_B - state.F_held_B) / model.K_t_B,
     )
 
 
@@ -246,7 +274,7 @@ def _needed(K: float, T: float, axis: Axis, before: Goal, goal: Goal, most: floa
 
 
 @compiled
-def _motors(d: Axis, c: Axis) -> tuple[Axis, Axis]:
+def _motors(d: Lagged, c: Lagged) -> tuple[Axis, Axis]:
     """Motors A and B of the two axes."""
     return Axis(c.theta + d.theta, c.omega + d.omega), Axis(c.theta - d.theta, c.omega - d.omega)
 

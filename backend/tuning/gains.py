@@ -47,8 +47,9 @@ def knowledge(parameters: PlantParameters) -> Knowledge:
     """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
     known = parameters.identified_dynamics()
     A, B = parameters.identified_of("A"), parameters.identified_of("B")
+    joint, motor_A, motor_B = known.joint, known.motor_A, known.motor_B
     model = plan.Model(
-        A.K_m, A.T_m, B.K_m, B.T_m, known.motor_A.K_t, known.motor_B.K_t, known.joint.J_j, known.joint.B_j
+        A.K_m, A.T_m, B.K_m, B.T_m, motor_A.K_t, motor_B.K_t, joint.J_j, joint.B_j, motor_A.tau_e, motor_B.tau_e
     )
     return Knowledge(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
 

@@ -62,6 +62,21 @@ def test_the_braking_speed_inverts_the_distance(V: float, lag: float, omega: flo
     assert distance >= -1e-12
 
 
+@pytest.mark.parametrize("tau_e", [1e-3, 2e-3, 0.05, 0.22])
+def test_an_axis_behind_the_electrical_lag_turns_as_integrated_by_somebody_else(tau_e: float) -> None:
+    """T θ'' + θ' = K v, τ_e v' + v = u; also where both lags are the same (T = 0.22 s)."""
+    at, x = axis.Lagged(0.3, 2.0, -1.5), np.array([0.3, 2.0, -1.5])
+
+    def rate(_: float, x: np.ndarray, u: float) -> list[float]:
+        return [x[1], (K * x[2] - x[1]) / T, (u - x[2]) / tau_e]
+
+    for u in (8.5, 8.5, -4.0, -8.5, 0.0):
+        at = axis.turned_lagged(K, T, tau_e, at, u)
+        path = solve_ivp(rate, (0.0, T_s), x, args=(u,), rtol=1e-11, atol=1e-12, method="DOP853")
+        x = path.y[:, -1]
+    np.testing.assert_allclose(at, x, rtol=1e-7, atol=1e-8)
+
+
 def standing(q: float, stiffness: float) -> plan.State:
     theta_A, theta_B = decoupler.motor_positions(D, q, stiffness)
     return plan.begin(D, MODEL, q, theta_A, theta_B, 0.0, 0.0)
@@ -163,24 +178,26 @@ def test_a_target_that_moves_in_each_tick_keeps_the_budget(
 
 
 def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
-    """Motors and joint, integrated by another method under the voltages that the plan gives them, end where it is."""
+    """Motors with electrical lag and joint, integrated by another method under the plan's voltages, end where it is."""
     state = standing(-0.6, 9.0)
     first = plan.now(D, state)
-    x = np.array([first.theta_A, 0.0, first.theta_B, 0.0, first.q, 0.0])
+    x = np.array([first.theta_A, 0.0, first.theta_B, 0.0, first.q, 0.0, 0.0, 0.0])
     held = [D.r_m * F / K_t for F, K_t in ((state.F_held_A, MODEL.K_t_A), (state.F_held_B, MODEL.K_t_B))]
 
     def rate(_: float, x: np.ndarray, u_A: float, u_B: float) -> list[float]:
-        theta_A, omega_A, theta_B, omega_B, q, q_dot = x
+        theta_A, omega_A, theta_B, omega_B, q, q_dot, v_A, v_B = x
         elongation = D.r_m * theta_A - D.r_j * q, D.r_m * theta_B + D.r_j * q
         F_A, F_B = (D.k_0 + D.k_1 * e + D.k_2 * e**2 for e in elongation)
         loads = D.r_m * F_A / MODEL.K_t_A - held[0], D.r_m * F_B / MODEL.K_t_B - held[1]
         return [
             omega_A,
-            (MODEL.K_A * (u_A - loads[0]) - omega_A) / MODEL.T_A,
+            (MODEL.K_A * (v_A - loads[0]) - omega_A) / MODEL.T_A,
             omega_B,
-            (MODEL.K_B * (u_B - loads[1]) - omega_B) / MODEL.T_B,
+            (MODEL.K_B * (v_B - loads[1]) - omega_B) / MODEL.T_B,
             q_dot,
             (D.r_j * (F_A - F_B) - MODEL.B_j * q_dot) / MODEL.J_j,
+            (u_A - v_A) / MODEL.tau_e_A,
+            (u_B - v_B) / MODEL.tau_e_B,
         ]
 
     for _ in range(700):
@@ -188,8 +205,8 @@ def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
         path = solve_ivp(rate, (0.0, T_s), x, args=(driven.u_A, driven.u_B), rtol=1e-9, atol=1e-12, method="DOP853")
         x = path.y[:, -1]
     at = plan.now(D, state)
-    np.testing.assert_allclose([x[0], x[2]], [at.theta_A, at.theta_B], atol=0.02)
-    assert x[4] == pytest.approx(at.q, abs=0.002)
+    np.testing.assert_allclose([x[0], x[2]], [at.theta_A, at.theta_B], atol=0.002)
+    assert x[4] == pytest.approx(at.q, abs=2e-4)
 
 
 @given(S)
