@@ -25,7 +25,7 @@ WORDS = {
     "lam_q": "λ_q",
     "lam_S": "λ_S",
     "lam_motor": "λ_motor",
-    "u_plan": "budget of the plan",
+    "u_plan": "voltage limit of time-optimal motion",
     "k_ext": "share of the outside force that is rejected",
     "tension_N": "tension",
     "duration_s": "time",

@@ -73,8 +73,10 @@ def ordered(
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
+    from backend.documents.run_settings import with_motion
     from backend.experiments.plans.loop_settings import split_values
 
+    values = with_motion(values)
     chosen, loop = split_values(settings, make, {**standing.parts, **values})
     parts = [f"{text} ({'set' if name in values else standing.origin})" for name, text in loop.parts_in_words().items()]
     return chosen, loop, f"tuning: {', '.join(parts)}"

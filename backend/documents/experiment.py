@@ -154,7 +154,10 @@ class Load:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Tuning:
-    """Change parts of the tuning, its bank or the plan's budget, from the next motion on; what is not named stays."""
+    """Change parts of the tuning, its bank or the motion, from the next part on; what is not named stays.
+
+    ``u_plan`` without ``motion`` chooses ``time-optimal``, 0 chooses ``lambda``.
+    """
 
     do: Literal["tuning"]
     lam_q: Number | None = None
@@ -163,6 +166,7 @@ class Tuning:
     b: Number | None = None
     bank: Number | None = None
     interpolate: bool | None = None
+    motion: Literal["lambda", "time-optimal"] | None = None
     u_plan: Number | None = None
     k_ext: Number | None = None
 

@@ -14,6 +14,9 @@ VERSION = 1
 
 Value = bool | int | float | str
 
+LAMBDA, TIME_OPTIMAL = MOTIONS = ("lambda", "time-optimal")
+"""The two ways to follow a reference: by the paper's law, or by a trajectory with feed-forward."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeptLoop:
@@ -28,9 +31,15 @@ class KeptLoop:
     b: float | None = field(default=None, metadata=ABSENT)
     bank: int | None = field(default=None, metadata=ABSENT)
     interpolate: bool | None = field(default=None, metadata=ABSENT)
+    motion: str | None = field(default=None, metadata=ABSENT)
     u_plan: float | None = field(default=None, metadata=ABSENT)
     k_ext: float | None = field(default=None, metadata=ABSENT)
     seed: int | None = field(default=None, metadata=ABSENT)
+
+    @property
+    def budget(self) -> float:
+        """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
+        return (self.u_plan or 0.0) if self.motion == TIME_OPTIMAL else 0.0
 
     def known(self) -> dict[str, Value]:
         """Return by name what was kept."""
@@ -94,11 +103,39 @@ class RunSettings:
         return {**(self.plan or {}), **self.loop.known()}
 
 
-def loop_apart(document: Any) -> Any:
-    """Return settings with the tuning in a part of its own: early sessions had it beside the mode."""
-    if not isinstance(document, Mapping) or "mode" not in document or "loop" in document:
+def with_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parts of a tuning, with the motion that a voltage limit implies where they name none.
+
+    A limit alone chooses ``time-optimal``; a limit of 0 V chooses ``lambda``, as what was written before ``motion``
+    existed means.
+    """
+    if parts.get("motion") is not None or parts.get("u_plan") is None:
+        return dict(parts)
+    try:
+        is_lambda = float(parts["u_plan"]) == 0.0
+    except (TypeError, ValueError):
+        return dict(parts)  # who reads the value refuses it
+    if is_lambda:
+        return {**{name: value for name, value in parts.items() if name != "u_plan"}, "motion": LAMBDA}
+    return {**parts, "motion": TIME_OPTIMAL}
+
+
+def motion_named(document: Any) -> Any:
+    """Return a stored tuning that names its motion: before there were two, a limit of 0 V, or none, was ``lambda``."""
+    if not isinstance(document, Mapping) or "motion" in document:
         return document
-    return {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
+    return with_motion({**document, "u_plan": document.get("u_plan") or 0.0})
 
 
-SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, loop_apart)
+def current_form(document: Any) -> Any:
+    """Return settings in today's form: early sessions had the tuning beside the mode, and no motion was named."""
+    if not isinstance(document, Mapping):
+        return document
+    if "mode" in document and "loop" not in document:
+        document = {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
+    if not document.get("loop"):
+        return document
+    return {**document, "loop": motion_named(document["loop"])}
+
+
+SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, current_form)

@@ -1,10 +1,13 @@
 """λ of the three loops, what they would do, and where their ranges end."""
 
 from datetime import datetime
+from typing import Literal
 
 from pydantic import Field
 
 from backend.messages.base import ANY_SIZE, Schema, quantity
+
+Motion = Literal["lambda", "time-optimal"]
 
 
 class BankReference(Schema):
@@ -23,7 +26,8 @@ class TuningParts(Schema):
     lam_motor: float = quantity("s", "tuning parameter of the motor loops")
     b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
     interpolate: bool = Field(description="gain scheduling between entries instead of switching")
-    u_plan: float = quantity("V", "budget of the plan that references are followed by; 0: the paper's governor")
+    motion: Motion = Field(description="how references are followed: by the paper's law, or by a trajectory")
+    u_plan: float = quantity("V", "voltage limit of time-optimal motion")
     k_ext: float = quantity("1", "share of the estimated outside force that is fed forward against it; 0: none")
 
 
@@ -42,9 +46,8 @@ class TuningView(ChosenTuning):
     lam_S_max: float = quantity("s", "largest λ_S offered")
     lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor offered")
-    u_plan_min: float = quantity("V", "smallest budget of a plan offered beside 0, which is the paper's governor")
-    u_plan_max: float = quantity("V", "largest budget of a plan offered: what is left is for load, friction, feedback")
-    u_plan_usual: float = quantity("V", "budget that is proposed where there was no plan")
+    u_plan_min: float = quantity("V", "smallest voltage limit of time-optimal motion that is offered")
+    u_plan_max: float = quantity("V", "largest voltage limit offered: the rest is for load, friction and feedback")
     entry: float = Field(description="active entry of the bank, fractional while interpolating")
     entry_name: str = Field(description="what that entry is called, by its tension; empty without a bank")
 
@@ -57,7 +60,13 @@ class TuningRequest(Schema):
     lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
     b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
     interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
-    u_plan: float | None = quantity("V", "budget of the plan, 0 for the paper's governor", default=None, **ANY_SIZE)
+    motion: Motion | None = Field(default=None, description="how references are followed")
+    u_plan: float | None = quantity(
+        "V",
+        "voltage limit of time-optimal motion; without a motion it also chooses that motion, and 0 chooses lambda",
+        default=None,
+        **ANY_SIZE,
+    )
     k_ext: float | None = quantity("1", "share of the outside force fed forward, 0: none", default=None, **ANY_SIZE)
 
 

@@ -9,6 +9,7 @@ from functools import partial
 from backend.access.people import Person
 from backend.archive.own_experiments import OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
+from backend.documents.run_settings import with_motion
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.forecasts.forecast import expected, forecast
 from backend.experiments.forecasts.way import start_from
@@ -289,7 +290,7 @@ class OrderedRuns:
     def _order(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
         """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
         entry = self._experiments.entry(request.name)
-        values = {**asdict(self._loop_settings()), **request.settings}
+        values = {**asdict(self._loop_settings()), **with_motion(request.settings)}
         return entry.name, *split_values(entry.settings, entry.make, values)
 
     def _loop_settings(self) -> LoopSettings:

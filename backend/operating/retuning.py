@@ -17,6 +17,7 @@ from backend.loop.tunings import NOT_LEARNED
 from backend.messages.live import MarkKind
 from backend.messages.state import State
 from backend.messages.tuning import (
+    Motion,
     MotorPreview,
     RobustTuning,
     TrialRequest,
@@ -147,10 +148,12 @@ class Retuning:
             await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
         self._changed()
 
-    async def preview(self, lam_q: float, lam_S: float, u_plan: float | None, k_ext: float | None) -> TuningPreview:
-        """Predict what λ, a budget of the plan [V] and a share of pushes would do at the active entry; None: as now."""
+    async def preview(
+        self, lam_q: float, lam_S: float, motion: Motion | None, u_plan: float | None, k_ext: float | None
+    ) -> TuningPreview:
+        """Predict what λ, a motion, its limit [V] and a share of pushes would do at the active entry; None: as now."""
         preview, entry = self._present.tuning.preview, round(self._present.entry)
-        return await asyncio.to_thread(preview, lam_q, lam_S, entry, u_plan, k_ext)
+        return await asyncio.to_thread(preview, lam_q, lam_S, entry, motion, u_plan, k_ext)
 
     async def motor(self, lam_motor: float) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""

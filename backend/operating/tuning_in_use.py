@@ -12,6 +12,7 @@ from backend.messages.tuning import (
     BankReference,
     ChosenTuning,
     LoopPreview,
+    Motion,
     MotorPreview,
     PrintedFormula,
     PushedPreview,
@@ -30,7 +31,7 @@ from backend.tuning import preview
 from backend.tuning.formulas import TuningError
 from backend.tuning.gains import cascade_tuning, require_share
 from backend.tuning.models import LAM_MAX, Lambdas
-from backend.tuning.plan_budget import require_budget, usual_budget
+from backend.tuning.plan_budget import require_budget
 from backend.tuning.preview import Previewer
 from backend.tuning.push_forecast import NEAR_RAD, PUSH_N, push_forecast
 from backend.tuning.robustness import Robustness
@@ -64,7 +65,7 @@ class TuningInUse(Chosen):
     def changed(self, request: TuningRequest) -> "TuningInUse":
         """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
         wanted = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
-        return self.with_choice(replace(self.choice, **wanted), self.bank)
+        return self.with_choice(self.choice.with_parts(wanted), self.bank)
 
     def with_choice(self, choice: TuningChoice, bank: Bank | None) -> "TuningInUse":
         """Return another tuning of the same plant, ``bank`` being what the choice names.
@@ -104,21 +105,27 @@ class TuningInUse(Chosen):
             lam_motor_max=lam_motor_max,
             u_plan_min=u_plan_min,
             u_plan_max=u_plan_max,
-            u_plan_usual=usual_budget(self.parameters),
             bank=_reference(self.bank),
             entry=entry,
             entry_name="" if self.bank is None else entry_in_use(self.bank.entries, entry),
         )
 
     def preview(
-        self, lam_q: float, lam_S: float, entry: int, u_plan: float | None = None, k_ext: float | None = None
+        self,
+        lam_q: float,
+        lam_S: float,
+        entry: int,
+        motion: Motion | None = None,
+        u_plan: float | None = None,
+        k_ext: float | None = None,
     ) -> TuningPreview:
         """Predict what both outer loops would do at these λ, a step within a budget [V], and a push; None: as now.
 
         Raises OutOfRangeError for a budget or a share of the push that is not offered.
         """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
-        budget = self.choice.u_plan if u_plan is None else u_plan
+        wanted = {name: value for name, value in (("motion", motion), ("u_plan", u_plan)) if value is not None}
+        budget = self.choice.with_parts(wanted).budget
         share = self.choice.k_ext if k_ext is None else k_ext
         require_budget(self.parameters, budget)
         require_share(share)
@@ -213,7 +220,7 @@ def _checked(
         previewer = before.previewer
     else:
         previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
-    previewer.require_safe(choice.lambdas, choice.u_plan)
+    previewer.require_safe(choice.lambdas, choice.budget)
     require_share(choice.k_ext)
     return TuningInUse(choice, bank, parameters, previewer)
 

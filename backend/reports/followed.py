@@ -45,7 +45,7 @@ class PapersLaw:
 def papers_law(source: Source) -> PapersLaw | None:
     """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
     settings = source.run.set_to
-    if not settings.loop.u_plan or settings.law != Law.CASCADE:
+    if settings.loop.budget == 0.0 or settings.law != Law.CASCADE:
         return None
     columns = source.columns
     t, known = columns["t"], settings.loop.known()

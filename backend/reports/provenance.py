@@ -12,7 +12,7 @@ from backend.reports.document import Column, Fact, Paragraph, Section, Table, ex
 from backend.reports.source import Source
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
-from backend.storage.runs import EndState, RunKind
+from backend.storage.runs import EndState
 from plant.choice import SIMULATED
 
 END_STATES = {
@@ -64,10 +64,10 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
     if bank is not None and len(bank.entries) > 1 and law == Law.CASCADE:
         controller += ", interpolating between entries" if loop.interpolate else ", switching between entries"
     if law == Law.CASCADE:
-        if loop.u_plan:
-            controller += f"; references followed by a plan of {exact(loop.u_plan)} V"
-        elif source.run.kind == RunKind.TRACKING:
-            controller += "; references slowed down by the governor, as in the paper"
+        if loop.budget:
+            controller += f"; motion time-optimal within U_plan = {exact(loop.budget)} V"
+        else:
+            controller += "; motion lambda: the paper's law with the governor"
         if loop.k_ext:
             controller += f"; pushes rejected by feed-forward, k_ext = {exact(loop.k_ext)}"
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]

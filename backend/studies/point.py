@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from backend import __version__
-from backend.documents.run_settings import Value
+from backend.documents.run_settings import Value, with_motion
 from backend.experiments.banks.bank_building import points_of
 from backend.experiments.composing import text
 from backend.experiments.plans.catalogue import Entry, entry_of
@@ -113,7 +113,7 @@ def without_run(point: Point, state: str, detail: str) -> PointResult:
 def planned(base: Base, point: Point) -> tuple[PlantParameters, ComposedPlan, LoopSettings]:
     """Return what a point is a run of. Raises SettingError, OutOfRangeError, ExperimentError, ParameterError."""
     entry = _entry(base.experiment, base.run_kind)
-    plan, loop = split_values(entry.settings, entry.make, {**base.settings, **point.settings})
+    plan, loop = split_values(entry.settings, entry.make, {**with_motion(base.settings), **with_motion(point.settings)})
     assert isinstance(plan, ComposedPlan)
     return plant_with(base.parameters_name, base.parameters, point.plant), plan, loop
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pydantic import TypeAdapter
 
 from backend.documents.edge import Edge
-from backend.documents.run_settings import Value
+from backend.documents.run_settings import Value, with_motion
 from backend.documents.study import FORMAT, STUDY, Study
 from backend.experiments.composing import text
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
@@ -55,7 +55,7 @@ def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
         entry.run_kind,
         around.parameters.name,
         around.parameters.document(),
-        {**around.tuning, **study.settings},
+        {**around.tuning, **with_motion(study.settings)},
     )
     design = designed(study, lines, base, entry.settings)
     base = replace(base, banks=_banks(design, around.bank_of, lines))

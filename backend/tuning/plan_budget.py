@@ -1,4 +1,4 @@
-"""How much voltage a plan may count on: what is left belongs to load, friction and feedback."""
+"""Voltage limit of time-optimal motion: the rest of the voltage is for load, friction and feedback."""
 
 from backend.refusal import require_within
 from plant.parameters import PlantParameters
@@ -8,18 +8,18 @@ LEAST, MOST, USUAL = 0.2, 0.9, 0.85
 
 
 def plan_range(parameters: PlantParameters) -> tuple[float, float]:
-    """Smallest and largest budget [V] that are offered beside 0, the paper's governor."""
+    """Return the smallest and largest voltage limit [V] that are offered."""
     u_max = parameters.motor.u_max
     return round(LEAST * u_max, 3), round(MOST * u_max, 3)
 
 
 def usual_budget(parameters: PlantParameters) -> float:
-    """Budget [V] that is proposed."""
+    """Return the voltage limit [V] that is proposed."""
     return round(USUAL * parameters.motor.u_max, 3)
 
 
 def require_budget(parameters: PlantParameters, u_plan: float) -> None:
-    """Raise OutOfRangeError unless ``u_plan`` [V] is offered."""
+    """Raise OutOfRangeError unless ``u_plan`` [V] is offered; 0 V is ``lambda`` motion, which has no limit."""
     if u_plan != 0.0:
-        remedy = "choose 0 for the paper's governor; the rest of the voltage is for load, friction and feedback"
+        remedy = "the rest of the voltage is for load, friction and feedback"
         require_within("u_plan", u_plan, *plan_range(parameters), "V", remedy)

@@ -9,6 +9,7 @@ from backend.api.service import InControl, ServiceInUse
 from backend.messages.base import Finite
 from backend.messages.state import State
 from backend.messages.tuning import (
+    Motion,
     MotorPreview,
     RobustTuning,
     SavedTuning,
@@ -88,11 +89,14 @@ async def preview_tuning(
     _person: SignedIn,
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
-    u_plan: Annotated[Finite | None, Query(description="budget of the plan [V], 0: none; default: in force")] = None,
+    motion: Annotated[Motion | None, Query(description="how references are followed; default: active")] = None,
+    u_plan: Annotated[
+        Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: active")
+    ] = None,
     k_ext: Annotated[Finite | None, Query(description="share of a push fed forward [1]; default: in force")] = None,
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
-    return await service.actuator.retuning.preview(lam_q, lam_S, u_plan, k_ext)
+    return await service.actuator.retuning.preview(lam_q, lam_S, motion, u_plan, k_ext)
 
 
 @router.get("/motor")

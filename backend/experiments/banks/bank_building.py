@@ -80,7 +80,7 @@ def points_of(bank: HasEntries | None) -> tuple[PointModel, ...]:
 def tuning_command(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None) -> SetTuning:
     """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
     return tuning_for(
-        parameters, choice.lambdas, points_of(bank), None, choice.interpolate, choice.u_plan, choice.k_ext
+        parameters, choice.lambdas, points_of(bank), None, choice.interpolate, choice.budget, choice.k_ext
     )
 
 

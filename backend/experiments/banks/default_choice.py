@@ -1,7 +1,6 @@
 """The tuning where nobody has chosen one: the method's defaults, each λ moved into what the plant's numbers leave.
 
-References are followed by a plan of the usual budget. What is stored without a budget had none: ``TuningChoice`` reads
-it as 0, the governor of the paper.
+The motion is ``lambda``, the paper's law; the voltage limit of ``time-optimal`` is the usual share of the plant's.
 """
 
 from collections.abc import Sequence
@@ -52,7 +51,7 @@ def default_choice(
         lam_motor=lam_motor,
         u_plan=usual_budget(parameters),
     )
-    moved = replace(choice, u_plan=method.u_plan).differences(method)
+    moved = replace(choice, u_plan=method.u_plan).differences(method)  # a limit has no effect in ``lambda``
     said = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
     return DefaultChoice(choice, said if moved else "", known)
 

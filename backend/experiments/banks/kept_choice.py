@@ -12,7 +12,7 @@ from backend.storage.settings import StoredSetting
 from plant.parameters import PlantParameters
 
 NAME = "tuning in force"
-_LATER = ("u_plan", "k_ext")
+_LATER = ("motion", "u_plan", "k_ext")
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class KeptChoice:
     """What was in force, who left it so, and whether that was with the same numbers of the plant.
 
     ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults. One
-    without ``u_plan`` or ``k_ext`` lacks nothing: there was the governor only, and pushes were the position loop's.
+    without ``motion``, ``u_plan`` or ``k_ext`` lacks nothing: there was the paper's law only, and pushes were the
+    position loop's.
     """
 
     choice: TuningChoice

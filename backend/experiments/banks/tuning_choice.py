@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-from backend.documents.run_settings import Value
-from backend.experiments.settings import boolean, describe, from_values, integer, number
+from backend.documents.run_settings import LAMBDA, MOTIONS, TIME_OPTIMAL, Value, with_motion
+from backend.experiments.settings import boolean, choice, describe, from_values, integer, number
 from backend.tuning.models import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
 from backend.tuning.motor_loop import LAM_MOTOR_MAX, LAM_MOTOR_MIN
 
@@ -32,8 +32,15 @@ class TuningChoice:
     b: float = number(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
     bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
     interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
+    motion: str = choice(
+        LAMBDA,
+        MOTIONS,
+        "motion",
+        "how references are followed: lambda, by the paper's law, so that λ sets the speed; time-optimal, by a "
+        "trajectory with feed-forward within U_plan, so that λ sets robustness and the reaction to disturbances only",
+    )
     u_plan: float = number(
-        0.0, 0.0, 10.0, "V", "U_plan", "budget of the plan that references are followed by, 0 for the paper's governor"
+        8.5, 0.02, 9.0, "V", "U_plan", "voltage limit of time-optimal motion: 20 % to 90 % of the motors' limit"
     )
     k_ext: float = number(
         0.0, 0.0, 1.0, "1", "k_ext", "share of the estimated outside force that is fed forward against it, 0 for none"
@@ -44,14 +51,21 @@ class TuningChoice:
         """Return the choice that a stored document or another choice's values hold; what else it holds is left out.
 
         What it lacks is at its default, as it was when nothing said otherwise: documents from before b was kept, and
-        an empty ``bank``. Raises SettingError, OutOfRangeError.
+        an empty ``bank``. A voltage limit without a motion means what ``with_motion`` says.
+        Raises SettingError, OutOfRangeError.
         """
         known = {setting.name for setting in describe(cls)}
-        return from_values(cls, {name: value for name, value in values.items() if name in known and value is not None})
+        given = {name: value for name, value in values.items() if name in known and value is not None}
+        return from_values(cls, with_motion(given))
 
     def with_parts(self, parts: Mapping[str, Any]) -> "TuningChoice":
         """Return the tuning with other values of some of its parts."""
-        return TuningChoice(**{**self.document(), **parts})
+        return TuningChoice(**{**self.document(), **with_motion(parts)})
+
+    @property
+    def budget(self) -> float:
+        """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
+        return self.u_plan if self.motion == TIME_OPTIMAL else 0.0
 
     @property
     def lambdas(self) -> Lambdas:
@@ -73,8 +87,9 @@ class TuningChoice:
             + ("" if setting.unit == "1" else f" {setting.unit}")
             for setting in DECLARED
         }
-        if self.u_plan == 0.0:
-            words["u_plan"] = "references slowed down by the governor"
+        words["motion"] = f"{self.motion} motion"
+        if self.motion == LAMBDA:
+            del words["u_plan"]  # without an effect
         if self.k_ext == 0.0:
             del words["k_ext"]  # pushes are left to the position loop, as nothing else is said
         words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
@@ -101,4 +116,6 @@ def part_in_words(name: str, value: Value) -> str:
         return "geometry" if value == 0 else str(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
     return f"{value:.12g}"

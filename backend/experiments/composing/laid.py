@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from backend.documents.result import Phase
+from backend.documents.run_settings import Value
 from backend.loop.program import Segment, Touch
 from backend.refusal import Path
 from plant.obstacle import Obstacle
@@ -21,7 +22,7 @@ class Laid:
     segments: tuple[Segment, ...]
     places: tuple[Path, ...]
     phases: tuple[Phase, ...]
-    changes: tuple[Mapping[str, float | bool], ...]
+    changes: tuple[Mapping[str, Value], ...]
     change_places: tuple[Path, ...]
     walls: tuple[Obstacle | None, ...] = ()
     wall_places: tuple[Path, ...] = ()

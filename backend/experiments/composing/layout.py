@@ -8,6 +8,7 @@ from typing import Any
 
 from backend.documents import experiment as form
 from backend.documents.result import Phase
+from backend.documents.run_settings import Value, with_motion
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, Names
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
@@ -44,7 +45,7 @@ class _Layout(Numbers):
         self._experiment = experiment
         self._segments: list[Segment] = []
         self._places: list[Path] = []
-        self._changes: list[Mapping[str, float | bool]] = []
+        self._changes: list[Mapping[str, Value]] = []
         self._change_places: list[Path] = []
         self._unused_change = False
         self._F = 0.0
@@ -185,15 +186,18 @@ class _Layout(Numbers):
     def _tuning(self, part: form.Tuning) -> None:
         if len(self._changes) == MAX_TUNINGS:
             raise self._refused(f"{MAX_TUNINGS} changes of the tuning are the most: split the experiment", self._path)
-        change: dict[str, float | bool] = dict(self._changes[-1]) if self._changes else {}
+        named: dict[str, Value] = {}
         for name, setting in _TUNED.items():
             wanted = getattr(part, name)
-            if isinstance(wanted, bool):
-                change[name] = wanted
+            if isinstance(wanted, bool) or setting.kind == "choice":
+                named |= {} if wanted is None else {name: wanted}
             elif wanted is not None and setting.minimum is not None and setting.maximum is not None:
-                number = self._number(name, wanted, setting.minimum, setting.maximum, setting.unit)
-                change[name] = int(number) if setting.kind == "integer" else number
-        self._changes.append(change)
+                # A limit of 0 V is how texts from before ``motion`` existed choose the paper's law.
+                minimum = 0.0 if name == "u_plan" and part.motion is None else setting.minimum
+                number = self._number(name, wanted, minimum, setting.maximum, setting.unit)
+                named[name] = int(number) if setting.kind == "integer" else number
+        before = self._changes[-1] if self._changes else {}
+        self._changes.append({**before, **with_motion(named)})
         self._change_places.append(self._path)
         self._unused_change = True
 

@@ -14,6 +14,7 @@ NAMES = (
     "step_battery",
     "stiffness_sweep",
     "lambda_sweep",
+    "motion_comparison",
     "bank_comparison",
     "disturbance_battery",
     "frequency_response",

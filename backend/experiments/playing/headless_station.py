@@ -58,7 +58,7 @@ def headless_loop(
     Raises PlantError for a ``plant`` that moves by itself, OutOfRangeError for λ that is not safe.
     """
     previewer = Previewer(parameters, points_of(bank), lam_motor=settings.lam_motor, b=settings.b)
-    previewer.require_safe(settings.lambdas, settings.u_plan)
+    previewer.require_safe(settings.lambdas, settings.budget)
     made = make_plant(plant, parameters, settings.seed)
     if not made.stepped:
         raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")

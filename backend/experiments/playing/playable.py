@@ -71,7 +71,7 @@ def _command(
     try:
         bank = bank_of(choice.bank) if choice.bank else None
         previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
-        previewer.require_safe(choice.lambdas, choice.u_plan)
+        previewer.require_safe(choice.lambdas, choice.budget)
         return tuning_command(parameters, choice, bank)
     except RefusedValueError as error:
         raise ExperimentError(error, path, line) from None

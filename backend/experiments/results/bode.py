@@ -209,7 +209,7 @@ def _lines(columns: Columns, excited: Excited, in_force: InForce) -> Lines:
             _, _, before = _spectra(columns, excited.signal, slice(last.start - period, last.start))
             with np.errstate(divide="ignore", invalid="ignore"):
                 unlike = np.abs(Y - before)[kept] / np.abs(Y[kept])
-    acted = _limits(columns, last, in_force.choice_at(window.start).u_plan > 0.0)
+    acted = _limits(columns, last, in_force.choice_at(window.start).budget > 0.0)
     reasons = tuple(
         acted or (f"it differs by {100.0 * part:.0f} % from one period to the next" if part > UNLIKE else "")
         for part in unlike

@@ -80,7 +80,7 @@ class InForce:
             raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
         try:
             return cascade_tuning(
-                self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.u_plan, choice.k_ext
+                self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.budget, choice.k_ext
             )
         except TuningError as error:
             raise NotPredictedError(str(error)) from None

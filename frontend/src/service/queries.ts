@@ -25,10 +25,17 @@ export const healthQuery = queryOptions({
 });
 
 /** `tuning` is the rest of the tuning in force, as `tuningKey` says it: another one has another preview. */
-export function previewQuery(lam_q: number, lam_S: number, u_plan: number, k_ext: number, tuning: string) {
-  const query = { lam_q, lam_S, u_plan, k_ext };
+export function previewQuery(
+  lam_q: number,
+  lam_S: number,
+  motion: Tuning["motion"],
+  u_plan: number,
+  k_ext: number,
+  tuning: string,
+) {
+  const query = { lam_q, lam_S, motion, u_plan, k_ext };
   return queryOptions({
-    queryKey: ["tuning", "preview", lam_q, lam_S, u_plan, k_ext, tuning],
+    queryKey: ["tuning", "preview", lam_q, lam_S, motion, u_plan, k_ext, tuning],
     queryFn: () => answered(api.GET("/api/tuning/preview", { params: { query } })),
     placeholderData: (before) => before,
     staleTime: 60_000,
@@ -108,8 +115,10 @@ export function predictionQuery(body: IdentificationRequest | null, from: string
 /** The tuning in force as a word: gains, M_s and previews are asked for again when any part of it changes. */
 export function tuningKey(tuning: Tuning | undefined): string {
   if (tuning === undefined) return "";
-  const { lam_q, lam_S, lam_motor, b, interpolate, u_plan, k_ext, bank, entry } = tuning;
-  return [lam_q, lam_S, lam_motor, b, interpolate, u_plan, k_ext, bank?.id, Math.round(entry)].join(" ");
+  const { lam_q, lam_S, lam_motor, b, interpolate, motion, u_plan, k_ext, bank, entry } = tuning;
+  return [lam_q, lam_S, lam_motor, b, interpolate, motion, u_plan, k_ext, bank?.id, Math.round(entry)].join(
+    " ",
+  );
 }
 
 /** What identifying one point again would change about the models in use. */

@@ -16,7 +16,7 @@ export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks
     settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
     bankInWords(settings.bank, banks),
     settings.interpolate === true ? "interpolating between entries" : "",
-    planInWords(settings.u_plan),
+    motionInWords(settings.motion, settings.u_plan),
     rejectionInWords(settings.k_ext),
   ];
   return parts.filter((part) => part !== "").join(", ");
@@ -29,9 +29,11 @@ export function bankInWords(id: unknown, banks: readonly Bank[]): string {
   return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
 }
 
-/** What the references are followed by; nothing for the governor of the paper, and for runs from before there was a plan. */
-export function planInWords(u_plan: unknown): string {
-  return typeof u_plan === "number" && u_plan > 0 ? `plan of ${short(u_plan)} V` : "";
+/** How references are followed, with the voltage limit that only time-optimal motion has. */
+export function motionInWords(motion: unknown, u_plan: unknown): string {
+  if (motion === "lambda") return "lambda motion";
+  if (motion !== "time-optimal") return "";
+  return typeof u_plan === "number" ? `time-optimal motion within ${short(u_plan)} V` : "time-optimal motion";
 }
 
 /** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */

@@ -2947,8 +2947,14 @@ export interface components {
              */
             interpolate: boolean;
             /**
+             * Motion
+             * @description how references are followed: by the paper's law, or by a trajectory
+             * @enum {string}
+             */
+            motion: "lambda" | "time-optimal";
+            /**
              * U Plan
-             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             * @description voltage limit of time-optimal motion [V]
              */
             u_plan: number;
             /**
@@ -5701,8 +5707,14 @@ export interface components {
              */
             interpolate: boolean;
             /**
+             * Motion
+             * @description how references are followed: by the paper's law, or by a trajectory
+             * @enum {string}
+             */
+            motion: "lambda" | "time-optimal";
+            /**
              * U Plan
-             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             * @description voltage limit of time-optimal motion [V]
              */
             u_plan: number;
             /**
@@ -6811,8 +6823,13 @@ export interface components {
              */
             interpolate?: boolean | null;
             /**
+             * Motion
+             * @description how references are followed
+             */
+            motion?: ("lambda" | "time-optimal") | null;
+            /**
              * U Plan
-             * @description budget of the plan, 0 for the paper's governor [V]
+             * @description voltage limit of time-optimal motion; without a motion it also chooses that motion, and 0 chooses lambda [V]
              */
             u_plan?: number | null;
             /**
@@ -6857,8 +6874,14 @@ export interface components {
              */
             interpolate: boolean;
             /**
+             * Motion
+             * @description how references are followed: by the paper's law, or by a trajectory
+             * @enum {string}
+             */
+            motion: "lambda" | "time-optimal";
+            /**
              * U Plan
-             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             * @description voltage limit of time-optimal motion [V]
              */
             u_plan: number;
             /**
@@ -6933,8 +6956,13 @@ export interface components {
              */
             interpolate?: boolean | null;
             /**
+             * Motion
+             * @description how references are followed
+             */
+            motion?: ("lambda" | "time-optimal") | null;
+            /**
              * U Plan
-             * @description budget of the plan, 0 for the paper's governor [V]
+             * @description voltage limit of time-optimal motion; without a motion it also chooses that motion, and 0 chooses lambda [V]
              */
             u_plan?: number | null;
             /**
@@ -6974,8 +7002,14 @@ export interface components {
              */
             interpolate: boolean;
             /**
+             * Motion
+             * @description how references are followed: by the paper's law, or by a trajectory
+             * @enum {string}
+             */
+            motion: "lambda" | "time-optimal";
+            /**
              * U Plan
-             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             * @description voltage limit of time-optimal motion [V]
              */
             u_plan: number;
             /**
@@ -7017,19 +7051,14 @@ export interface components {
             lam_motor_max: number;
             /**
              * U Plan Min
-             * @description smallest budget of a plan offered beside 0, which is the paper's governor [V]
+             * @description smallest voltage limit of time-optimal motion that is offered [V]
              */
             u_plan_min: number;
             /**
              * U Plan Max
-             * @description largest budget of a plan offered: what is left is for load, friction, feedback [V]
+             * @description largest voltage limit offered: the rest is for load, friction and feedback [V]
              */
             u_plan_max: number;
-            /**
-             * U Plan Usual
-             * @description budget that is proposed where there was no plan [V]
-             */
-            u_plan_usual: number;
             /**
              * Entry
              * @description active entry of the bank, fractional while interpolating
@@ -12030,7 +12059,9 @@ export interface operations {
                 lam_q: number;
                 /** @description λ of the stiffness loop [s] */
                 lam_S: number;
-                /** @description budget of the plan [V], 0: none; default: in force */
+                /** @description how references are followed; default: active */
+                motion?: ("lambda" | "time-optimal") | null;
+                /** @description voltage limit of time-optimal motion [V]; default: active */
                 u_plan?: number | null;
                 /** @description share of a push fed forward [1]; default: in force */
                 k_ext?: number | null;

@@ -65,7 +65,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "q_ref_gov",
     "term": "q_ref,gov",
-    "meaning": "joint position reference after the governor, or of the plan",
+    "meaning": "joint position reference after the governor, or of the trajectory",
     "unit": "rad",
     "source": "docs/notation.md"
   },
@@ -98,7 +98,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "S_ref_gov",
     "term": "S_ref,gov",
-    "meaning": "joint stiffness reference after the governor, or of the plan",
+    "meaning": "joint stiffness reference after the governor, or of the trajectory",
     "unit": "N·m/rad",
     "source": "docs/notation.md"
   },
@@ -611,18 +611,18 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "lam_q",
     "term": "λ_q",
-    "meaning": "tuning parameter of the position loop",
+    "meaning": "tuning parameter of the position loop; in lambda motion it sets the speed of a step",
     "unit": "s",
-    "equation": "q/q_ref = 1/(λ_q s + 1)²",
+    "equation": "q/q_ref = 1/(λ_q s + 1)² in lambda motion",
     "source": "paper, table 2"
   },
   "quantity:lam_S": {
     "kind": "quantity",
     "name": "lam_S",
     "term": "λ_S",
-    "meaning": "tuning parameter of the stiffness loop",
+    "meaning": "tuning parameter of the stiffness loop; in lambda motion it sets the speed of a step",
     "unit": "s",
-    "equation": "S/S_ref = 1/(λ_S s + 1)²",
+    "equation": "S/S_ref = 1/(λ_S s + 1)² in lambda motion",
     "source": "paper, table 2"
   },
   "quantity:lam_motor": {
@@ -687,11 +687,18 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "equation": "k_r = b k_p",
     "source": "paper, table 2"
   },
+  "quantity:motion": {
+    "kind": "quantity",
+    "name": "motion",
+    "term": "motion",
+    "meaning": "how references are followed: `lambda`, by the paper's law with the governor; `time-optimal`, by a trajectory with feed-forward",
+    "source": "docs/decisions, decision 0052"
+  },
   "quantity:u_plan": {
     "kind": "quantity",
     "name": "u_plan",
     "term": "U_plan",
-    "meaning": "budget of the plan that references are followed by, 0 for the paper's governor",
+    "meaning": "voltage limit of time-optimal motion; without an effect in lambda motion",
     "unit": "V",
     "source": "docs/decisions, decision 0046"
   },
@@ -749,9 +756,9 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "rise_s",
     "term": "t_90",
-    "meaning": "time from a step of the reference to 90 % of it, as predicted",
+    "meaning": "time from a step of the reference to 90 % of it, as predicted for the active motion",
     "unit": "s",
-    "equation": "3.89 λ where y/r = 1/(λ s + 1)²",
+    "equation": "3.89 λ where y/r = 1/(λ s + 1)², small steps in lambda motion",
     "source": "docs/tuning.md"
   },
   "quantity:u_peak_V": {
@@ -977,11 +984,17 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "interpolate",
     "meaning": "gain scheduling instead of switching"
   },
+  "setting:tuning.motion": {
+    "kind": "setting",
+    "name": "tuning.motion",
+    "term": "motion",
+    "meaning": "how references are followed"
+  },
   "setting:tuning.u_plan": {
     "kind": "setting",
     "name": "tuning.u_plan",
-    "term": "budget of the plan",
-    "meaning": "budget of the plan, 0 for the paper's governor",
+    "term": "voltage limit of time-optimal motion",
+    "meaning": "voltage limit of time-optimal motion; without a motion it also chooses that motion, and 0 chooses lambda",
     "unit": "V"
   },
   "setting:tuning.k_ext": {

@@ -29,7 +29,7 @@ export const FIELDS = [
     "name": "q_ref_gov",
     "symbol": "q_ref,gov",
     "unit": "rad",
-    "meaning": "joint position reference after the governor, or of the plan"
+    "meaning": "joint position reference after the governor, or of the trajectory"
   },
   {
     "name": "q_dot",
@@ -53,7 +53,7 @@ export const FIELDS = [
     "name": "S_ref_gov",
     "symbol": "S_ref,gov",
     "unit": "N·m/rad",
-    "meaning": "joint stiffness reference after the governor, or of the plan"
+    "meaning": "joint stiffness reference after the governor, or of the trajectory"
   },
   {
     "name": "S_true",
@@ -225,7 +225,7 @@ export const COMBINED = [
   {
     "name": "q - q_ref_gov",
     "unit": "rad",
-    "meaning": "error of the joint position against the governed reference, or the plan",
+    "meaning": "error of the joint position against the governed reference, or the trajectory",
     "terms": [
       {
         "column": "q",
@@ -259,7 +259,7 @@ export const COMBINED = [
   {
     "name": "S - S_ref_gov",
     "unit": "N·m/rad",
-    "meaning": "error of the joint stiffness against the governed reference, or the plan",
+    "meaning": "error of the joint stiffness against the governed reference, or the trajectory",
     "terms": [
       {
         "column": "S",

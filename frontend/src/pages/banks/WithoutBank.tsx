@@ -46,8 +46,8 @@ export function WithoutBank() {
 }
 
 function FromGeometry({ tuning }: { tuning: Tuning }) {
-  const { lam_q, lam_S, u_plan, k_ext } = tuning;
-  const preview = useQuery(previewQuery(lam_q, lam_S, u_plan, k_ext, tuningKey(tuning)));
+  const { lam_q, lam_S, motion, u_plan, k_ext } = tuning;
+  const preview = useQuery(previewQuery(lam_q, lam_S, motion, u_plan, k_ext, tuningKey(tuning)));
   const missing = preview.error?.message ?? "being computed";
   return (
     <Card title="Gains from geometry" aside={<span className={page.dim}>a unit step, predicted</span>}>

@@ -189,9 +189,9 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
                 size="xs"
                 label={words}
                 aria-label={`${words} ${whose}`}
-                data={[...choices]}
-                value={String(part[name] ?? choices[0])}
-                onChange={(event) => set(name, event.currentTarget.value)}
+                data={optional ? [{ value: "", label: "unchanged" }, ...choices] : [...choices]}
+                value={String(part[name] ?? (optional ? "" : choices[0]))}
+                onChange={(event) => set(name, event.currentTarget.value || undefined)}
               />
             ),
           )}

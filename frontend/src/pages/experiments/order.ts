@@ -10,7 +10,7 @@ export type Value = boolean | number | string;
 export type Values = Record<string, Value>;
 
 /** Of the loop, the same for every kind. */
-const TUNING = ["lam_q", "lam_S", "lam_motor", "b", "interpolate", "u_plan", "k_ext"] as const;
+const TUNING = ["lam_q", "lam_S", "lam_motor", "b", "interpolate", "motion", "u_plan", "k_ext"] as const;
 const OF_THE_LOOP = new Set<string>([...TUNING, "bank", "seed"]);
 
 export function isOfTheLoop(setting: Setting): boolean {

@@ -92,7 +92,12 @@ function fastest({ q_amplitude, period_s }: Part, angles: Angles): string {
 
 function tuning(part: Part, angles: Angles): string {
   const named = Object.entries(part).filter(([name]) => name !== "do");
-  const words: Record<string, string> = { lam_q: "λ_q", lam_S: "λ_S", lam_motor: "λ_motor", u_plan: "plan" };
+  const words: Record<string, string> = {
+    lam_q: "λ_q",
+    lam_S: "λ_S",
+    lam_motor: "λ_motor",
+    u_plan: "U_plan",
+  };
   const units: Record<string, string> = { lam_q: "s", lam_S: "s", lam_motor: "s", u_plan: "V" };
   const parts = named.map(([name, value]) => {
     const shown =

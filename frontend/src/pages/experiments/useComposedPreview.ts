@@ -27,8 +27,8 @@ export function useComposedPreview(text: string): ComposedPreview {
   // peaks are those of the tuning in force: of another one they are to be played anew
   const tuning = useLive(({ state }) => {
     if (state === null) return "";
-    const { lam_q, lam_S, lam_motor, b, interpolate, u_plan, k_ext, bank } = state.tuning;
-    return JSON.stringify([lam_q, lam_S, lam_motor, b, interpolate, u_plan, k_ext, bank?.id]);
+    const { lam_q, lam_S, lam_motor, b, interpolate, motion, u_plan, k_ext, bank } = state.tuning;
+    return JSON.stringify([lam_q, lam_S, lam_motor, b, interpolate, motion, u_plan, k_ext, bank?.id]);
   });
   const [asked, ask] = useState({ text: "", tuning });
   const { data, error, isFetching, isPlaceholderData } = useQuery({

@@ -14,11 +14,13 @@ import { FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import type { Entry } from "../../service/glossary";
+import { whyNoRetuning } from "../../service/retuning";
 import { useReferenceOrders } from "../../service/useReferenceOrders";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Limits, State } from "../../wire/types";
 import { whyNoReferences } from "./allowed";
+import { MotionControl } from "./MotionControl";
 import styles from "./Operate.module.css";
 
 export function ReferencesCard() {
@@ -26,6 +28,8 @@ export function ReferencesCard() {
   const limits = useLive((live) => live.state?.limits);
   const open = useLive((live) => live.state?.mode === "compliance");
   const locked = useLive((live) => whyNoReferences(live.state));
+  const tuning = useLive((live) => live.state?.tuning);
+  const fixedTuning = useLive((live) => whyNoRetuning(live.state));
   return (
     <Card title="References">
       {references && limits ? (
@@ -33,6 +37,7 @@ export function ReferencesCard() {
       ) : (
         <div className={styles.reserve} />
       )}
+      {tuning && <MotionControl tuning={tuning} disabled={fixedTuning !== null} />}
     </Card>
   );
 }

@@ -20,7 +20,6 @@ import { HUES } from "../../theme/signals";
 import type { Tuning, TuningPreview } from "../../wire/types";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
-import { PlanControl } from "./PlanControl";
 import { RejectionControl } from "./RejectionControl";
 import { TuningChanges } from "./TuningChanges";
 
@@ -51,14 +50,13 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const wanted = (name: LambdaName) => staged.values[name] ?? tuning[name];
   const [lam_q] = useDebouncedValue(drafts.lam_q ?? wanted("lam_q"), PREVIEW_AFTER_MS);
   const [lam_S] = useDebouncedValue(drafts.lam_S ?? wanted("lam_S"), PREVIEW_AFTER_MS);
-  const [planDraft, setPlanDraft] = useState<number>();
-  const [u_plan] = useDebouncedValue(planDraft ?? tuning.u_plan, PREVIEW_AFTER_MS);
+  const { motion, u_plan } = tuning;
   const [shareDraft, setShareDraft] = useState<number>();
   const [k_ext] = useDebouncedValue(shareDraft ?? tuning.k_ext, PREVIEW_AFTER_MS);
   const key = tuningKey(tuning);
-  const preview = useQuery(previewQuery(lam_q, lam_S, tuning.u_plan, tuning.k_ext, key));
-  const forecast = useQuery(previewQuery(lam_q, lam_S, u_plan, k_ext, key));
-  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuning.u_plan, tuning.k_ext, key));
+  const preview = useQuery(previewQuery(lam_q, lam_S, motion, u_plan, tuning.k_ext, key));
+  const forecast = useQuery(previewQuery(lam_q, lam_S, motion, u_plan, k_ext, key));
+  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, motion, u_plan, tuning.k_ext, key));
   const missing = preview.error?.message ?? "being computed";
   return (
     <>
@@ -82,12 +80,6 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           }}
         />
       ))}
-      <PlanControl
-        tuning={tuning}
-        disabled={locked !== null}
-        onDraft={setPlanDraft}
-        onCommit={(u_plan) => setTuning.mutateAsync({ u_plan })}
-      />
       <StepForecast
         preview={forecast.error ? undefined : forecast.data}
         missing={forecast.error?.message ?? "being computed"}

@@ -28,6 +28,7 @@ const PARTS = [
   ["lam_motor", "λ_motor"],
   ["b", "b"],
   ["interpolate", "entries"],
+  ["motion", "motion"],
   ["u_plan", "U_plan"],
   ["k_ext", "k_ext"],
 ] as const;
@@ -221,9 +222,10 @@ function isStaged(name: Part): name is LambdaName {
   return name === "lam_q" || name === "lam_S";
 }
 
-function inWords(name: Part, value: number | boolean): string {
+function inWords(name: Part, value: number | boolean | string): string {
+  if (typeof value === "string") return value;
   if (typeof value === "boolean") return value ? "interpolating" : "switching";
-  if (name === "u_plan") return value === 0 ? "governor" : `${fixed(value, 1)} V`;
+  if (name === "u_plan") return `${fixed(value, 1)} V`;
   if (name === "k_ext") return value === 0 ? "none" : fixed(value, 2);
   return fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS);
 }

@@ -5,6 +5,7 @@ import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { angleText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { motionInWords } from "../../service/tuningWords";
 import page from "../Page.module.css";
 
 export function ViewOnly() {
@@ -25,8 +26,8 @@ export function ViewOnly() {
         <dd>
           {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s
         </dd>
-        <dt>References followed by</dt>
-        <dd>{tuning.u_plan > 0 ? `a plan of ${fixed(tuning.u_plan, 1)} V` : "the governor alone"}</dd>
+        <dt>Motion</dt>
+        <dd>{motionInWords(tuning.motion, tuning.u_plan)}</dd>
         <dt>Pushes</dt>
         <dd>{tuning.k_ext > 0 ? `rejected by ${fixed(tuning.k_ext, 2)}` : "left to the position loop"}</dd>
         <dt>Gains</dt>
