@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.documents.edge import Edge
-from backend.documents.run_settings import KeptLoop, motion_named
+from backend.documents.run_settings import KeptLoop
 
 VERSION = 1
 
@@ -25,11 +25,11 @@ class SavedParts(KeptLoop):
     version: int = VERSION
 
 
-def _current_form(document: Any) -> Any:
-    """Return a kept tuning in today's form: early ones had null for gains from geometry, and named no motion."""
+def _bank_by_number(document: Any) -> Any:
+    """Early ones said null for gains from geometry."""
     if isinstance(document, Mapping) and "bank" in document and document["bank"] is None:
-        document = {**document, "bank": 0}
-    return motion_named(document)
+        return {**document, "bank": 0}
+    return document
 
 
 def saved_for(bank: int | None) -> str:
@@ -37,5 +37,5 @@ def saved_for(bank: int | None) -> str:
     return f"tuning/{'geometry' if bank is None else bank}"
 
 
-KEPT: Edge[KeptTuning] = Edge(KeptTuning, "the tuning in force", VERSION, _current_form)
-SAVED: Edge[SavedParts] = Edge(SavedParts, "the tuning that was saved", VERSION, motion_named)
+KEPT: Edge[KeptTuning] = Edge(KeptTuning, "the tuning in force", VERSION, _bank_by_number)
+SAVED: Edge[SavedParts] = Edge(SavedParts, "the tuning that was saved", VERSION)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.documents.edge import Document
-from backend.documents.run_settings import current_form
+from backend.documents.run_settings import loop_apart
 
 BANK = "bank"
 LARGEST = 2**31 - 1
@@ -39,7 +39,7 @@ def on_the_way(settings: Mapping[str, Any]) -> OnTheWay:
 
 def with_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Document:
     """Return settings that name each bank by another number."""
-    document = dict(current_form(settings))
+    document = dict(loop_apart(settings))
     renumbering = _Renumbering(number, document.get("plan"))
     if isinstance(document.get("plan"), Mapping):
         document["plan"] = renumbering.plan
@@ -53,7 +53,7 @@ def with_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Doc
 
 def without_bank(settings: Mapping[str, Any]) -> Document:
     """Return settings that say nothing of the bank that the run began with."""
-    document = dict(current_form(settings))
+    document = dict(loop_apart(settings))
     loop, declared = document.get("loop"), document.get("declared")
     if isinstance(loop, Mapping):
         document["loop"] = {name: value for name, value in loop.items() if name != BANK}

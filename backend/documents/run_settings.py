@@ -22,7 +22,8 @@ LAMBDA, TIME_OPTIMAL = MOTIONS = ("lambda", "time-optimal")
 class KeptLoop:
     """The tuning that a run began with, as ``TuningChoice`` spells it, and the seed of the simulator.
 
-    What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry.
+    What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry. Before ``motion`` was kept,
+    ``u_plan`` alone said it (``with_motion``).
     """
 
     lam_q: float | None = field(default=None, metadata=ABSENT)
@@ -39,7 +40,7 @@ class KeptLoop:
     @property
     def budget(self) -> float:
         """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
-        return (self.u_plan or 0.0) if self.motion == TIME_OPTIMAL else 0.0
+        return 0.0 if self.motion == LAMBDA or self.u_plan is None else self.u_plan
 
     def known(self) -> dict[str, Value]:
         """Return by name what was kept."""
@@ -120,22 +121,11 @@ def with_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
     return {**parts, "motion": TIME_OPTIMAL}
 
 
-def motion_named(document: Any) -> Any:
-    """Return a stored tuning that names its motion: before there were two, a limit of 0 V, or none, was ``lambda``."""
-    if not isinstance(document, Mapping) or "motion" in document:
+def loop_apart(document: Any) -> Any:
+    """Return settings with the tuning in a part of its own: early sessions had it beside the mode."""
+    if not isinstance(document, Mapping) or "mode" not in document or "loop" in document:
         return document
-    return with_motion({**document, "u_plan": document.get("u_plan") or 0.0})
+    return {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
 
 
-def current_form(document: Any) -> Any:
-    """Return settings in today's form: early sessions had the tuning beside the mode, and no motion was named."""
-    if not isinstance(document, Mapping):
-        return document
-    if "mode" in document and "loop" not in document:
-        document = {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
-    if not document.get("loop"):
-        return document
-    return {**document, "loop": motion_named(document["loop"])}
-
-
-SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, current_form)
+SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, loop_apart)

@@ -29,7 +29,15 @@ IDEAL = load_parameters("ideal")
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 SHORT = json.dumps([{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}])
 LONG = json.dumps([{"duration_s": 30, "q_ref": 0.1, "S_ref": 10}])
-ASKED: dict[str, Any] = {"lam_q": 0.7, "lam_S": 0.6, "b": 1.0, "interpolate": True, "u_plan": 6.0, "bank": 0}
+ASKED: dict[str, Any] = {
+    "lam_q": 0.7,
+    "lam_S": 0.6,
+    "b": 1.0,
+    "interpolate": True,
+    "motion": "time-optimal",
+    "u_plan": 6.0,
+    "bank": 0,
+}
 WHO = OPERATOR.name
 
 
@@ -98,12 +106,12 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
     declared = {item["name"]: item["value"] for item in stored.settings["declared"]}
     assert {name: declared[name] for name in ASKED} == ASKED
     given_back = "λ_q 0.7 → 0.55 s, λ_S 0.6 → 0.45 s, b 1 → 0, bank geometry → 1, interpolate yes → no"
-    assert f"after the run: {given_back}, U_plan 6 → 8.5 V" in told
+    assert f"after the run: {given_back}, motion time-optimal → lambda, U_plan 6 → 8.5 V" in told
     source = load_source(database, run)
     assert source.columns["lam_q"] == pytest.approx(0.7)
     facts = {fact.label: fact.text for fact in build_report(source).facts}
     assert facts["Tuning"] == "λ_q = 0.7 s, λ_S = 0.6 s, λ_motor = 0.0854 s, b = 1"
-    law = "references followed by a plan of 6 V"
+    law = "motion time-optimal within U_plan = 6 V"
     assert facts["Controller"] == f"cascade, gains from geometry, 20 N point; {law}"
 
 

@@ -81,20 +81,22 @@ def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) ->
 
 
 def test_a_budget_that_is_not_sent_is_shown_as_the_step_it_would_give(off: httpx.Client) -> None:
-    def step(**more: float) -> dict[str, float]:
+    def step(**more: float | str) -> dict[str, float]:
         found = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42, **more}).raise_for_status().json()
         return {name: found[name] for name in ("u_peak_V", "F_min_N", "rise_s")}
 
-    in_force = off.get("/api/tuning").raise_for_status().json()["u_plan"]
-    present, large, small = step(), step(u_plan=8.5), step(u_plan=4.0)
-    assert step(u_plan=in_force) == present
-    assert large["rise_s"] < small["rise_s"] < step(u_plan=0.0)["rise_s"]
+    in_force = off.get("/api/tuning").raise_for_status().json()
+    assert in_force["motion"] == "lambda"
+    present, large, small = step(), step(motion="time-optimal", u_plan=8.5), step(motion="time-optimal", u_plan=4.0)
+    assert step(motion="lambda") == step(u_plan=0.0) == present
+    assert step(u_plan=8.5) == large
+    assert large["rise_s"] < small["rise_s"] < present["rise_s"]
     assert 8.0 < large["u_peak_V"] <= 10.0
     assert large["u_peak_V"] > small["u_peak_V"] + 3.0
-    assert off.get("/api/tuning").json()["u_plan"] == in_force
+    assert off.get("/api/tuning").json() == in_force
     refused = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42, "u_plan": 9.5})
     assert refused.status_code == 422
-    assert "budget of the plan" in refused.text
+    assert "u_plan" in refused.text
 
 
 def test_the_motor_loop_is_shown_as_it_runs(off: httpx.Client) -> None:

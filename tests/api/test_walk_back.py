@@ -26,7 +26,7 @@ CHANGES = [
     TuningRequest(lam_motor=0.09),
     TuningRequest(b=0.25),
     TuningRequest(interpolate=True),
-    TuningRequest(u_plan=0.0),
+    TuningRequest(motion="time-optimal", u_plan=7.0),
 ]
 
 

@@ -3,14 +3,17 @@
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from backend.documents.run_settings import KeptLoop
 from backend.experiments.banks.bank_consistency import NamedEntry, require_consistent
 from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.results.in_force import kept_tuning
 from backend.refusal import OutOfRangeError
 from backend.storage import open_database
 from backend.storage.banks import BankEntry
@@ -21,7 +24,7 @@ from plant.parameters import PlantParameters, load_parameters
 from tests.experiments.parameter_files import quick_motors, weak_motors
 
 METHOD = TuningChoice()
-"""The method's λ; what a stored document without them means. Nobody's choice has the plan as well."""
+"""The method's λ and motion; what a stored document without them means."""
 POINT = PointModel(10.55, 0.05, 0.342, 0.7209, 0.342)
 
 
@@ -38,11 +41,25 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> PlantParameters:
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
     default = default_choice(load_parameters(name))
-    assert (default.choice, default.moved) == (replace(METHOD, u_plan=8.5), "")
+    assert (default.choice, default.moved) == (METHOD, "")
+    assert METHOD.motion == "lambda"
 
 
-def test_what_is_stored_without_a_budget_had_the_governor() -> None:
-    assert TuningChoice.of({"lam_q": 0.6}).u_plan == 0.0
+@pytest.mark.parametrize(
+    ("stored", "motion", "budget"),
+    [
+        ({}, "lambda", 0.0),
+        ({"u_plan": 0.0}, "lambda", 0.0),
+        ({"u_plan": 7.5}, "time-optimal", 7.5),
+        ({"motion": "lambda", "u_plan": 7.5}, "lambda", 0.0),
+        ({"motion": "time-optimal"}, "time-optimal", 8.5),
+        ({"motion": "time-optimal", "u_plan": 3.0}, "time-optimal", 3.0),
+    ],
+)
+def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any], motion: str, budget: float) -> None:
+    for choice in (TuningChoice.of(stored), kept_tuning(KeptLoop(**stored)), TuningChoice().with_parts(stored)):
+        assert (choice.motion, choice.budget) == (motion, budget)
+    assert KeptLoop(**stored).budget == (8.5 if stored == {"motion": "time-optimal"} else budget)
 
 
 def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:

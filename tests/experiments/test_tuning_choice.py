@@ -28,7 +28,8 @@ OTHER: dict[str, Any] = {
     "b": 1.0,
     "bank": 3,
     "interpolate": True,
-    "u_plan": 8.5,
+    "motion": "time-optimal",
+    "u_plan": 7.5,
     "k_ext": 0.7,
 }
 """Each part of a tuning at another value than its default."""

@@ -58,10 +58,10 @@ def controller(source: Source) -> Fact:
 
 
 def test_a_report_says_by_what_references_were_followed() -> None:
-    assert controller(planned()).text.endswith("references followed by a plan of 8.5 V")
-    assert controller(planned(k_ext=0.7)).text.endswith("plan of 8.5 V; pushes rejected by feed-forward, k_ext = 0.7")
-    assert controller(planned(u_plan=0.0)).text.endswith("slowed down by the governor, as in the paper")
-    assert controller(source_of(samples(PLAN))).text.endswith("slowed down by the governor, as in the paper")
+    assert controller(planned()).text.endswith("motion time-optimal within U_plan = 8.5 V")
+    assert controller(planned(k_ext=0.7)).text.endswith("U_plan = 8.5 V; pushes rejected by feed-forward, k_ext = 0.7")
+    assert controller(planned(u_plan=0.0)).text.endswith("motion lambda: the paper's law with the governor")
+    assert controller(source_of(samples(PLAN))).text.endswith("motion lambda: the paper's law with the governor")
 
 
 def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report: Report) -> None:

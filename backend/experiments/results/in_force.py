@@ -6,7 +6,7 @@ from typing import Any
 
 from backend.controllers import cascade
 from backend.documents.edge import UnreadableDocumentError
-from backend.documents.run_settings import KeptLoop
+from backend.documents.run_settings import KeptLoop, with_motion
 from backend.experiments.banks.bank_building import HasEntries, points_of
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
@@ -26,7 +26,7 @@ class NotPredictedError(ValueError):
 def kept_tuning(loop: KeptLoop) -> TuningChoice:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
     known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
-    return TuningChoice(**known)
+    return TuningChoice(**with_motion(known))
 
 
 def points_in(bank: HasEntries | None) -> tuple[PointModel, ...]:

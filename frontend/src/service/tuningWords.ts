@@ -29,10 +29,10 @@ export function bankInWords(id: unknown, banks: readonly Bank[]): string {
   return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
 }
 
-/** How references are followed, with the voltage limit that only time-optimal motion has. */
+/** How references are followed; runs recorded before motions had names have a voltage limit in one of them only. */
 export function motionInWords(motion: unknown, u_plan: unknown): string {
-  if (motion === "lambda") return "lambda motion";
-  if (motion !== "time-optimal") return "";
+  const isTimeOptimal = motion === undefined ? Number(u_plan ?? 0) > 0 : motion === "time-optimal";
+  if (!isTimeOptimal) return "lambda motion";
   return typeof u_plan === "number" ? `time-optimal motion within ${short(u_plan)} V` : "time-optimal motion";
 }
 

@@ -691,7 +691,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "motion",
     "term": "motion",
-    "meaning": "how references are followed: `lambda`, by the paper's law with the governor; `time-optimal`, by a trajectory with feed-forward",
+    "meaning": "how references are followed: lambda, by the paper's law with the governor; time-optimal, by a trajectory with feed-forward",
     "source": "docs/decisions, decision 0052"
   },
   "quantity:u_plan": {

@@ -25,7 +25,7 @@ const STEPS = [
   },
   {
     target: "Tuning",
-    text: "λ sets how fast each loop is. The preview follows while you drag; staged values can be tried for some seconds.",
+    text: "In lambda motion λ sets how fast each loop is; in time-optimal motion a voltage limit does, and λ sets robustness. The preview follows while you drag; staged values can be tried for some seconds.",
   },
   {
     target: "Set-up",

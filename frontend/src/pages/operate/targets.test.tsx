@@ -62,6 +62,14 @@ const settled = () => new Promise((resolve) => setTimeout(resolve, 20));
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
   fetched.mockReset().mockImplementation(async ({ url }) => {
     const path = new URL(url).pathname;
     if (path === "/api/control")
