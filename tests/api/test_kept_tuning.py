@@ -60,7 +60,7 @@ def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters
     assert said == (
         "in force again as A. Operator left it: bank kept, version 1, "
         "λ_q 0.8 s, λ_S 0.6 s, λ_motor 0.09 s, b 0.5, interpolating between entries, "
-        "references slowed down by the governor"
+        "lambda motion"
     )
 
 
@@ -85,10 +85,7 @@ def test_a_tuning_kept_before_b_was_says_so(database: Database, ideal: PlantPara
         settings.put(session, NAME, old, "A. Operator")
     restored, said = kept.restore(ideal)
     assert restored.choice == replace(chosen.choice, b=0.0)
-    assert said.endswith(
-        "b 0, interpolating between entries, references slowed down by the governor; "
-        "b was not kept at that time: its default"
-    )
+    assert said.endswith("b 0, interpolating between entries, lambda motion; b was not kept at that time: its default")
 
 
 def test_a_plant_that_leaves_the_methods_lambda_out_starts_with_the_nearest(tmp_path: Path) -> None:

@@ -59,7 +59,11 @@ def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
 def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any], motion: str, budget: float) -> None:
     for choice in (TuningChoice.of(stored), kept_tuning(KeptLoop(**stored)), TuningChoice().with_parts(stored)):
         assert (choice.motion, choice.budget) == (motion, budget)
-    assert KeptLoop(**stored).budget == (8.5 if stored == {"motion": "time-optimal"} else budget)
+
+
+def test_a_stored_loop_knows_the_limit_that_it_ran_with() -> None:
+    assert KeptLoop(motion="time-optimal", u_plan=3.0).budget == KeptLoop(u_plan=3.0).budget == 3.0
+    assert KeptLoop(motion="lambda", u_plan=3.0).budget == KeptLoop(u_plan=0.0).budget == KeptLoop().budget == 0.0
 
 
 def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:

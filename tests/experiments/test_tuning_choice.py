@@ -15,7 +15,7 @@ from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import describe, from_values
 from backend.messages.state import TrialView
-from backend.messages.tuning import ChosenTuning, SavedTuning, TuningParts, TuningRequest, TuningView
+from backend.messages.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import open_database, settings
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import STEP_Q, Previewer
@@ -66,7 +66,8 @@ def test_every_body_of_the_interface_has_every_part(schema: type[TuningParts]) -
     missing = set(OTHER) - set(schema.model_fields)
     assert missing <= {"bank"}  # a bank is activated, and what is saved is saved for one
     for name in set(OTHER) - {"bank"}:
-        assert schema.model_fields[name].annotation in (type(OTHER[name]), type(OTHER[name]) | None)
+        kind = Motion if name == "motion" else type(OTHER[name])
+        assert schema.model_fields[name].annotation in (kind, kind | None)
 
 
 def test_b_reaches_the_gains_of_the_loop() -> None:
