@@ -5,11 +5,11 @@ import numpy as np
 from backend.identification.errors import IdentificationError, NotConvergedError
 from backend.identification.fit import Fit, Method, fit
 from backend.identification.frequency import check_frequency_response
-from backend.identification.friction import dry_friction
-from backend.identification.linearisation import Evaluation
+from backend.identification.friction import both_ways, dry_friction
+from backend.identification.output_error import adapt
 from backend.identification.record import Record, Signal, coarse_resolution
 from backend.identification.reduction import reduce_to_first_order
-from backend.identification.result import Estimate, Model, Residuals
+from backend.identification.result import DryFriction, Estimate, Model, Residuals
 from backend.identification.structures import Structure, structure
 from backend.identification.unseen import beside, held_out
 from backend.identification.validation import Evidence, information_criteria, judge
@@ -54,7 +54,7 @@ def _estimate(
     )
     fit_percent, fit_all_percent = _held_out_fit(found), beside(found.problem, found.parameters).fit_percent
     std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
-    friction = dry_friction(record, Evaluation(found.problem.unweighted, found.parameters).error, model.dead_time)
+    friction = _dry_friction(found, model)
     y_resolution = y_resolution or coarse_resolution(record.y)
     gain_error = None if gain_geometry is None else 100.0 * (model.gain / gain_geometry - 1.0)
     counts = None if y_resolution is None else float(np.ptp(record.y)) / y_resolution
@@ -78,6 +78,16 @@ def _estimate(
         spread_percent=evidence.spread_with_friction,
         verdict=judge(evidence),
     )
+
+
+def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
+    """Compare friction with the linear model that simulates best: a noise model or a weighting gives up some of that.
+
+    None where the record could not show any.
+    """
+    if not both_ways(found.problem.record.y):
+        return None
+    return dry_friction(found.problem.record, adapt(found.problem.unweighted, found.parameters).error, model.dead_time)
 
 
 def _held_out_fit(found: Fit) -> float:

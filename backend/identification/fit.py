@@ -30,12 +30,10 @@ _STEEPEST = 100.0
 class Method(StrEnum):
     """Estimators to choose from.
 
-    ``DEFAULT`` is what experiments and files are identified by alike. Where set point or controller are known it
-    solves the refined-IV equation in its closed-loop form, and models noise that colours the residuals as
-    autoregressive. Where they are not it is output error without a noise model: the input is taken as known exactly,
-    so what is left may as well be friction or missing dynamics, which a noise model would whiten at the cost of gain
-    and lag. Where the residuals follow the input, because the structure cannot carry the system, low frequencies are
-    weighted.
+    ``DEFAULT`` is what experiments and files are identified by alike. It solves the refined-IV equation in its
+    closed-loop form where set point or controller are known, output error where they are not. Coloured residuals, of
+    noise or of friction, are modelled as autoregressive. Where the residuals follow the input even so, the structure
+    cannot carry the system, and low frequencies are weighted.
     ``SRIVC`` and ``OUTPUT_ERROR`` do without either, ``RIVC`` insists on the noise model, ``LOW_FREQUENCY`` is output
     error with that weighting. ``ARX`` is the paper's method.
     """
@@ -137,7 +135,7 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
     first = _from_starts(problem, drive)
     if method in (Method.OUTPUT_ERROR, Method.SRIVC):
         return first
-    if method is Method.LOW_FREQUENCY or (method is Method.DEFAULT and drive is None):
+    if method is Method.LOW_FREQUENCY:
         return first if _explains(first) else _low_frequency(first)
     if method is Method.DEFAULT and first.whiteness().passed:
         return first

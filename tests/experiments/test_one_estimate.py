@@ -106,7 +106,7 @@ def words_of(report: Report) -> str:
 
 def test_the_report_names_the_estimator_of_each_channel(found: Identification, record: dict[str, np.ndarray]) -> None:
     methods = {key: found.model[key]["method"] for key in CHANNELS}
-    assert methods == {"G_q": "output error", "G_S": "output error, low frequencies weighted"}
+    assert methods == {"G_q": "output error, AR(8) noise", "G_S": "output error, low frequencies weighted"}
     named = f"G_q: {methods['G_q']}; G_S: {methods['G_S']}"
     assert found.method == named
     assert f"Method: {named}." in words_of(report_of(found, record))

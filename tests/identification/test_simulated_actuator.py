@@ -1,5 +1,7 @@
 """The default experiment played on the simulator, against geometry and against the plant linearised numerically."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,10 +13,12 @@ from backend.identification.actuator import (
     ActuatorIdentification,
     identify_actuator,
 )
+from backend.identification.estimate import estimate
 from backend.identification.published import TABLE_1
+from backend.identification.record import Record
 from backend.identification.result import Estimate, Grade
 from backend.tuning.gains import motor_loops
-from backend.tuning.linear_model import decoupled_model
+from backend.tuning.linear_model import decoupled_model, one_motor_point
 from backend.tuning.models import LAM_MOTOR
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
@@ -59,6 +63,24 @@ def ideal() -> PlantParameters:
 def ideal_runs(ideal: PlantParameters) -> dict[float, ActuatorIdentification]:
     bench = Bench(ideal)
     return {tension: identified(bench, ideal, default_plan(tension)) for tension in TABLE_1}
+
+
+@pytest.fixture(scope="module", params=["lab", "lab without friction"])
+def lab_bench(request: pytest.FixtureRequest) -> Bench:
+    lab = load_parameters("lab")
+    without = replace(lab, motor=replace(lab.motor, c0=0.0, c1=0.0))
+    return Bench(lab if request.param == "lab" else without)
+
+
+@pytest.mark.parametrize("tension", [20.0, 40.0])
+def test_G_S_has_the_gain_and_lag_of_linear_theory(lab_bench: Bench, tension: float) -> None:
+    """With the sensors of `lab`; friction adds to what the linear model leaves over, not to gain and lag."""
+    lab = load_parameters("lab")
+    record = lab_bench.play(default_plan(tension))
+    theory = one_motor_point(lab, motor_loops(lab, LAM_MOTOR), float(np.mean(record["S"])))
+    found = estimate(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
+    assert pytest.approx(theory.K_S, rel=2e-3) == found.K
+    assert pytest.approx(theory.T_S, rel=6e-3) == found.T
 
 
 @pytest.mark.parametrize("tension", TABLE_1)
