@@ -1,4 +1,8 @@
-"""Small expressions of settings, "2 * hold_s": numbers, names, arithmetic, comparison, choice. Pure; nothing is run."""
+"""Small expressions of settings, "2 * hold_s": numbers, names, arithmetic, comparison, choice. Pure; nothing is run.
+
+Every number is a float, and length, depth and rounding are bounded: the cost of an expression is known before any of it
+is evaluated. With Python's own whole numbers ``round(1, -1000000000)`` computes a power of ten with a billion digits.
+"""
 
 import ast
 import math
@@ -7,8 +11,33 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 Names = Mapping[str, bool | int | float | str]
-FUNCTIONS: dict[str, Callable[..., Any]] = {"min": min, "max": max, "abs": abs, "sqrt": math.sqrt, "round": round}
 CONSTANTS = {"pi": math.pi}
+MAX_LENGTH = 500
+"""Longest expression [characters]."""
+
+MAX_NODES = 200
+"""Most numbers, names and operations of an expression."""
+
+MAX_DEPTH = 30
+"""Deepest nesting of an expression."""
+
+MAX_DIGITS = 15
+"""Most digits that a number is rounded to, before or after its point: a float has no more."""
+
+
+def _rounded(number: float, digits: float = 0.0) -> float:
+    if not abs(digits) <= MAX_DIGITS or digits != int(digits):
+        raise ValueError(f"round takes a whole number of digits from -{MAX_DIGITS} to {MAX_DIGITS}")
+    return round(float(number), int(digits))
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "min": min,
+    "max": max,
+    "abs": abs,
+    "sqrt": math.sqrt,
+    "round": _rounded,
+}
 _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -84,7 +113,10 @@ def bound_of(expression: str, names: Names) -> Compared | None:
 
 def _value_of(expression: float | str, names: Names) -> Any:
     if not isinstance(expression, str):
-        return expression
+        try:
+            return _plain(expression)
+        except OverflowError:
+            raise ExpressionError("a number has more than 308 digits") from None
     tree = _tree(expression)
     _look(tree.body, names)
     try:
@@ -94,10 +126,29 @@ def _value_of(expression: float | str, names: Names) -> Any:
 
 
 def _tree(expression: str) -> ast.Expression:
+    if len(expression) > MAX_LENGTH:
+        raise ExpressionError(
+            f"{expression[:40]!r}… has {len(expression)} characters, at most {MAX_LENGTH} are accepted: shorten it"
+        )
     try:
-        return ast.parse(expression.strip(), mode="eval")
+        tree = ast.parse(expression.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise ExpressionError(f"{expression!r} is no expression") from None
+    _require_small(tree)
+    return tree
+
+
+def _require_small(tree: ast.Expression) -> None:
+    """Raise ExpressionError for more than MAX_NODES nodes or a nesting deeper than MAX_DEPTH."""
+    level: list[ast.AST] = [tree.body]
+    count = depth = 0
+    while level:
+        count, depth = count + len(level), depth + 1
+        if count > MAX_NODES:
+            raise ExpressionError(f"an expression has at most {MAX_NODES} numbers, names and operations: simplify it")
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"an expression is nested at most {MAX_DEPTH} times: simplify it")
+        level = [child for node in level for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
 
 
 def _look(node: ast.AST, names: Names) -> None:
@@ -129,12 +180,17 @@ def _look(node: ast.AST, names: Names) -> None:
             _look(child, names)
 
 
+def _plain(value: Any) -> Any:
+    """Return a number as a float, anything else as it is. Raises OverflowError."""
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
 def _evaluate(node: ast.AST, names: Names) -> Any:
     match node:
         case ast.Constant(value=value):
-            return value
+            return _plain(value)
         case ast.Name(id=name):
-            return names[name] if name in names else CONSTANTS[name]
+            return _plain(names[name] if name in names else CONSTANTS[name])
         case ast.BinOp(left=left, op=operation, right=right):
             return _BINARY[type(operation)](float(_evaluate(left, names)), float(_evaluate(right, names)))
         case ast.UnaryOp(op=operation, operand=operand):

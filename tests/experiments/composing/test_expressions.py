@@ -149,3 +149,37 @@ def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str
     expected = eval(f"a {sign} b", {}, names)
     found = truth_of(f"a {sign} b", names) if isinstance(expected, bool) else number_of(f"a {sign} b", names)
     assert found == expected
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "round(1, -1000000000)",
+        "round(1, 1e300)",
+        "round(1, 0.5)",
+        "10 ** 400",
+        "9" * 400,
+        "1" + " + 1" * 101,
+        "-" * 31 + "1",
+        "(" * 40 + "-1" + ")" * 40 + " + 0" * 101,
+        "min(" * 31 + "1" + ")" * 31,
+        10**400,
+    ],
+)
+def test_an_expression_that_costs_much_is_refused_before_it_is_evaluated(expression: str | int) -> None:
+    with pytest.raises(ExpressionError):
+        number_of(expression, {})
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"), [("round(7.5)", 8.0), ("round(2.345, 1)", 2.3), ("round(1234, -2)", 1200.0)]
+)
+def test_rounding_is_that_of_floats(expression: str, value: float) -> None:
+    assert number_of(expression, {}) == value
+
+
+def test_whole_numbers_are_floats_in_every_operation() -> None:
+    """With Python's whole numbers 3 ** 2000 would be exact, and costly beyond any bound."""
+    assert number_of("n * n", {"n": 2**60}) == float(2**60) ** 2
+    with pytest.raises(ExpressionError):
+        number_of("3 ** 2000", {})
