@@ -42,7 +42,7 @@ def run_view(
     """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so."""
     settings, problem = [], run.evaluation_problem
     try:
-        settings = [UsedSetting(**asdict(item)) for item in used_settings(run.set_to)]
+        settings = [UsedSetting(**asdict(item)) for item in used_settings(run)]
     except UnreadableDocumentError as error:
         problem = problem or str(error)
     return RunView(

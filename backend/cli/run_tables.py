@@ -37,7 +37,7 @@ def show_settings(source: "Source") -> None:
     """Print what a run was set to."""
     from backend.experiments.results.used_settings import used_settings
 
-    used = used_settings(source.run.set_to)
+    used = used_settings(source.run)
     rows = [
         (
             item.meaning,

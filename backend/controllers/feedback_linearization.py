@@ -1,8 +1,11 @@
 """Baseline with a full model: feedback linearisation with decoupling of joint position and stiffness.
 
-Palli, Melchiorri, De Luca, "On the feedback linearization of robots with variable joint stiffness" (ICRA 2008); De
-Luca, Flacco, Bicchi, Schiavi, "Nonlinear decoupled motion-stiffness control and collision detection/reaction for the
-VSA-II variable stiffness device" (IROS 2009). The motors' accelerations appear in the fourth derivative of q and in
+The static law, as in Palli, Melchiorri, Wimböck, Grebenstein, Hirzinger, "Feedback linearization and simultaneous
+stiffness-position control of robots with antagonistic actuated joints" (ICRA 2007); De Luca, Flacco, Bicchi, Schiavi,
+"Nonlinear decoupled motion-stiffness control and collision detection/reaction for the VSA-II variable stiffness
+device" (IROS 2009). Static: q has relative degree 4 and S has 2, together the six states of the model, so the law
+needs no states of its own but the integrals; the dynamic extension filters S twice more (docs/errata.md, E9). The
+motors' accelerations appear in the fourth derivative of q and in
 the second of S (the torques' lag of 2 ms left out); the law solves for those that make q'''' = v_q, S'' = v_S and lets
 
     v_q = q_d'''' + Σ a_i (q_d − q)^(i),  v_S = S_d'' + Σ b_i (S_d − S)^(i),  i = −1 (the integral), 0, 1 ...

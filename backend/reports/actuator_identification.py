@@ -19,6 +19,7 @@ from backend.reading import told
 from backend.reports.document import (
     NO_FIGURE,
     Block,
+    Code,
     Column,
     Fact,
     Figure,
@@ -39,7 +40,9 @@ from backend.reports.identification_figures import (
     step_panels,
 )
 from backend.reports.judgement import OUTCOMES, measured_figures
-from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
+from backend.reports.model_code import actuator_blocks
+from backend.reports.provenance import S_NOTE, facts, parameter_section, settings_table, subtitle
+from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.storage.bank_entry import method_of
 from backend.storage.identifications import Identification
@@ -47,6 +50,7 @@ from backend.storage.identifications import Identification
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
 
 _NOTES = (
+    S_NOTE,
     "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
     "scaled for that (erratum E3). T is the sum of the model's lags, K its static gain; the λ formulas start here.",
     "The fit in per cent is that of a simulation on the last third of the record by a model fitted to the first two "
@@ -72,8 +76,9 @@ def actuator_identification_report(source: Source) -> Report:
                     *measured_figures(source),
                 ),
             ),
+            Section("Coefficients", actuator_blocks(found.actuator.model)),
         ]
-    sections.append(Section("How it was made", (settings_table(source), *_data(found))))
+    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_data(found))))
     if found is not None:
         sections.append(Section("Figures", _figures(source, found)))
     sections += [
@@ -270,7 +275,7 @@ def _missing_arx(channels: Mapping[ChannelName, Channel]) -> str:
     return " ".join(f"{key}: {arx.problem if arx else 'not computed then'}." for key, arx in missing.items())
 
 
-def _data(found: Identification | None) -> tuple[Paragraph, ...]:
+def _data(found: Identification | None) -> tuple[Block, ...]:
     if found is None:
         return ()
     data = found.actuator_record
@@ -278,8 +283,8 @@ def _data(found: Identification | None) -> tuple[Paragraph, ...]:
         f"Identification {found.run_id} used {data.samples} samples at {exact(1e3 * data.period_s)} ms, "
         f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. Method: {method_of(found)}."
     )
-    again = " ".join(f"{key}: {again_command(found, key)}" for key in CHANNELS)
-    return (Paragraph(text), Paragraph(f"To compute it again from the run's data file. {again}"))
+    again = "\n".join(again_command(found, key) for key in CHANNELS)
+    return (Paragraph(text), Code("To estimate G_q and G_S again from data.csv, the samples of the run:", again))
 
 
 def again_command(found: Identification, key: ChannelName) -> str:
@@ -289,7 +294,9 @@ def again_command(found: Identification, key: ChannelName) -> str:
     words = [f"{name} {value!r}" for name, value in known.items() if value is not None]
     if (estimator := found.actuator_options.estimator) is not None:  # earlier versions had one only
         words.append(f"--method {estimator}")
-    return (
-        f"sinew identify data data.csv --input theta_A_ref --output {WRITTEN[key][0]} --period {data.period_s:g}"
-        f" --skip {data.first_sample} --structure {channel.model.structure} {' '.join(words)}"
+    lines = (
+        f"sinew identify data data.csv --input theta_A_ref --output {WRITTEN[key][0]}",
+        f"--period {data.period_s:g} --skip {data.first_sample} --structure {channel.model.structure}",
+        " ".join(words),
     )
+    return " \\\n  ".join(line for line in lines if line)

@@ -7,7 +7,7 @@ from backend.reading import Angles, in_words
 from backend.reports.actuator_identification import actuator_identification_report
 from backend.reports.compliance import compliance_report
 from backend.reports.composed import composed_report
-from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table
+from backend.reports.document import NO_FIGURE, Block, Code, Column, Figure, Paragraph, Report, Section, Table
 from backend.reports.evidence import Evidence, evidence_of, to_element
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
@@ -45,10 +45,12 @@ def hashes_section(evidence: Evidence) -> Section:
     rows = tuple((name, digest) for name, digest in evidence.hashes.items())
     titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
     words = (
-        "Every number of this report can be computed again from the samples that it names: "
-        "sinew report verify report.html, with data.csv beside it."
+        "Every number of this report can be computed again from the samples that it names. With data.csv beside it, or "
+        "in the data folder of the run:"
     )
-    return Section("What it was made of", (Table("Content hashes.", titles, rows), Paragraph(words)))
+    return Section(
+        "What it was made of", (Table("Content hashes.", titles, rows), Code(words, "sinew report verify report.html"))
+    )
 
 
 def told(report: Report, angles: Angles) -> Report:
@@ -86,6 +88,8 @@ def _told_block(block: Block, angles: Angles) -> Block:
             return Table(_told_text(caption, angles), columns, told)
         case Figure(name, svg, caption):
             return Figure(name, svg, _told_text(caption, angles))
+        case Code(caption, text):
+            return Code(_told_text(caption, angles), text)
 
 
 def _told_text(text: str, angles: Angles) -> str:

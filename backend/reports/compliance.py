@@ -20,6 +20,7 @@ from backend.reports.drawing import (
 )
 from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
+from backend.reports.provenance import S_NOTE
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel
 
@@ -28,6 +29,7 @@ _LEAST_N = 0.1
 _REST_S = 1.0
 
 _NOTES = (
+    S_NOTE,
     "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and measured position "
     "let expect F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
     "Raw differences hold the load cells' delay and offset, as the paper's 2.239 N does. Aligned means: the measured "

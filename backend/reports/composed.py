@@ -33,6 +33,7 @@ from backend.reports.drawing import (
 from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.impact import CAPTION, impact_panels, impact_tables
+from backend.reports.provenance import S_NOTE
 from backend.reports.robustness import error_panels
 from backend.reports.source import Source
 from backend.reports.tracking import steps_table
@@ -41,8 +42,7 @@ from plant.interface import T_s
 from plant.parameters import parameters_of
 
 _NOTES = (
-    "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
-    "not a direct measurement of stiffness.",
+    S_NOTE,
     "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
     "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
 )

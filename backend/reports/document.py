@@ -55,7 +55,15 @@ class Figure:
     caption: str
 
 
-Block = Paragraph | Table | Figure
+@dataclass(frozen=True)
+class Code:
+    """Lines to copy, set in a fixed-width font letter by letter; ``caption`` says what they are for."""
+
+    caption: str
+    text: str
+
+
+Block = Paragraph | Table | Figure | Code
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from backend.reports.document import Paragraph, Report, Section
 from backend.reports.judgement import results_section, verdict
 from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 
 
@@ -22,7 +23,7 @@ def experiment_report(source: Source, title: str, name: str, seen: Iterable[Sect
         facts=(*facts(source), *tuning_facts(source)),
         sections=(
             *results_section(source),
-            Section("How it was made", (settings_table(source), *lineage(source))),
+            Section("How it was made", (settings_table(source), *reproduction(source), *lineage(source))),
             *seen,
             Section("Notes", tuple(Paragraph(note) for note in notes)),
             parameter_section(source),

@@ -10,6 +10,7 @@ from backend.documents.result import StepFigures
 from backend.experiments.banks.bank_building import points_of
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.results.used_settings import law_of
 from backend.loop.program import Law
 from backend.reading import Angles, read
 from backend.reports.document import Column, Table, shown
@@ -45,7 +46,7 @@ class PapersLaw:
 def papers_law(source: Source) -> PapersLaw | None:
     """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
     settings = source.run.set_to
-    if settings.loop.budget == 0.0 or settings.law != Law.CASCADE:
+    if settings.loop.budget == 0.0 or law_of(source.run) != Law.CASCADE:
         return None
     columns = source.columns
     t, known = columns["t"], settings.loop.known()

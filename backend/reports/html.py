@@ -4,7 +4,7 @@ import re
 from html import escape
 from importlib import resources
 
-from backend.reports.document import Block, Figure, Paragraph, Report, Section, Table
+from backend.reports.document import Block, Code, Figure, Paragraph, Report, Section, Table
 
 _SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)(?P<hat>_hat)?\b|·10\^(?P<power>−?\d+)"
 _SYMBOLS = re.compile(_SYMBOL)
@@ -66,6 +66,8 @@ def _block(block: Block, numbering: _Numbering) -> str:
         case Figure(_, svg, caption):
             numbering.figures += 1
             return _figure(svg, caption, numbering.figures)
+        case Code(caption, text):
+            return f'<p class="code">{_prose(caption)}</p>\n<pre tabindex="0"><code>{escape(text)}</code></pre>'
 
 
 def _figure(svg: str, caption: str, number: int) -> str:

@@ -10,7 +10,9 @@ from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph
 from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
 from backend.reports.drawn_once import drawn_once
 from backend.reports.judgement import OUTCOMES, measured_figures
+from backend.reports.model_code import motor_blocks
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
+from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
 from plant.parameter_sections import SIDES
@@ -34,9 +36,14 @@ def motor_identification_report(source: Source) -> Report:
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
-        tables: list[Block] = [_estimates(found.motors), _rule(found.motors), *_refused(found.motors)]
+        tables: list[Block] = [
+            _estimates(found.motors),
+            _rule(found.motors),
+            *motor_blocks({side: found.motors.side(side).model for side in SIDES}),
+            *_refused(found.motors),
+        ]
         sections.append(Section("Motors", (*tables, *measured_figures(source))))
-    sections.append(Section("How it was made", (settings_table(source), *_in_force(source))))
+    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_in_force(source))))
     if found is not None:
         sections.append(Section("Figures", _figures(found.motors, source.angles)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]

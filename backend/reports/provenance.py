@@ -6,6 +6,7 @@ from typing import Any
 from backend.documents.actuator import CHANNELS
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.run_settings import DeclaredValue
+from backend.experiments.results.used_settings import USED, law_of, used_settings
 from backend.loop.program import Law
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
@@ -14,6 +15,14 @@ from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
 from backend.storage.runs import EndState
 from plant.choice import SIMULATED
+
+S_NOTE = (
+    "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
+    "not a direct measurement of stiffness. It is wrong by as much as the identified springs are wrong: where they are "
+    "20 % stiffer than identified, S is 14.4 N·m/rad while 12 is asked for and shown, and no law based on angles can "
+    "notice."
+)
+"""Said wherever S is shown as measured."""
 
 END_STATES = {
     EndState.RUNNING: "still running",
@@ -47,33 +56,57 @@ def facts(source: Source) -> tuple[Fact, ...]:
     return (*lines, Fact("Software", software))
 
 
+_CONTROLLERS = {
+    Law.SINGLE_LOOP: (
+        "single loop on position and stiffness, for comparison: without motor loops, without bank and outer gains",
+        "the identified geometry, spring and motors (K_m, T_m); its gains are for the point at 20 N",
+    ),
+    Law.FEEDBACK_LINEARIZATION: (
+        "feedback linearisation (the static law), for comparison: without motor loops, without bank and outer gains",
+        "the true plant: the equations and all numbers that the simulator computes with, friction and the differences "
+        "between the sides included. On a rig nobody has such a model",
+    ),
+    Law.FORCE_HOLD: ("motor loops alone: motor A holds the tension, the excitation is added to its reference", ""),
+    Law.MOTOR_STEPS: ("steps of voltage; between them the motor loops alone", ""),
+    Law.TENSION_SWEEP: ("motor loops alone: they follow a sweep of the tension", ""),
+}
+"""What a law without the outer loops of the cascade is, and what it knows of the plant."""
+
+_KNOWN = "the identified geometry, springs and motors (K_m, T_m), not their friction"
+
+
 def tuning_facts(source: Source) -> tuple[Fact, ...]:
-    """Return λ as the samples have it, the rest of the tuning in use and the seed of the simulator."""
-    settings = source.run.set_to
-    loop = settings.loop
-    parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
-    if loop.lam_motor is not None:
+    """Return the parts of the tuning that the law uses, λ as the samples have it, and the seed of the simulator."""
+    loop, law = source.run.set_to.loop, law_of(source.run)
+    used = USED[law]
+    parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S") if f"lam_{name}" in used]
+    if loop.lam_motor is not None and "lam_motor" in used:
         parts.append(f"λ_motor = {exact(loop.lam_motor)} s")
-    parts.append("b was not recorded then" if loop.b is None else f"b = {exact(loop.b)}")
-    bank = source.bank
-    gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
-    law = settings.law
-    controller = f"cascade, gains of {gains}" if bank else f"cascade, gains {gains}"
-    if law != Law.CASCADE:
-        controller = f"{law}, for comparison; the cascade's gains were not in use"
-    if bank is not None and len(bank.entries) > 1 and law == Law.CASCADE:
-        controller += ", interpolating between entries" if loop.interpolate else ", switching between entries"
-    if law == Law.CASCADE:
-        if loop.budget:
-            controller += f"; motion time-optimal within U_plan = {exact(loop.budget)} V"
-        else:
-            controller += "; motion lambda: the paper's law with the governor"
-        if loop.k_ext:
-            controller += f"; pushes rejected by feed-forward, k_ext = {exact(loop.k_ext)}"
+    if "b" in used:
+        parts.append("b was not recorded then" if loop.b is None else f"b = {exact(loop.b)}")
+    controller, known = _CONTROLLERS.get(law) or (_cascade_in_words(source, law), _KNOWN)
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
+    if known:
+        lines.append(Fact("The law knows", known))
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))
     return tuple(lines)
+
+
+def _cascade_in_words(source: Source, law: Law) -> str:
+    """Return where the cascade's gains come from, and how it follows references and answers pushes."""
+    loop, bank = source.run.set_to.loop, source.bank
+    words = "cascade, " if law == Law.CASCADE else "cascade with the position loop open, "
+    words += f"gains of bank “{bank.name}” version {bank.version}" if bank else "gains from geometry, 20 N point"
+    if bank is not None and len(bank.entries) > 1:
+        words += ", interpolating between entries" if loop.interpolate else ", switching between entries"
+    if loop.budget:
+        words += f"; motion time-optimal within U_plan = {exact(loop.budget)} V"
+    elif law == Law.CASCADE:
+        words += "; motion lambda: the paper's law with the governor"
+    if loop.k_ext and law == Law.CASCADE:
+        words += f"; pushes rejected by feed-forward, k_ext = {exact(loop.k_ext)}"
+    return words
 
 
 def _lam_text(source: Source, name: str) -> str:
@@ -86,8 +119,8 @@ def _lam_text(source: Source, name: str) -> str:
 
 
 def settings_table(source: Source) -> Table:
-    """Return the settings of the plan and of the loop with their units, as the run stored them."""
-    return table_of(source.run.set_to.declared or (), source)
+    """Return the settings of the plan, and those of the loop that its law uses, with their units."""
+    return table_of(() if source.run.set_to.declared is None else used_settings(source.run), source)
 
 
 def table_of(declared: Sequence[DeclaredValue], source: Source) -> Table:
@@ -111,7 +144,12 @@ def table_of(declared: Sequence[DeclaredValue], source: Source) -> Table:
 
 
 def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
-    """Return where the gains came from: the entries of the bank with their identifications."""
+    """Return where the gains came from: the entries of the bank with their identifications.
+
+    Nothing for a law that uses none of these gains.
+    """
+    if "bank" not in USED[law_of(source.run)]:
+        return ()
     if source.bank is None:
         return (
             Paragraph(

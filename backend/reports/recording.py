@@ -3,10 +3,12 @@
 import json
 from typing import Any
 
+from backend.experiments.results.used_settings import used_settings
 from backend.reading import Angles, read, reading_of
-from backend.reports.document import Column, Figure, Report, Section, Table, exact
+from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, exact
 from backend.reports.judgement import results_section, verdict
 from backend.reports.provenance import (
+    S_NOTE,
     facts,
     lineage,
     parameter_section,
@@ -15,6 +17,7 @@ from backend.reports.provenance import (
     table_of,
     tuning_facts,
 )
+from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel, tracking_panels
 from backend.storage.runs import RunKind
@@ -27,11 +30,12 @@ def recording_report(source: Source) -> Report:
     run = source.run
     title = _TITLES.get(RunKind(run.kind), "Recording")
     outcome, sentence = verdict(source)
+    again = () if run.kind == RunKind.SESSION else reproduction(source)
     if run.kind == RunKind.SESSION:
         outcome, sentence = "neutral", "Recorded by hand: no program was played, nothing is judged."
-    sections = [*results_section(source), Section("How it was made", (*_made(source), *lineage(source)))]
+    sections = [*results_section(source), Section("How it was made", (*_made(source), *again, *lineage(source)))]
     if source.columns["t"].size:
-        sections.append(_figures(source))
+        sections += [_figures(source), Section("Notes", (Paragraph(S_NOTE),))]
     return Report(
         title=title,
         subtitle=subtitle(source),
@@ -46,9 +50,9 @@ def recording_report(source: Source) -> Report:
 
 def _made(source: Source) -> tuple[Table, ...]:
     """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
-    declared = source.run.set_to.declared
-    if not declared:
+    if not source.run.set_to.declared:
         return ()
+    declared = used_settings(source.run)
     sequence = next((item.value for item in declared if item.name == "segments"), None)
     if sequence is None:
         return (settings_table(source),)

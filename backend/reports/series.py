@@ -10,7 +10,7 @@ from backend.reading import Angles, read
 from backend.reports.bode import overlay_bode
 from backend.reports.build import told
 from backend.reports.composed import lines_of
-from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
+from backend.reports.document import Block, Code, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, to_element
 from backend.reports.identified import identifications_section
 from backend.reports.judgement import measured, verdict
@@ -55,7 +55,7 @@ def series_report(sources: Sequence[Source]) -> Report:
             Section("What differs", tuple(_differing(sources, angles))),
             Section("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             Section("Figures", tuple(_figures(sources, angles))),
-            Section("What it was made of", (_hashes(evidence), Paragraph(_PROOF))),
+            Section("What it was made of", (_hashes(evidence), Code(_PROOF, "sinew report verify series.html"))),
         ),
         footer=f"Sinew {__version__} · series of runs {numbers}",
         date=max(source.run.started_at for source in sources),
@@ -65,8 +65,8 @@ def series_report(sources: Sequence[Source]) -> Report:
 
 
 _PROOF = (
-    "Every number of this report can be computed again from the samples of its runs: sinew report verify series.html, "
-    "where these runs are stored. Each run is found by the hash of its samples, whatever its number there."
+    "Every number of this report can be computed again from the samples of its runs, where these are stored; each run "
+    "is found by the hash of its samples, whatever its number there:"
 )
 
 

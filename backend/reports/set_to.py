@@ -41,7 +41,7 @@ def set_to(run: Run, bank: Bank | None) -> Iterator[SetTo]:
     for name, value, unit, meaning in granted_rows(run.set_to.granted):
         granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
     yield from (SetTo(name, "; ".join(told)) for name, told in granted.items())
-    for item in used_settings(run.set_to):
+    for item in used_settings(run):
         yield SetTo(f"{item.meaning} {item.symbol}", item.value, item.unit)
     for section, entries in PLANT_NUMBERS.read(run.parameters, f"run {run.id}").items():
         for entry, number in entries.items():

@@ -9,7 +9,9 @@ from backend.reports.document import Block, Column, Figure, Paragraph, Report, S
 from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, to_svg, upper_legend
 from backend.reports.drawn_once import drawn_once
 from backend.reports.judgement import measured_figures
+from backend.reports.model_code import spring_blocks
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
+from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from plant.parameter_sections import SIDES
 
@@ -32,8 +34,9 @@ def spring_identification_report(source: Source) -> Report:
     sections = []
     if found is not None:
         tables = tuple(_fits(side, found.springs[side].model) for side in SIDES)
-        sections.append(Section("Springs", (*tables, *_reasons(found.springs), *measured_figures(source))))
-    sections.append(Section("How it was made", (settings_table(source), *_data(source))))
+        code = spring_blocks({side: found.springs[side].model for side in SIDES})
+        sections.append(Section("Springs", (*tables, *_reasons(found.springs), *code, *measured_figures(source))))
+    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_data(source))))
     if found is not None:
         sections.append(Section("Figures", _figures(found.springs)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]

@@ -12,12 +12,12 @@ from backend.reports.drawing import axis_label
 from backend.reports.experiment import experiment_report
 from backend.reports.followed import GOVERNOR, PapersLaw, beside, papers_law
 from backend.reports.judgement import NOT_MEASURED, measured, read_or_none
+from backend.reports.provenance import S_NOTE
 from backend.reports.source import Source
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
 
 _NOTES = (
-    "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
-    "not a direct measurement of stiffness.",
+    S_NOTE,
     "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the text we have, prints k_p = 2/(K λ), which is "
     "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
     "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "

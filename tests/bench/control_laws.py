@@ -48,6 +48,7 @@ COLUMNS: dict[str, tuple[str, Callable[[Overall], float | None]]] = {
     "q deviation\n[rad]": (".4f", lambda overall: overall.deviation_q),
     "least\ntension [N]": (".2f", lambda overall: overall.min_tension_N),
     "peak\nvoltage [V]": (".2f", lambda overall: overall.peak_voltage_V),
+    "voltage\nat rest [V]": (".2f", lambda overall: overall.u_rest_rms_V),
 }
 
 

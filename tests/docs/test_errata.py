@@ -206,3 +206,21 @@ def test_e8_minimum_stiffness_is_the_one_at_zero_force() -> None:
     x = float(np.max(np.polynomial.Polynomial([k_0, k_1, k_2]).roots()))
     assert f"2 k1 r_j² = {2 * k_1 * r_j**2:.2f} N" in text
     assert f"({1e3 * x:.2f} mm) the stiffness is {2 * r_j**2 * (k_1 + 2 * k_2 * x):.2f} N" in text
+
+
+def test_e9_the_static_law_needs_no_states_of_its_own() -> None:
+    """Relative degrees of the linearised joint with its two motors: 4 for q, 2 for S, together all six states."""
+    text = section("E9")
+    J_j, B_j, S_0, stiffer = 5.2e-4, 0.046, 10.5, 2 * r_j**2 * k_2 * r_m
+    A = np.zeros((6, 6))  # q, q', θ_A, θ_A', θ_B, θ_B'
+    A[0, 1] = A[2, 3] = A[4, 5] = 1.0
+    A[1] = np.array([-S_0, -B_j, S_0 * r_m / (2 * r_j), 0.0, -S_0 * r_m / (2 * r_j), 0.0]) / J_j
+    A[3, 3] = A[5, 5] = -1 / T_m
+    B = np.zeros((6, 2))
+    B[3, 0] = B[5, 1] = K_m / T_m
+    degrees = []
+    for output in (np.eye(6)[0], np.array([0.0, 0.0, stiffer, 0.0, stiffer, 0.0])):
+        sizes = [np.abs(output @ np.linalg.matrix_power(A, k) @ B).max() for k in range(6)]
+        degrees.append(1 + int(np.argmax(np.array(sizes) > 1e-9)))
+    assert f"q has relative degree {degrees[0]} and S has {degrees[1]}, together the six states" in text
+    assert sum(degrees) == A.shape[0]

@@ -181,6 +181,47 @@ def test_tracking_metrics_of_a_known_loop() -> None:
     assert metrics.overall.rmse_q == pytest.approx(expected)
 
 
+def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
+    """Slower steps of q made together with S are none of them, as name and definition say."""
+    plan = ready_plan("tracking")
+    columns = tracked(plan)
+    both = next(phase for phase in plan.phases() if phase.name == "both").start_s
+    slow = tracked(plan, lam_q=0.9)
+    columns["q"] = np.where(columns["t"] < both, columns["q"], slow["q"])
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    alone = [item for item in metrics.steps if item.step.signal == "q" and item.step.alone]
+    largest = max(abs(item.step.after - item.step.before) for item in alone)
+    times = [item.reach_s for item in alone if abs(item.step.after - item.step.before) > 0.999 * largest]
+    assert metrics.overall.reach_q_s == pytest.approx(0.5 * 3.8897, abs=0.002)
+    assert metrics.overall.reach_q_s == max(time_s for time_s in times if time_s is not None)
+    assert max(item.reach_s or 0.0 for item in metrics.steps if item.step.signal == "q") > 0.9 * 3.88
+    declared = type(metrics.overall).__dataclass_fields__["reach_q_s"].metadata
+    assert "alone" in declared["label"]
+    assert "while S_ref stays" in declared["definition"]
+
+
+def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
+    """A sine of 50 Hz about what holds the tension, from 1 s after settling on; what moves the joint is left out."""
+    plan = ready_plan("tracking")
+    columns = tracked(plan)
+    t = columns["t"]
+    columns["u_A"] = 0.6 + 0.2 * np.sin(2 * math.pi * 50 * t)
+    columns["u_B"] = -0.8 + 0.3 * np.sin(2 * math.pi * 50 * t)
+    for start_s in {step.start_s for step in steps_of(plan.program(), plan.phases())}:
+        columns["u_B"][(t >= start_s) & (t < start_s + 2.0)] = 9.0
+    found = tracking_metrics(columns, plan.program(), plan.phases())
+    assert found.overall.u_rest_rms_V == pytest.approx(0.3 / math.sqrt(2), rel=1e-3)
+    assert "u_rest_rms_V" not in found.reasons
+
+
+def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
+    plan = ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)  # settled after 2.9 s: less than 1 s + 1 s left
+    found = tracking_metrics(tracked(plan), plan.program(), plan.phases())
+    assert found.overall.settling_q_s == pytest.approx(0.5 * 5.834, abs=0.002)
+    assert found.overall.u_rest_rms_V is None
+    assert "1 s of rest" in found.reasons["u_rest_rms_V"]
+
+
 def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
     plan = ready_plan("tracking")
     columns = {name: column[:20_500] for name, column in tracked(plan).items()}

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure as Drawn
 
 from backend.reading import Angles
 from backend.reports.build import build_report
-from backend.reports.document import Figure, Paragraph, Report, Table
+from backend.reports.document import Code, Figure, Paragraph, Report, Table
 from backend.reports.drawn_once import forget_drawings
 from backend.reports.source import Source
 
@@ -37,7 +37,7 @@ def texts(report: Report) -> Iterator[str]:
             match block:
                 case Paragraph(text):
                     yield text
-                case Figure(_, _, caption):
+                case Figure(_, _, caption) | Code(caption, _):
                     yield caption
                 case Table(caption, columns, rows):
                     yield caption

@@ -23,6 +23,12 @@ Columns = Mapping[str, NDArray[np.float64]]
 AT_LEAST = ("overshoot_percent", "cross_coupling")
 """What was seen of these stays a figure where some steps could not be measured: there may have been more, not less."""
 
+SETTLED_S = 1.0
+"""So long after a step has settled [s] the voltages are those of rest."""
+
+LEAST_REST_S = 1.0
+"""Shorter stretches are no rest [s]."""
+
 NO_SUCH_STEP = "no such step was played to its end"
 
 
@@ -45,7 +51,9 @@ class Overall:
     )
     settling_S_s: float | None = figure("s", "Settling time of S", "latest last exit from ±2 % of the step, S steps")
     reach_q_s: float | None = figure(
-        "s", "Largest q step to 90 %", "longest time from the step to 90 % of it, less half a count"
+        "s",
+        "Largest q step alone, to 90 %",
+        "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
     )
     reach_bound_q_s: float | None = figure(
         "s",
@@ -64,6 +72,12 @@ class Overall:
     min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
     max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
     peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    u_rest_rms_V: float | None = figure(
+        "V",
+        "Voltage at rest",
+        f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_S:g} s after each step has "
+        "settled to its end",
+    )
 
 
 @dataclass(frozen=True)
@@ -152,6 +166,7 @@ def _overall(
     if bound is None:
         reasons["reach_bound_q_s"] = reasons["reach_q_s"] or "no bound is known for these motors"
     reasons["reach_ratio_q"] = reasons["reach_q_s"] or reasons.get("reach_bound_q_s", "")
+    u_rest, reasons["u_rest_rms_V"] = _voltage_at_rest(columns, steps)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     voltages = np.concatenate([columns["u_A"], columns["u_B"]])
     overall = Overall(
@@ -163,6 +178,7 @@ def _overall(
         min_tension_N=float(tensions.min()),
         max_tension_N=float(tensions.max()),
         peak_voltage_V=float(np.abs(voltages).max()),
+        u_rest_rms_V=u_rest,
     )
     return overall, {name: reason for name, reason in reasons.items() if reason}
 
@@ -184,6 +200,27 @@ def _largest_turns(alone: Sequence[StepMetrics]) -> list[StepMetrics]:
     """Return the largest of the q steps that move alone, all of equal size."""
     turns = [abs(item.step.after - item.step.before) for item in alone]
     return [item for turn, item in zip(turns, alone, strict=True) if turn > max(turns) - 1e-9]
+
+
+def _voltage_at_rest(columns: Columns, steps: Sequence[StepMetrics]) -> tuple[float | None, str]:
+    """Return the rms [V] of the motor that moves more while references stay and all has settled, or why there is none.
+
+    Each stretch counts from its own mean: what holds the tension is none of it.
+    """
+    apart: dict[str, list[NDArray[np.float64]]] = {"u_A": [], "u_B": []}
+    for start_s, end_s in dict.fromkeys((item.step.start_s, item.step.end_s) for item in steps):
+        settled = [item.settling_s for item in steps if item.step.start_s == start_s]
+        times = [time_s for time_s in settled if time_s is not None]
+        if len(times) < len(settled) or end_s - (rest_s := start_s + max(times) + SETTLED_S) < LEAST_REST_S - 1e-9:
+            continue
+        inside = slice(*np.searchsorted(columns["t"], [rest_s - 1e-9, end_s - 1e-9]))
+        for name, found in apart.items():
+            u = columns[name][inside]
+            found.append(u - u.mean())
+    if not apart["u_A"]:
+        return None, f"no step was followed by {LEAST_REST_S:g} s of rest, {SETTLED_S:g} s after it had settled"
+    found_V = max(rms(np.concatenate(found)) for found in apart.values())
+    return (found_V, "") if np.isfinite(found_V) else (None, NO_NUMBER)
 
 
 def rms(error: NDArray[np.float64]) -> float:

@@ -1569,10 +1569,10 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:reach_q_s": {
     "kind": "figure",
     "name": "reach_q_s",
-    "term": "Largest q step to 90 %",
-    "meaning": "longest time from the step to 90 % of it, less half a count",
+    "term": "Largest q step alone, to 90 %",
+    "meaning": "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
     "unit": "s",
-    "equation": "t(90 %) − t(step)",
+    "equation": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
     "source": "docs/experiments.md"
   },
   "figure:reach_bound_q_s": {
@@ -1641,6 +1641,15 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "root mean square of S − S_ref, whole run, steps included",
     "unit": "N·m/rad",
     "equation": "√(1/N Σ (S − S_ref)²)",
+    "source": "docs/experiments.md"
+  },
+  "figure:u_rest_rms_V": {
+    "kind": "figure",
+    "name": "u_rest_rms_V",
+    "term": "Voltage at rest",
+    "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after each step has settled to its end",
+    "unit": "V",
+    "equation": "√(1/N Σ (u − mean u)²)",
     "source": "docs/experiments.md"
   },
   "figure:K_m_A": {

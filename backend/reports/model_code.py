@@ -1,0 +1,194 @@
+"""Identified models number by number: coefficients with standard errors, as plain text and as code that runs."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.documents.actuator import CHANNELS, ActuatorModel, ChannelModel, ChannelName
+from backend.documents.motor import MotorModel
+from backend.documents.spring import SpringModel
+from backend.identification.structures import Kind, Structure, structure
+from backend.reports.document import Block, Code, Column, Table, shown
+from plant.parameter_sections import SIDES, Side
+
+_GAIN_UNITS = {"G_q": "rad/rad", "G_S": "N·m/rad²"}
+_OUTPUTS = {"G_q": "q [rad]", "G_S": "S [N*m/rad]"}
+_PADE_ORDER = 4
+_MEANINGS = {
+    "b0": "static gain",
+    "K": "static gain",
+    "T": "lag of the first-order factor",
+    "tau": "lag of each factor",
+    "t_d": "dead time",
+}
+_RAISED = str.maketrans("23456", "²³⁴⁵⁶")
+_LOWERED = {raised: f"^{chr(digit)}" for digit, raised in _RAISED.items()}
+_OF_THIRD = {"a1": "of the factor a2 s² + a1 s + 1", "a2": "of the factor a2 s² + a1 s + 1"}
+
+Coefficient = tuple[str, float, float | None, int]
+"""Name, value, standard error and power i of s^i that it belongs to; its unit is s^i, but for the gain."""
+
+
+def actuator_blocks(model: ActuatorModel) -> tuple[Block, ...]:
+    """Return the coefficients of G_q and G_S as a table, as text, and as code for python-control."""
+    channels: dict[ChannelName, ChannelModel] = {"G_q": model.G_q, "G_S": model.G_S}
+    return (
+        _coefficient_table(channels),
+        Code("The same with all digits, as text:", "\n".join(_text_lines(channels))),
+        Code("The same for python-control:", "\n".join(_control_lines(channels))),
+    )
+
+
+def motor_blocks(motors: Mapping[Side, MotorModel]) -> tuple[Block, ...]:
+    """Return the least-squares models of both motors as text, and as code for python-control."""
+    text, code = [], ["import control", ""]
+    for side in SIDES:
+        model = motors[side]
+        fitted, std = model.parameters, model.std_errors
+        text.append(f"motor {side}: theta/u = K_m/(s (T_m s + 1)), dry friction worth u_c")
+        known = (("K_m", fitted.K_m, std.K_m, "rad/(V*s)"), ("T_m", fitted.T_m, std.T_m, "s"))
+        for name, value, error, unit in (*known, ("u_c", fitted.u_c, std.u_c, "V")):
+            if value is not None:
+                text.append(_line(name, value, error, unit))
+        if fitted.K_m is not None and fitted.T_m is not None:
+            code.append(f"# from u_{side} [V] to theta_{side} [rad]")
+            code.append(f"motor_{side} = control.tf([{fitted.K_m!r}], [{fitted.T_m!r}, 1.0, 0.0])")
+    return (
+        Code("The least-squares models with all digits, as text:", "\n".join(text)),
+        Code("The same for python-control, without dry friction:", "\n".join(code)),
+    )
+
+
+def spring_blocks(springs: Mapping[Side, SpringModel]) -> tuple[Block, ...]:
+    """Return the recommended polynomials as text, and as code for NumPy."""
+    text, code = [], ["import numpy as np", ""]
+    for side in SIDES:
+        model = springs[side]
+        fit = next(fit for fit in model.fits if fit.order == model.recommended)
+        text.append(f"spring {side}: F [N] over x [m], order {fit.order}: F(x) = k_0 + k_1 x + k_2 x^2 + ...")
+        for power, (k, std) in enumerate(zip(fit.k, fit.std_errors, strict=True)):
+            text.append(_line(f"k_{power}", k, std, "N" if power == 0 else f"N/m^{power}"))
+        code.append(f"spring_{side} = np.polynomial.Polynomial({list(fit.k)!r})  # F [N] of x [m]")
+    return (
+        Code("The recommended polynomials with all digits, as text:", "\n".join(text)),
+        Code("The same for NumPy:", "\n".join(code)),
+    )
+
+
+def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
+    columns = (
+        Column("Model", number=False),
+        Column("Coefficient", number=False),
+        Column("Value"),
+        Column("±"),
+        Column("Unit", number=False),
+        Column("Meaning", number=False, wide=True),
+    )
+    rows = []
+    for key in CHANNELS:
+        model = channels[key]
+        shape = structure(model.structure)
+        for name, value, std, power in _own(shape, model):
+            figures = shown(value, 6), shown(std, 2), _unit(key, power)
+            rows.append((key, name, *figures, _meaning(shape, name)))
+        for name, value, std, power in _of_denominator(shape, model):
+            figures = shown(value, 6), shown(std, 2), _unit(key, power)
+            rows.append((key, name, *figures, f"of {_power(power)} in the whole denominator"))
+    caption = (
+        "All coefficients of the identified models with standard errors: the parameters that were estimated and, where "
+        "these are no coefficients of the denominator themselves, those that follow from them. The gain and the sum of "
+        "lags of the first table follow from these coefficients; with the two the λ formulas and the bank compute."
+    )
+    return Table(caption, columns, tuple(rows))
+
+
+def _meaning(shape: Structure, name: str) -> str:
+    if shape.kind is Kind.THIRD and name in _OF_THIRD:
+        return _OF_THIRD[name]
+    return _MEANINGS.get(name) or f"of {_power(int(name[1:]))} in the denominator"
+
+
+def _power(power: int) -> str:
+    return "s" if power == 1 else f"s{str(power).translate(_RAISED)}"
+
+
+def _unit(key: ChannelName, power: int) -> str:
+    return _GAIN_UNITS[key] if power == 0 else _power(power)
+
+
+def _own(shape: Structure, model: ChannelModel) -> Iterator[Coefficient]:
+    """Yield the parameters that were estimated."""
+    for name in shape.names:
+        power = 0 if name in ("K", "b0") else int(name[1:]) if name[0] == "a" else 1
+        yield name, model.parameters[name], model.std_errors.get(name), power
+
+
+def _of_denominator(shape: Structure, model: ChannelModel) -> Iterator[Coefficient]:
+    """Yield the coefficients of the denominator where the parameters are others: nothing for K/(T s + 1) and free ones.
+
+    Standard errors by the covariance of the parameters, to first order.
+    """
+    if shape.kind in (Kind.FIRST, Kind.FREE):
+        return
+    at = np.array([model.parameters[name] for name in shape.names])
+    std = _propagated(shape, at, model)
+    for power, value in enumerate(shape.denominator(at)[1:], start=1):
+        yield f"a_{power}", float(value), None if std is None else float(std[power]), power
+
+
+def _propagated(shape: Structure, at: NDArray[np.float64], model: ChannelModel) -> NDArray[np.float64] | None:
+    """Return the standard errors of the denominator's coefficients [order + 1]; None where no covariance was kept."""
+    covariance = np.array([[np.nan if one is None else one for one in row] for row in model.covariance])
+    if covariance.shape != (at.size, at.size) or not np.isfinite(covariance).all():
+        return None
+    columns = []
+    for place, value in enumerate(at):
+        step = np.zeros_like(at)
+        step[place] = 1e-6 * (abs(value) or 1.0)
+        columns.append((shape.denominator(at + step) - shape.denominator(at - step)) / (2.0 * step[place]))
+    slopes = np.stack(columns, axis=1)
+    return np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+
+
+def _text_lines(channels: Mapping[ChannelName, ChannelModel]) -> Iterator[str]:
+    for key in CHANNELS:
+        model = channels[key]
+        shape, reduced = structure(model.structure), model.first_order
+        yield f"{key}: theta_A_ref [rad] to {_OUTPUTS[key]}, structure {model.structure}"
+        for name, value, std, power in (*_own(shape, model), *_of_denominator(shape, model)):
+            yield _line(name, value, std, _ascii(_unit(key, power)))
+        yield "  first order with the same gain and sum of lags:"
+        yield _line("K", reduced.K, reduced.K_std, _ascii(_GAIN_UNITS[key]))
+        yield _line("T", reduced.T, reduced.T_std, "s")
+        if model.noise:
+            noise = [number for number in model.noise if number is not None]
+            yield f"  whitening of the residuals, 1 + c_1 z^-1 + ...: {', '.join(f'{c:.6g}' for c in noise)}"
+
+
+def _line(name: str, value: float, std: float | None, unit: str) -> str:
+    error = "not known" if std is None else f"{std:.3g}"
+    return f"  {name:<4} = {value!r} +/- {error} {unit}"
+
+
+def _ascii(unit: str) -> str:
+    return unit.replace("·", "*").translate(_LOWERED)
+
+
+def _control_lines(channels: Mapping[ChannelName, ChannelModel]) -> Iterator[str]:
+    yield "import control"
+    for key in CHANNELS:
+        model = channels[key]
+        shape = structure(model.structure)
+        at = np.array([model.parameters[name] for name in shape.names])
+        denominator = [float(one) for one in shape.denominator(at)[::-1]]
+        yield ""
+        yield f"# {key}: theta_A_ref [rad] to {_OUTPUTS[key]}, structure {model.structure}"
+        yield f"{key} = control.tf("
+        yield f"    [{float(at[0])!r}],"
+        yield f"    [{', '.join(map(repr, denominator))}],"
+        yield ")"
+        if shape.delayed:
+            yield f"t_d_{key[2:]} = {shape.dead_time(at)!r}  # dead time [s], below by a Pade approximant"
+            yield f"{key} = {key} * control.tf(*control.pade(t_d_{key[2:]}, {_PADE_ORDER}))"
+        yield f"{key}_first_order = control.tf([{model.first_order.K!r}], [{model.first_order.T!r}, 1.0])"
