@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from backend.cli.output import fail, out
+from backend.cli.output import AsJson, fail, out, print_json
 from backend.cli.place import DataFolder, database_of, settings_with
 from backend.cli.recordings import recordings
 
@@ -90,12 +90,31 @@ def name_station(
 
 
 @app.command()
-def check(data: DataFolder = None) -> None:
-    """Check that the database is whole; exit 1 when it is not."""
+def check(data: DataFolder = None, as_json: AsJson = False) -> None:
+    """Check that the database is whole and that its recordings hold what was recorded; exit 1 when not.
+
+    Every sample is read: it takes some seconds for an hour of recordings.
+    """
+    from backend.recording.soundness import Checked, check_recordings
     from backend.storage.maintenance import check as problems_of
 
     with database_of(settings_with(data=data)) as database:
         problems = problems_of(database.engine)
+        # what a damaged file still gives of its samples says nothing
+        checked = Checked(0, (), ()) if problems else check_recordings(database)
+    problems += checked.problems
+    if as_json:
+        print_json(
+            {
+                "whole": not problems,
+                "problems": problems,
+                "recordings": checked.recordings,
+                "not_compared": list(checked.not_compared),
+            }
+        )
+    for left_out in () if as_json else checked.not_compared:
+        out.print(f"not compared: {left_out}", highlight=False, markup=False, soft_wrap=True)
     if problems:
         fail("; ".join(problems))
-    out.print("the database is whole")
+    if not as_json:
+        out.print(f"the database is whole; recordings that hold what was recorded: {checked.recordings}")

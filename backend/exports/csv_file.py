@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 _MARK = "# sinew-export: "
 _LONGEST = 16_000_000
 """Characters of a line of facts: parameters and settings of a run take some ten thousand."""
+
+
+_SHOWN = 100
+"""Characters of a line that are told."""
 
 
 def write(export: Export) -> Iterator[bytes]:
@@ -72,6 +77,18 @@ def heading_lines(file: Path) -> list[str]:
         while (line := text.readline(_LONGEST)).startswith("#"):
             lines.append(line)
     return lines
+
+
+def heading_problem(file: Path, facts: Facts) -> str:
+    """Return how the lines before the samples are not those that belong to the facts, "" where they are.
+
+    A person reads units and meanings there. Raises OSError, UnicodeDecodeError.
+    """
+    found, wanted = "".join(heading_lines(file)).splitlines(), _heading(facts).splitlines()[:-1]
+    for number, (line, due) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
+        if line != due:
+            return f"line {number} is “{line[:_SHOWN]}” where “{due[:_SHOWN]}” belongs"
+    return ""
 
 
 def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:

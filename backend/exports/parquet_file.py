@@ -50,3 +50,14 @@ def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
                 yield {name: part.column(name).to_numpy(zero_copy_only=False) for name in facts.names}
 
     return facts, batches()
+
+
+def schema_problem(file: Path, facts: Facts) -> str:
+    """Return how units, symbols and meanings of the columns are not those of the facts, "" where they are."""
+    import pyarrow.parquet
+
+    for found, due in zip(pyarrow.parquet.read_schema(file), schema(facts), strict=True):
+        if (found.metadata or {}) != due.metadata:
+            said = {key.decode(): value.decode("utf-8", "replace") for key, value in (found.metadata or {}).items()}
+            return f"{found.name} has {said}"
+    return ""

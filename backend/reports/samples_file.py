@@ -1,15 +1,18 @@
 """Samples of a run read back from a file that was exported, as they are stored."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from backend.exports.csv_file import heading_problem
 from backend.exports.errors import ImportRefusedError
-from backend.exports.facts import Batch, Facts
+from backend.exports.facts import Batch, Facts, described
 from backend.exports.formats import DataFormat, read
+from backend.exports.parquet_file import schema_problem
 from backend.exports.taking_in import require_told
 from backend.recording.columns import Columns
+from backend.reports.differences import Difference
 from backend.sample import ADDED_LATER, STORED_NAMES
 
 SUFFIXES = tuple(f".{kind}" for kind in DataFormat)
@@ -19,10 +22,10 @@ class SamplesFileError(ValueError):
     """A file that does not hold the samples of a run."""
 
 
-def read_samples_file(file: Path) -> tuple[Columns, str]:
-    """Return the columns of an export, ``t`` [s] and every stored signal, and why they are not those of its export.
+def read_samples_file(file: Path) -> tuple[Columns, tuple[Difference, ...]]:
+    """Return the columns of an export, ``t`` [s] and every stored signal, and how the file is not as it was exported.
 
-    "" where they are. Raises SamplesFileError.
+    Raises SamplesFileError.
     """
     try:
         facts, batches = read(file)
@@ -34,12 +37,19 @@ def read_samples_file(file: Path) -> tuple[Columns, str]:
         raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
     names = ("t", *(name for name in STORED_NAMES if name in facts.names))
     columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
-    return columns, _problem(facts, parts)
+    return columns, tuple(_problems(file, facts, parts))
 
 
-def _problem(facts: Facts, parts: Sequence[Batch]) -> str:
+def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Difference]:
     try:
         require_told(facts, parts)
     except ImportRefusedError as error:
-        return str(error)
-    return ""
+        yield Difference("the file of the samples", "samples as they were exported", str(error))
+    known = {column.name: column.unit for column in described(facts.fields)}
+    for column in facts.columns:
+        if column.unit != known[column.name]:
+            yield Difference(f"unit of {column.name} in {file.name}", f"[{column.unit}]", f"[{known[column.name]}]")
+    if file.suffix == ".csv" and (problem := heading_problem(file, facts)):
+        yield Difference(f"units and meanings in {file.name}", "the lines of its export", problem)
+    if file.suffix == ".parquet" and (problem := schema_problem(file, facts)):
+        yield Difference(f"units and meanings in {file.name}", "the columns of its export", problem)

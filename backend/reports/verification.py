@@ -3,8 +3,9 @@
 What differs is told by its name: a figure, a criterion, a parameter, a sample, a hash, a version, a line of the page.
 """
 
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
@@ -18,6 +19,7 @@ from backend.reports.differences import LIKE, LIKE_ESTIMATE, MOST, Difference, V
 from backend.reports.digests import BLOCK_S, HASHED, blocks_of
 from backend.reports.evidence import (
     ACCOUNT,
+    SINEW,
     Estimate,
     Evidence,
     EvidenceError,
@@ -29,6 +31,7 @@ from backend.reports.evidence import (
     read,
     source_of,
 )
+from backend.reports.files import metrics_document
 from backend.reports.html import to_html
 from backend.reports.page_comparison import compare_pages
 from backend.reports.pdf import to_pdf
@@ -43,12 +46,59 @@ _OTHER_PDF = "the PDF: other versions of what draws and sets it made the report,
 _Result = tuple[Metrics | None, tuple[Criterion, ...], Estimate | None]
 
 
-def verify(page: str, columns: Columns | None) -> Verified:
+@dataclass(frozen=True)
+class Beside:
+    """What else holds numbers of a report: the text of metrics.json, and the samples of the stored run under a name."""
+
+    metrics: str | None = None
+    stored: Columns | None = None
+    stored_as: str = ""
+
+
+NOTHING_BESIDE = Beside()
+
+
+def verify(page: str, columns: Columns | None, beside: Beside = NOTHING_BESIDE) -> Verified:
     """Compare a report with its own account, and both with samples; without them the numbers cannot be computed again.
 
-    Raises EvidenceError for a page without an account.
+    What is ``beside`` them is compared as well. Raises EvidenceError for a page without an account.
     """
-    return _verified(page, _of_a_run(page), columns)[0]
+    evidence = _of_a_run(page)
+    return _with_beside(*_verified(page, evidence, columns), evidence, beside)
+
+
+def _with_beside(found: Verified, source: Source | None, evidence: Evidence, beside: Beside) -> Verified:
+    """Return what was found, with what differs of metrics.json and of the stored run."""
+    differences = list(found.differences)
+    left_out = list(found.left_out)
+    if beside.stored is not None:
+        stored = (replace(one, name=f"{beside.stored_as}, {one.name}") for one in _samples(evidence, beside.stored))
+        differences += stored
+    if beside.metrics is not None and source is None:
+        left_out.append("metrics.json: what its numbers come from cannot be computed again")
+    elif beside.metrics is not None and source is not None:
+        differences += _metrics_file(beside.metrics, source, evidence)
+    return replace(found, differences=tuple(differences[:MOST]), left_out=tuple(left_out))
+
+
+def _metrics_file(text: str, source: Source, evidence: Evidence) -> Iterator[Difference]:
+    """Compare metrics.json with what is written of the same run here; words only where the same version wrote them."""
+    try:
+        said = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        yield Difference("metrics.json", "a JSON document", str(error)[:200])
+        return
+    if not isinstance(said, dict):
+        yield Difference("metrics.json", "a JSON object", type(said).__name__)
+        return
+    found = json.loads(json.dumps(metrics_document(source)))
+    words = () if evidence.made_with.get(SINEW) == made_with()[SINEW] else ("labels", "verdict", "problem")
+    for document in (said, found):
+        for name in words:
+            document.pop(name, None)
+        if isinstance(document.get("identification"), dict):
+            document["identification"].pop("estimate", None)  # its number where it is stored
+    yield from differing("metrics.json", said, found, LIKE if source.identification is None else LIKE_ESTIMATE)
 
 
 def _verified(page: str, evidence: Evidence, columns: Columns | None) -> tuple[Verified, Source | None]:
@@ -70,13 +120,14 @@ def joined(*found: Verified) -> Verified:
     return Verified(differences[:MOST], tuple(left_out), found[-1].compared)
 
 
-def verify_pdf(pdf: bytes, page: str, columns: Columns | None) -> Verified:
+def verify_pdf(pdf: bytes, page: str, columns: Columns | None, beside: Beside = NOTHING_BESIDE) -> Verified:
     """Verify the page that a PDF stands beside, and then whether the PDF is the one that its numbers give.
 
     A PDF carries no account; it is made again and compared byte by byte. Raises EvidenceError.
     """
     evidence = _of_a_run(page)
     verified, source = _verified(page, evidence, columns)
+    verified = _with_beside(verified, source, evidence, beside)
     if verified.differences or source is None:
         return verified
     if evidence.made_with != made_with():

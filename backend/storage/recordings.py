@@ -1,5 +1,6 @@
 """Recordings: the samples of a run in chunks of up to one second, each committed whole."""
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -106,7 +107,9 @@ def has_chunk(session: Session, run_id: int, first_tick: int) -> bool:
 
 def add_chunks(session: Session, run_id: int, chunks: Sequence[Chunk]) -> None:
     """Append chunks to an open recording."""
-    session.add_all(ChunkRow(run_id=run_id, **vars(chunk)) for chunk in chunks)
+    session.add_all(
+        ChunkRow(run_id=run_id, **vars(chunk), sha256=hashlib.sha256(chunk.samples).hexdigest()) for chunk in chunks
+    )
     size = sum(len(chunk.samples) + len(chunk.summary) for chunk in chunks)
     longer = update(RecordingRow).where(RecordingRow.run_id == run_id)
     session.execute(longer.values(size_bytes=RecordingRow.size_bytes + size))
@@ -167,6 +170,17 @@ def chunks(session: Session, run_id: int, from_tick: int, to_tick: int) -> Itera
     query = select(*columns).where(_within(run_id, from_tick, to_tick)).order_by(ChunkRow.first_tick)
     for row in session.execute(query.execution_options(yield_per=64)):
         yield Chunk(*row)
+
+
+def recorded_digests(session: Session, run_id: int) -> dict[int, str]:
+    """Return by first tick the SHA-256 of the packed samples of each chunk as recorded, "" where none was kept."""
+    rows = select(ChunkRow.first_tick, ChunkRow.sha256).where(ChunkRow.run_id == run_id).order_by(ChunkRow.first_tick)
+    return {row.first_tick: row.sha256 for row in session.execute(rows)}
+
+
+def recorded_runs(session: Session) -> list[int]:
+    """Return the numbers of all runs that have a recording."""
+    return list(session.scalars(select(RecordingRow.run_id).order_by(RecordingRow.run_id)))
 
 
 def summaries(session: Session, run_id: int, from_tick: int, to_tick: int) -> Iterator[Summary]:

@@ -122,7 +122,10 @@ class RecordingRow(Base):
 
 
 class ChunkRow(Base):
-    """Up to one second of consecutive samples; ``summary`` is read far more often than ``samples``."""
+    """Up to one second of consecutive samples; ``summary`` is read far more often than ``samples``.
+
+    ``sha256`` is the digest of ``samples`` as they were recorded, "" of those from before it was kept.
+    """
 
     __tablename__ = "chunk"
 
@@ -131,6 +134,7 @@ class ChunkRow(Base):
     count: Mapped[int] = mapped_column(Integer)
     summary: Mapped[bytes] = mapped_column(LargeBinary)
     samples: Mapped[bytes] = mapped_column(LargeBinary)
+    sha256: Mapped[str] = mapped_column(String(64), server_default="")
 
 
 class IdentificationRow(OfStation, Numbered, Base):

@@ -2,13 +2,15 @@
 
 import json
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from subprocess import DEVNULL
 
+from backend.recording.codec import pack, unpack
 from backend.storage import open_database, recordings
 from backend.storage.records import UnknownRecordError
 from tests.cli.conftest import Command
@@ -37,6 +39,7 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
     assert json.loads(by_the_run.stdout) == {
         "holds": True,
         "samples": "run 1 of the data folder",
+        "checked": ["run 1 of the data folder", str(out / "metrics.json")],
         "differences": [],
         "left_out": [],
     }
@@ -49,6 +52,83 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
     touched = command("report", "verify", str(report), folder=here)
     assert touched.returncode == 1
     assert "does not hold: 1 differences" in touched.stderr
+
+
+def change_a_sample(folder: Path, run: int, of: str, by: float) -> None:
+    """Change one stored sample in the middle of a chunk, packed as it was; its summary stays."""
+    with closing(sqlite3.connect(folder / "sinew.db")) as database, database:
+        (fields,) = database.execute("select fields from recording where run_id = ?", (run,)).fetchone()
+        column = json.loads(fields).index(of)
+        chunks = database.execute("select first_tick, samples from chunk where run_id = ? order by first_tick", (run,))
+        first_tick, packed = chunks.fetchall()[1]
+        table = unpack(packed, len(json.loads(fields))).copy()
+        table[123, column] += by
+        changed = (pack(table), run, first_tick)
+        database.execute("update chunk set samples = ? where run_id = ? and first_tick = ?", changed)
+
+
+def test_all_that_lies_beside_a_report_is_compared(command: Command, tmp_path: Path) -> None:
+    """A metric in metrics.json, a unit in data.csv, a sample in the database: each is found where it was changed."""
+    out, here = tmp_path / "out", tmp_path / "here"
+    short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
+    assert command("experiment", "tracking", *short, folder=here).returncode == 0
+    report, metrics, samples = out / "report.html", out / "metrics.json", out / "data.csv"
+
+    def verified(file: Path = report) -> tuple[int, list[str], dict[str, object]]:
+        done = command("report", "verify", str(file), "--json", folder=here)
+        told = json.loads(done.stdout)
+        return done.returncode, [one["name"] for one in told["differences"]], told
+
+    status, names, told = verified()
+    assert (status, names, told["holds"]) == (0, [], True)
+    assert told["samples"] == str(samples)
+    assert told["checked"] == [str(samples), "run 1 of the data folder", str(metrics)]
+
+    as_written = metrics.read_text(encoding="utf-8")
+    document = json.loads(as_written)
+    document["metrics"]["peak_voltage_V"] += 0.01
+    metrics.write_text(json.dumps(document), encoding="utf-8")
+    assert verified()[:2] == (1, ["metrics.json, metrics, peak_voltage_V"])
+    assert verified(out / "report.pdf")[:2] == (1, ["metrics.json, metrics, peak_voltage_V"])
+    document = json.loads(as_written)
+    document["units"]["peak_voltage_V"] = "mV"
+    metrics.write_text(json.dumps(document), encoding="utf-8")
+    assert verified()[:2] == (1, ["metrics.json, units, peak_voltage_V"])
+    metrics.write_text(as_written[:-10], encoding="utf-8")
+    assert verified()[:2] == (1, ["metrics.json"])
+    metrics.write_text(as_written, encoding="utf-8")
+
+    exported = samples.read_text(encoding="utf-8")
+    samples.write_text(exported.replace("# q [rad]", "# q [deg]", 1), encoding="utf-8")
+    assert verified()[:2] == (1, ["units and meanings in data.csv"])
+    samples.write_text(exported, encoding="utf-8")
+    assert verified()[0] == 0
+
+    assert command("db", "check", folder=here).returncode == 0
+    change_a_sample(here, 1, "q", 1e-5)
+    status, names, told = verified()
+    assert (status, told["samples"]) == (1, str(samples))
+    assert names == ["run 1 of the data folder, samples of q from 1 s to 2 s"]
+    done = command("report", "verify", str(report), folder=here)
+    assert f"computed from {samples}; compared with it: run 1 of the data folder" in " ".join(done.stderr.split())
+    checked = command("db", "check", "--json", folder=here)
+    document = json.loads(checked.stdout)
+    assert (checked.returncode, document["whole"], document["recordings"]) == (1, False, 1)
+    assert ["run 1: the samples from 1 s on" in problem for problem in document["problems"]] == [True]
+
+
+def test_samples_from_before_digests_were_kept_are_compared_as_far_as_they_can_be(
+    command: Command, tmp_path: Path
+) -> None:
+    short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
+    assert command("experiment", "tracking", *short, folder=tmp_path).returncode == 0
+    with closing(sqlite3.connect(tmp_path / "sinew.db")) as database, database:
+        database.execute("update chunk set sha256 = ''")
+    unknown = command("db", "check", "--json", folder=tmp_path)
+    told = json.loads(unknown.stdout)
+    assert (unknown.returncode, told["whole"], len(told["not_compared"])) == (0, True, 1)
+    change_a_sample(tmp_path, 1, "q", 3.0)  # beyond the largest value that is kept beside it
+    assert command("db", "check", folder=tmp_path).returncode == 1
 
 
 def test_what_a_killed_command_left_behind_has_a_report_that_holds(command: Command, tmp_path: Path) -> None:

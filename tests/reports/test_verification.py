@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -239,8 +240,8 @@ def test_a_file_of_samples_is_held_against_what_it_says_of_itself(
 ) -> None:
     file = tmp_path / "data.csv"
     file.write_text(to_csv(report.source.columns).decode().replace(old, new, 1))
-    _, problem = read_samples_file(file)
-    assert (told in problem) == bool(told or not problem)
+    _, problems = read_samples_file(file)
+    assert [told in one.found for one in problems] == ([True] if told else [])
 
 
 def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> None:
@@ -262,8 +263,19 @@ def test_a_sample_more_or_less_is_found(report: Made) -> None:
 def test_it_holds_by_the_files_beside_it(report: Made, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"data{suffix}"
     file.write_bytes(written(report.source.columns, suffix[1:]))
-    columns, problem = read_samples_file(file)
-    assert (verify(report.page, columns), problem) == (Verified((), ()), "")
+    columns, problems = read_samples_file(file)
+    assert (verify(report.page, columns), problems) == (Verified((), ()), ())
+
+
+def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tmp_path: Path) -> None:
+    file = tmp_path / "data.parquet"
+    file.write_bytes(written(report.source.columns, "parquet"))
+    table = pyarrow.parquet.read_table(file)
+    place = table.schema.get_field_index("F_A")
+    other = table.schema.field(place).with_metadata({"unit": "kN", "symbol": "F_A", "meaning": "tension"})
+    pyarrow.parquet.write_table(table.cast(table.schema.set(place, other)), file)
+    _, problems = read_samples_file(file)
+    assert [one.name for one in problems] == ["units and meanings in data.parquet"]
 
 
 def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
