@@ -89,11 +89,12 @@ class PrintedFormula(Schema):
 
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
-    y: list[float] = Field(description="predicted response to a unit reference step, at the times of the loop [1]")
+    t: list[float] = quantity("s", "time of the step it would make; empty where λ does not make the steps")
+    y: list[float] = Field(description="progress of that step, 0 before it and 1 at the new reference [1]")
 
 
 class LoopPreview(Schema):
-    """What one outer loop would do at a λ, on the high-order model of the active entry."""
+    """How robust one outer loop is at a λ, at the stiffness and with the bank entry of the preview."""
 
     lam: float = quantity("s", "λ previewed")
     lam_min: float = quantity("s", "where the safe range begins")
@@ -104,9 +105,21 @@ class LoopPreview(Schema):
         description="factor by which the gain may grow before instability; null when unstable or unlimited"
     )
     phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unstable or unlimited")
-    t: list[float] = quantity("s", "time of the predicted unit step")
-    y: list[float] = Field(description="predicted response to a unit reference step [1]")
-    printed: PrintedFormula
+    printed: PrintedFormula | None = Field(description="with the printed formula; null where it was not asked for")
+
+
+class StepPreview(Schema):
+    """A step of one reference, the other one held: simulated on the identified plant with its friction and sensors."""
+
+    start: float = Field(description="reference before the step [rad or N·m/rad]")
+    end: float = Field(description="reference after it [rad or N·m/rad]")
+    rise_s: float | None = quantity("s", "when 90 % of the step are reached; null where they are not")
+    settling_s: float | None = quantity("s", "from when on it stays within 2 % of the step; null where it does not")
+    overshoot_percent: float = quantity("%", "overshoot of the step")
+    u_peak_V: float = quantity("V", "largest motor voltage of the step")
+    F_min_N: float = quantity("N", "least tendon tension of the step")
+    t: list[float] = quantity("s", "time from the step on")
+    y: list[float] = Field(description="progress of the step, 0 before it and 1 at the new reference [1]")
 
 
 class MotorPreview(Schema):
@@ -144,6 +157,8 @@ class PushPreview(Schema):
     """What a push does to the joint that is held, at the active entry of the bank."""
 
     give: float = quantity("rad", "largest deviation under the push")
+    t: list[float] = quantity("s", "time from the begin of the push on")
+    off: list[float] = quantity("rad", "deviation from the reference over that time")
     back_s: float | None = quantity("s", "from when on it stays near its reference; null where it does not come back")
     felt_slow: float = quantity("N·m/rad", "outside torque over deviation when leant on, at 0.1 Hz")
     felt_fast: float = quantity("N·m/rad", "outside torque over deviation when shaken, at 1 Hz")
@@ -160,12 +175,15 @@ class PushedPreview(Schema):
 
 
 class TuningPreview(Schema):
-    """What the loops would do."""
+    """What a tuning would do at one stiffness: how robust its loops are, a step of each reference, and a push."""
 
+    motion: Motion = Field(
+        description="lambda: λ sets the time of the steps; time-optimal: a trajectory within U_plan does"
+    )
+    S: float = quantity("N·m/rad", "stiffness reference that all of it is for")
     motor: MotorPreview
     position: LoopPreview
     stiffness: LoopPreview
-    u_peak_V: float = quantity("V", "largest motor voltage of a step of π/3 in q_ref")
-    F_min_N: float = quantity("N", "least tendon tension of that step")
-    rise_s: float | None = quantity("s", "when q has gone 90 % of that step; null where it does not get there")
+    step_q: StepPreview
+    step_S: StepPreview
     pushed: PushedPreview

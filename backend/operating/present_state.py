@@ -33,6 +33,7 @@ from backend.messages.state import (
     FaultView,
     LimitsView,
     PlantView,
+    ReferencesView,
     State,
     StopProof,
     TaskView,
@@ -138,6 +139,11 @@ class PresentState:
         """Index of the newest sample."""
         sample = self._observation.sample()
         return 0 if sample is None else int(sample["tick"])
+
+    @property
+    def references(self) -> ReferencesView:
+        """References in use; where none are, what the joint does."""
+        return references_of(self._observation.sample())
 
     @property
     def entry(self) -> float:

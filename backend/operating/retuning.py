@@ -8,6 +8,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.access import LoopDiedError
@@ -30,7 +31,7 @@ from backend.operating.kept_tuning import KeptTuning
 from backend.operating.present_state import PresentState
 from backend.operating.tuning_in_use import TuningInUse
 from backend.operating.tuning_trial import Trial
-from backend.refusal import Because, RefusalError
+from backend.refusal import Because, RefusalError, require_within
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
@@ -149,11 +150,36 @@ class Retuning:
         self._changed()
 
     async def preview(
-        self, lam_q: float, lam_S: float, motion: Motion | None, u_plan: float | None, k_ext: float | None
+        self,
+        lam_q: float,
+        lam_S: float,
+        S: float | None = None,
+        *,
+        motion: Motion | None = None,
+        u_plan: float | None = None,
+        k_ext: float | None = None,
+        printed: bool = False,
     ) -> TuningPreview:
-        """Predict what λ, a motion, its limit [V] and a share of pushes would do at the active entry; None: as now."""
-        preview, entry = self._present.tuning.preview, round(self._present.entry)
-        return await asyncio.to_thread(preview, lam_q, lam_S, entry, motion, u_plan, k_ext)
+        """Predict what λ, a motion, its limit [V] and a share of pushes would do at S [N·m/rad]; None: as now.
+
+        Raises OutOfRangeError for a stiffness, a limit or a share that is not offered.
+        """
+        present, bounds = self._present, self._present.bounds
+        if S is None:
+            S = min(max(present.references.S_ref, bounds.S_min), bounds.S_max)
+        require_within("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
+        computed = partial(
+            present.tuning.preview,
+            lam_q,
+            lam_S,
+            S,
+            present.entry,
+            motion=motion,
+            u_plan=u_plan,
+            k_ext=k_ext,
+            printed=printed,
+        )
+        return await asyncio.to_thread(computed)
 
     async def motor(self, lam_motor: float) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""

@@ -1,5 +1,6 @@
 """The tuning in force: λ, the bank whose models it is applied to, and what follows from both."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import degrees, isfinite
 from typing import Any
@@ -19,6 +20,7 @@ from backend.messages.tuning import (
     PushPreview,
     RobustLambda,
     RobustTuning,
+    StepPreview,
     TuningParts,
     TuningPreview,
     TuningRequest,
@@ -29,12 +31,13 @@ from backend.storage.bank_entry import entry_in_use
 from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
-from backend.tuning.gains import cascade_tuning, require_share
+from backend.tuning.gains import require_share
 from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.plan_budget import require_budget
-from backend.tuning.preview import Previewer
-from backend.tuning.push_forecast import NEAR_RAD, PUSH_N, push_forecast
+from backend.tuning.preview import Previewer, Steps
+from backend.tuning.push_forecast import NEAR_RAD, PUSH_N, PushForecast
 from backend.tuning.robustness import Robustness
+from backend.tuning.step_forecast import StepForecast
 from plant.parameters import PlantParameters
 
 
@@ -114,14 +117,20 @@ class TuningInUse(Chosen):
         self,
         lam_q: float,
         lam_S: float,
-        entry: int,
+        S: float,
+        entry: float = -1.0,
+        *,
         motion: Motion | None = None,
         u_plan: float | None = None,
         k_ext: float | None = None,
+        steps: Steps | None = None,
+        printed: bool = False,
     ) -> TuningPreview:
-        """Predict what both outer loops would do at these λ, a step within a budget [V], and a push; None: as now.
+        """Predict what these λ would do at S [N·m/rad]: robustness, a step of each reference, a held push.
 
-        Raises OutOfRangeError for a budget or a share of the push that is not offered.
+        ``entry``: bank entry in use at present, −1 for the one nearest to S. ``motion``, ``u_plan`` [V], ``k_ext``
+        [1]: None as now. ``steps``: other steps than the usual ones. ``printed``: with the printed formula beside it.
+        Raises OutOfRangeError for a voltage limit or a share of the push that is not offered.
         """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
         wanted = {name: value for name, value in (("motion", motion), ("u_plan", u_plan)) if value is not None}
@@ -129,28 +138,31 @@ class TuningInUse(Chosen):
         share = self.choice.k_ext if k_ext is None else k_ext
         require_budget(self.parameters, budget)
         require_share(share)
-        predicted = self.previewer.preview(lambdas, entry, budget)
+        with ThreadPoolExecutor() as beside:
+            predicted = self.previewer.preview(
+                lambdas,
+                S,
+                entry,
+                interpolate=self.choice.interpolate,
+                u_plan=budget,
+                shares=(0.0, share) if share else (0.0,),
+                steps=steps,
+                printed=printed,
+                each=beside.map,
+            )
+        without, *rejected = map(_push, predicted.pushes)
         return TuningPreview(
+            motion="time-optimal" if budget else "lambda",
+            S=S,
             motor=_motor(predicted.motor),
             position=_loop(lam_q, predicted.position),
             stiffness=_loop(lam_S, predicted.stiffness),
-            u_peak_V=predicted.step.peak_voltage,
-            F_min_N=predicted.step.least_tension,
-            rise_s=_finite(predicted.step.rise_s),
+            step_q=_step(predicted.step_q),
+            step_S=_step(predicted.step_S),
             pushed=PushedPreview(
-                F=PUSH_N,
-                near=NEAR_RAD,
-                k_ext=share,
-                without=self._push(lambdas, entry, 0.0),
-                rejected=self._push(lambdas, entry, share) if share else None,
+                F=PUSH_N, near=NEAR_RAD, k_ext=share, without=without, rejected=rejected[0] if rejected else None
             ),
         )
-
-    def _push(self, lambdas: Lambdas, entry: int, k_ext: float) -> PushPreview:
-        point = self.previewer.points[entry]
-        tuning = cascade_tuning(self.parameters, lambdas, [point], k_ext=k_ext)
-        found = push_forecast(self.parameters, tuning, point.S_nominal, lambdas.lam_q)
-        return PushPreview(**{**found._asdict(), "back_s": _finite(found.back_s)})
 
     def motor(self, lam_motor: float) -> MotorPreview:
         """Return how robust the motor loops are at this λ. Raises OutOfRangeError for one that is not offered."""
@@ -226,7 +238,7 @@ def _checked(
 
 
 def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
-    robustness = predicted.robustness
+    robustness, printed = predicted.robustness, predicted.printed
     stable = robustness.stable
     return LoopPreview(
         lam=lam,
@@ -236,13 +248,42 @@ def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
         M_s=robustness.M_s if stable else None,
         gain_margin=_finite(robustness.gain_margin) if stable else None,
         phase_margin_deg=_finite(degrees(robustness.phase_margin)) if stable else None,
-        t=predicted.t.tolist(),
-        y=predicted.y.tolist(),
-        printed=PrintedFormula(
-            stable=predicted.printed.stable,
-            M_s=predicted.printed.M_s if predicted.printed.stable else None,
-            y=predicted.printed_y.tolist(),
-        ),
+        printed=None if printed is None else _printed(printed),
+    )
+
+
+def _printed(printed: preview.Printed) -> PrintedFormula:
+    stable, step = printed.robustness.stable, printed.step
+    return PrintedFormula(
+        stable=stable,
+        M_s=printed.robustness.M_s if stable else None,
+        t=[] if step is None else step.t.tolist(),
+        y=[] if step is None else step.y.tolist(),
+    )
+
+
+def _step(step: StepForecast) -> StepPreview:
+    return StepPreview(
+        start=step.start,
+        end=step.end,
+        rise_s=_finite(step.t90_s),
+        settling_s=_finite(step.settling_s),
+        overshoot_percent=step.overshoot_percent,
+        u_peak_V=step.peak_voltage,
+        F_min_N=step.least_tension,
+        t=step.t.tolist(),
+        y=step.y.tolist(),
+    )
+
+
+def _push(push: PushForecast) -> PushPreview:
+    return PushPreview(
+        give=push.give,
+        t=push.t.tolist(),
+        off=push.off.tolist(),
+        back_s=_finite(push.back_s),
+        felt_slow=push.felt_slow,
+        felt_fast=push.felt_fast,
     )
 
 

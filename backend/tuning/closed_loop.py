@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, decoupler, motors
+from backend.controllers import cascade, decoupler, motors, touch
 from backend.controllers.goals import References
 from plant.compiled import compiled, compiled_run
 from plant.dynamics import Dynamics, PlantState
@@ -95,6 +95,39 @@ def simulate(
     return x, controller, -1
 
 
+@compiled_run
+def simulate_feeling(
+    rig: Rig,
+    tuning: cascade.Tuning,
+    observer: touch.Observer,
+    learned_at: int,
+    x: PlantState,
+    controller: cascade.State,
+    inputs: Inputs,
+    line: Array,
+    out: Array,
+) -> int:
+    """Run as ``simulate`` with the outside torque of the observer, for the rejection of pushes; return the trip's tick.
+
+    At the tick ``learned_at`` its bias is learned: nothing is answered before.
+    """
+    fill_delay_line(rig, x, line)
+    felt, bias = touch.UNKNOWN, math.nan
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        felt = touch.step(observer, felt, m)
+        if k == learned_at:
+            bias = felt.mean
+        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        y, controller = cascade.step(tuning, controller, r, True, m, felt.tau_ext - bias)
+        record(out[k], m, y)
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if exceeded(rig.plant, rig.bounds, x):
+            return k
+    return -1
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Result of a simulated run: one array (ticks,) per column, SI units; ``tripped_at`` is a tick or −1."""
@@ -158,15 +191,26 @@ def run(
     S_ref: Array,
     F_push: Array | None = None,
     seed: int = 0,
+    entry: float = -1.0,
+    learned_at: int | None = None,
+    rig: Rig | None = None,
 ) -> Trajectory:
     """Simulate the cascade from rest at (q_ref[0], S_ref[0]) under references (ticks,) [rad, N·m/rad].
 
-    ``F_push`` (ticks,) [N] defaults to none. The same arguments give the same trajectory to the last bit.
+    ``F_push`` (ticks,) [N] defaults to none. ``entry``: bank entry in use at the start, −1 for the one nearest to S.
+    From the tick ``learned_at`` on the outside force is known and rejected as ``tuning`` says; None: it is not known.
+    ``rig``: that of ``parameters``, where it is at hand; making it takes as long as some seconds of simulation.
+    The same arguments give the same trajectory to the last bit.
     """
-    rig = rig_of(parameters)
+    rig = rig or rig_of(parameters)
     x, controller = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
+    if entry >= 0.0:
+        controller = controller._replace(active=float(entry))
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     line, out = empty_arrays(q_ref.size)
+    if learned_at is not None:
+        observer = touch.observer_for(parameters)
+        return trajectory_of(out, simulate_feeling(rig, tuning, observer, learned_at, x, controller, inputs, line, out))
     _, _, tripped_at = simulate(rig, tuning, x, controller, inputs, line, out)
     return trajectory_of(out, tripped_at)
 

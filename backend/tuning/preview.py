@@ -1,22 +1,30 @@
-"""What a λ would do before it is sent: robustness and step on the high-order model, voltage and tension simulated."""
+"""What a tuning would do before it is sent: robustness on the high-order model, steps simulated.
 
-from collections.abc import Callable, Sequence
+All of it is for one stiffness, that of the present reference, and for the motion in use: in `lambda` a step takes the
+time that λ gives it, in `time-optimal` that of its trajectory.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import NamedTuple
+from functools import cached_property, lru_cache, partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from backend.controllers import i_p
+from backend.controllers import cascade, i_p, scheduling
+from backend.controllers.decoupler import decoupler_for
+from backend.controllers.limits import bounds_for
 from backend.refusal import require_within
-from backend.tuning.closed_loop import run
+from backend.tuning.closed_loop import Rig, rig_of, run
+from backend.tuning.expected_plant import expected_plant
 from backend.tuning.formulas import TuningError, motor_gains, printed_outer_gains
 from backend.tuning.gains import (
     cascade_tuning,
+    knowledge,
     motor_loops,
     position_gains,
     position_process,
+    rejection,
     stiffness_gains,
     stiffness_process,
 )
@@ -24,14 +32,20 @@ from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
 from backend.tuning.motor_loop import common_range, motor_lambda, motor_robustness
 from backend.tuning.plan_budget import plan_range, require_budget
+from backend.tuning.push_forecast import PushForecast, push_forecast
 from backend.tuning.remembered import remembered
 from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
+from backend.tuning.sampled_loop import Sampled, held_plant
+from backend.tuning.step_forecast import StepForecast, step_forecast
 from plant.interface import T_s
 from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
 
 STEP_Q = np.pi / 3.0
-"""Step of q_ref whose peak voltage and least tension the preview shows [rad]: half of the paper's largest."""
+"""Step of q_ref that the preview shows where no other is asked for [rad]: half of the paper's largest."""
+
+SHOWN_STEP_S = 2.0
+"""Step of S_ref that the preview shows where no other is asked for [N·m/rad]: up, or down near the end of the range."""
 
 STEP_S = (8.0, 14.0)
 """Step of S_ref that has to stay within the voltage [N·m/rad]: the pulses of the paper."""
@@ -39,41 +53,56 @@ STEP_S = (8.0, 14.0)
 LAM_RESOLUTION = 1e-3
 """How finely the end of the range is found where the voltage decides [s]."""
 
-_POINTS = 200
+Job = Callable[[], object]
+
+_STIFFNESSES_KEPT = 32
+"""So many stiffnesses have their high-order models kept: making one takes longer than all else of a preview."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps of q_ref [rad] and S_ref [N·m/rad], each from the first to the second; each alone, the other one held."""
+
+    q: tuple[float, float]
+    S: tuple[float, float]
 
 
 @dataclass(frozen=True)
 class LoopPreview:
-    """One outer loop: robustness, unit step response y (n,) over t (n,) [s], and the range of λ offered [s].
+    """One outer loop: its robustness and the range of λ offered [s].
 
-    ``printed`` and ``printed_y`` (n,) are what the printed formula of table 2 would give (erratum E1).
+    ``printed``: what the printed formula of table 2 would give (erratum E1), with the step it would make in ``lambda``
+    motion; None where it was not asked for.
     """
 
     robustness: Robustness
     lam_min: float
     lam_max: float
-    t: NDArray[np.float64]
-    y: NDArray[np.float64]
-    printed: Robustness
-    printed_y: NDArray[np.float64]
+    printed: "Printed | None"
 
 
-class SimulatedStep(NamedTuple):
-    """``peak_voltage`` [V] and ``least_tension`` [N] of a step; when q is 90 % there [s], nan where it never is."""
+@dataclass(frozen=True)
+class Printed:
+    """The loop with the printed formula: ``step`` is None where λ does not make the steps."""
 
-    peak_voltage: float
-    least_tension: float
-    rise_s: float
+    robustness: Robustness
+    step: StepForecast | None
 
 
 @dataclass(frozen=True)
 class Preview:
-    """All loops at one bank point, and a ``step`` of STEP_Q at its S; ``motor`` is the less robust of the two loops."""
+    """All loops at stiffness ``S`` [N·m/rad], a step of each reference, and a push with each share of it rejected.
 
+    ``motor``: the less robust of the two motor loops.
+    """
+
+    S: float
     motor: Robustness
     position: LoopPreview
     stiffness: LoopPreview
-    step: SimulatedStep
+    step_q: StepForecast
+    step_S: StepForecast
+    pushes: tuple[PushForecast, ...]
 
 
 class Previewer:
@@ -97,6 +126,7 @@ class Previewer:
         require_within("lam_motor", lam_motor, *self.motor_range(), "s")
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
         self._lam_motor, self._b = lam_motor, b
+        self._models_at = lru_cache(_STIFFNESSES_KEPT)(self._new_models)
         self._ranges = [
             remembered(("outer ranges", parameters, motor, point, lam_motor, b), 2, partial(self._safe_ranges, entry))
             for entry, point in enumerate(self.points)
@@ -105,9 +135,20 @@ class Previewer:
     @cached_property
     def _processes(self) -> list[tuple[OuterProcess, OuterProcess]]:
         """What the outer loops of q and S control, by point."""
+        return [self._models_at(point.S_nominal)[:2] for point in self.points]
+
+    def _new_models(self, S: float) -> tuple[OuterProcess, OuterProcess, Sampled]:
+        """Return what the outer loops of q and S control at S [N·m/rad], and the plant in ticks."""
         gains = motor_loops(self._parameters, self._lam_motor, self._motor)
-        models = [decoupled_model(self._parameters, gains, point.S_nominal) for point in self.points]
-        return [(OuterProcess(model[0, 0]), OuterProcess(model[1, 1])) for model in models]
+        model = decoupled_model(self._parameters, gains, S)
+        held = held_plant(self._parameters, decoupler_for(self._parameters), S)
+        return OuterProcess(model[0, 0]), OuterProcess(model[1, 1]), held
+
+    @cached_property
+    def _expected(self) -> tuple[PlantParameters, Rig]:
+        """The plant that is simulated."""
+        plant = expected_plant(self._parameters)
+        return plant, rig_of(plant)
 
     @cached_property
     def _motor_robustness(self) -> Robustness:
@@ -143,25 +184,84 @@ class Previewer:
         require_within("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
         require_within("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
 
-    def preview(self, lambdas: Lambdas, entry: int = 0, u_plan: float = 0.0) -> Preview:
-        """Preview at one point of the bank, with a plan of ``u_plan`` [V] or by the governor.
+    def steps_at(self, S: float) -> Steps:
+        """Return the steps that are shown where no others are asked for, from q = 0 and S [N·m/rad]."""
+        up = bounds_for(self._parameters).S_max >= S + SHOWN_STEP_S
+        return Steps((0.0, STEP_Q), (S, S + (SHOWN_STEP_S if up else -SHOWN_STEP_S)))
 
+    def preview(
+        self,
+        lambdas: Lambdas,
+        S: float | None = None,
+        entry: float = -1.0,
+        *,
+        interpolate: bool = False,
+        u_plan: float = 0.0,
+        shares: Sequence[float] = (0.0,),
+        steps: Steps | None = None,
+        printed: bool = False,
+        each: Callable[[Callable[[Job], object], Iterable[Job]], Iterable[object]] = map,
+    ) -> Preview:
+        """Preview at S [N·m/rad], by default that of the first point, in the motion that ``u_plan`` [V] says.
+
+        ``entry``: the one in use at present, −1 for the one nearest to S; ``shares`` [1]: of a push, fed forward
+        against it; ``steps``: by default those of ``steps_at``; ``printed``: with what the printed formula would do;
+        ``each``: ``map``, or one that does several at a time: compiled simulations let other threads go on.
         Raises TuningError for a λ that has no gains.
         """
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
-        point = self.points[entry]
-        process_q, process_S = self._processes[entry]
-        lam_q_min, lam_S_min = self.safe_range()
-        q = position_gains(self._parameters, point, lambdas)
-        S = stiffness_gains(self._parameters, point, lambdas)
-        held = (point.S_nominal, point.S_nominal)
-        step = self._simulated(lambdas, point, (0.0, STEP_Q), held, lambdas.lam_q, u_plan)
-        return Preview(
-            self._motor_robustness,
-            _loop_preview(process_q, q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
-            _loop_preview(process_S, S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
-            step,
+        S = self.points[0].S_nominal if S is None else S
+        steps = steps or self.steps_at(S)
+        tuning = cascade_tuning(self._parameters, lambdas, self.points, self._motor, interpolate, u_plan)
+        known = knowledge(self._parameters)
+        active = scheduling.select(tuning.schedule, entry, S)
+        gains = scheduling.gains_at(tuning.schedule, active)
+        process_q, process_S, held = self._models_at(S)
+        processes = process_q, process_S
+        plant, rig = self._expected
+
+        def stepped(number: int, tuning: cascade.Tuning) -> StepForecast:
+            lam = (lambdas.lam_q, lambdas.lam_S)[number]
+            seconds = 2.0 + (3.0 if u_plan else 9.0) * lam
+            q, S_ref = ((steps.q, (S, S)), ((steps.q[0], steps.q[0]), steps.S))[number]
+            return step_forecast(plant, tuning, q, S_ref, seconds, active, rig)
+
+        def pushed(share: float) -> PushForecast:
+            rejecting = tuning._replace(rejection=rejection(known, tuning.motors, share))
+            return push_forecast(self._parameters, rejecting, S, lambdas.lam_q, entry=active, rig=rig, held=held)
+
+        def printed_loop(number: int) -> Printed:
+            as_printed = self._printed_gains(lambdas)[round(active)][number]
+            step = None if u_plan else stepped(number, self._with_printed(tuning, lambdas))
+            return Printed(processes[number].robustness(as_printed), step)
+
+        jobs: list[Job] = [partial(stepped, 0, tuning), partial(stepped, 1, tuning)]
+        jobs += [partial(pushed, share) for share in shares]
+        jobs += [partial(printed_loop, number) for number in (0, 1) if printed]
+        done: Iterator[Any] = iter(each(_do, jobs))
+        step_q, step_S = next(done), next(done)
+        pushes = tuple(next(done) for _ in shares)
+        position, stiffness = (
+            LoopPreview(process.robustness(k), lam_min, LAM_MAX, next(done, None))
+            for process, k, lam_min in zip(processes, gains, self.safe_range(), strict=True)
         )
+        return Preview(S, self._motor_robustness, position, stiffness, step_q, step_S, pushes)
+
+    def _printed_gains(self, lambdas: Lambdas) -> list[tuple[i_p.Gains, i_p.Gains]]:
+        """Gains of the printed formula for the loops of q and S, by point."""
+        return [
+            (
+                printed_outer_gains(*position_process(self._parameters, point), lambdas.lam_q),
+                printed_outer_gains(*stiffness_process(self._parameters, point), lambdas.lam_S),
+            )
+            for point in self.points
+        ]
+
+    def _with_printed(self, tuning: cascade.Tuning, lambdas: Lambdas) -> cascade.Tuning:
+        entries = tuning.schedule.entries.copy()
+        for row, (q, S) in zip(entries, self._printed_gains(lambdas), strict=True):
+            row[1:] = q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r
+        return tuning._replace(schedule=tuning.schedule._replace(entries=entries))
 
     def sensitivity(self, lambdas: Lambdas) -> tuple[float, float]:
         """Sensitivity peaks M_s of the loops of q and S, each the largest of all points of the bank."""
@@ -202,10 +302,10 @@ class Previewer:
         S, u_max = point.S_nominal, self._parameters.motor.u_max
 
         def voltage_q(lam: float) -> float:
-            return self._simulated(self._lambdas(lam_q=lam), point, (-STEP_Q, STEP_Q), (S, S), lam).peak_voltage
+            return self._peak_voltage(self._lambdas(lam_q=lam), point, (-STEP_Q, STEP_Q), (S, S), lam)
 
         def voltage_S(lam: float) -> float:
-            return self._simulated(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam).peak_voltage
+            return self._peak_voltage(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam)
 
         return (
             _unsaturated(self._robust_q(entry), voltage_q, u_max),
@@ -227,24 +327,18 @@ class Previewer:
     def _lambdas(self, **chosen: float) -> Lambdas:
         return Lambdas(lam_motor=self._lam_motor, b=self._b, **chosen)
 
-    def _simulated(
-        self,
-        lambdas: Lambdas,
-        point: PointModel,
-        q_step: tuple[float, float],
-        S_step: tuple[float, float],
-        lam: float,
-        u_plan: float = 0.0,
-    ) -> SimulatedStep:
-        """Simulate steps from the first to the second reference, for 6 λ and more."""
-        tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor, u_plan=u_plan)
+    def _peak_voltage(
+        self, lambdas: Lambdas, point: PointModel, q_step: tuple[float, float], S_step: tuple[float, float], lam: float
+    ) -> float:
+        """Simulate steps from the first to the second reference, for 6 λ and more; return the largest voltage [V]."""
+        tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor)
         ticks = 100, round((0.9 + 6.0 * lam) / T_s)
         trajectory = run(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
-        voltage = np.nanmax(np.abs([trajectory.u_A, trajectory.u_B]))
-        far = q_step[1] - q_step[0]
-        there = np.sign(far) * (trajectory.q[ticks[0] :] - q_step[0]) >= 0.9 * abs(far)
-        rise_s = float(np.argmax(there)) * T_s if far and there.any() else np.nan
-        return SimulatedStep(float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B])), rise_s)
+        return float(np.nanmax(np.abs([trajectory.u_A, trajectory.u_B])))
+
+
+def _do(job: Job) -> object:
+    return job()
 
 
 def _found(search: Callable[[], float]) -> float | TuningError:
@@ -274,25 +368,3 @@ def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float)
         middle = 0.5 * (low + high)
         low, high = (low, middle) if voltage(middle) < u_max else (middle, high)
     return high
-
-
-def _loop_preview(
-    process: OuterProcess, gains: i_p.Gains, first_order: tuple[float, float], lam: float, lam_min: float
-) -> LoopPreview:
-    t = np.linspace(0.0, 8.0 * lam, _POINTS)
-    printed = printed_outer_gains(*first_order, lam)
-    return LoopPreview(
-        process.robustness(gains),
-        lam_min,
-        LAM_MAX,
-        t,
-        _step(process, gains, t),
-        process.robustness(printed),
-        _step(process, printed, t),
-    )
-
-
-def _step(process: OuterProcess, gains: i_p.Gains, t: NDArray[np.float64]) -> NDArray[np.float64]:
-    import control
-
-    return np.asarray(control.step_response(process.closed_loop(gains), t).outputs)

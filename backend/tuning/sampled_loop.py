@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.controllers import cascade, i_p, i_pd
-from backend.controllers.decoupler import stiffness_slope
+from backend.controllers.decoupler import Decoupler, stiffness_slope
 from backend.controllers.scheduling import gains_at, select
 from backend.tuning.linear_model import decoupling, linear_plant
 from plant.interface import T_s
@@ -94,14 +94,20 @@ class SampledLoop:
 
 
 def sampled_loop(
-    parameters: PlantParameters, tuning: cascade.Tuning, S: float, *, position_loop: bool = True
+    parameters: PlantParameters,
+    tuning: cascade.Tuning,
+    S: float,
+    *,
+    position_loop: bool = True,
+    plant: Sampled | None = None,
 ) -> SampledLoop:
     """Return the loop of ``tuning`` about rest at S [N·m/rad] and q = 0, as the plant's identified numbers let expect.
 
     Without ``position_loop`` the decoupler's geometry alone positions the joint. Of a bank the entry for S is in use.
+    ``plant``: ``held_plant`` at S, where it is at hand.
     """
     d = tuning.decoupler
-    plant = _held(parameters, tuning, S)
+    plant = plant or held_plant(parameters, d, S)
     split, slope = decoupling(d, S), stiffness_slope(d, S)
     gains_q, gains_S = gains_at(tuning.schedule, select(tuning.schedule, -1.0, S))
     inner = tuning.motors
@@ -135,11 +141,11 @@ def _linear(rule: Rule, states: int, inputs: int) -> Sampled:
     return Sampled(A, B, C, D)
 
 
-def _held(parameters: PlantParameters, tuning: cascade.Tuning, S: float) -> Sampled:
-    """Return the plant under inputs that are held over a tick."""
+def held_plant(parameters: PlantParameters, d: Decoupler, S: float) -> Sampled:
+    """Return the plant about rest at S [N·m/rad] under inputs that are held over a tick."""
     from scipy.linalg import expm
 
-    plant = linear_plant(parameters, tuning.decoupler, S)
+    plant = linear_plant(parameters, d, S)
     states, inputs = plant.B.shape
     both = np.zeros((states + inputs, states + inputs))
     both[:states, :states], both[:states, states:] = plant.A, plant.B

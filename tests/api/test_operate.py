@@ -99,15 +99,18 @@ def test_a_new_lambda_is_read_back_and_leaves_the_rest(running: httpx.Client) ->
 
 
 def test_the_preview_agrees_with_the_design(operator: httpx.Client) -> None:
-    preview = operator.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42}).json()
-    position = preview["position"]
+    query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0}
+    preview = operator.get("/api/tuning/preview", params=query).json()
+    position, step = preview["position"], preview["step_q"]
+    assert preview["motion"] == "lambda"
     assert position["M_s"] < 1.7
     assert position["lam_min"] == pytest.approx(0.355, abs=0.005)
-    assert position["y"][-1] == pytest.approx(1.0, abs=0.01)
-    assert position["t"][-1] >= 2.0
-    slow = operator.get("/api/tuning/preview", params={"lam_q": 1.0, "lam_S": 0.42}).json()
+    assert step["y"][-1] == pytest.approx(1.0, abs=0.02)
+    assert step["t"][-1] >= 2.0
+    slow = operator.get("/api/tuning/preview", params={**query, "lam_q": 1.0}).json()
     assert slow["position"]["M_s"] < position["M_s"]
-    assert slow["u_peak_V"] < preview["u_peak_V"] <= 10.0
+    assert slow["step_q"]["rise_s"] > 1.8 * step["rise_s"]
+    assert slow["step_q"]["u_peak_V"] < step["u_peak_V"] <= 10.0
 
 
 def test_references_are_refused_where_nobody_follows_them(off: httpx.Client) -> None:

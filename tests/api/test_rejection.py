@@ -113,9 +113,9 @@ def test_a_start_begins_without_it(database: Database) -> None:
 def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         preview = parts.actuator.retuning.preview
-        plain = (await preview(2.0, 0.5, None, None)).pushed
+        plain = (await preview(2.0, 0.5)).pushed
         assert (plain.k_ext, plain.rejected) == (0.0, None)
-        pushed = (await preview(2.0, 0.5, None, 1.0)).pushed
+        pushed = (await preview(2.0, 0.5, k_ext=1.0)).pushed
         assert pushed.without == plain.without
         assert pushed.rejected is not None
         assert pushed.without.back_s is not None
@@ -123,6 +123,6 @@ def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> No
         assert pushed.rejected.back_s < 0.3 * pushed.without.back_s
         assert pushed.rejected.felt_slow > 3.0 * pushed.without.felt_slow
         with pytest.raises(OutOfRangeError):
-            await preview(2.0, 0.5, None, 1.5)
+            await preview(2.0, 0.5, k_ext=1.5)
 
     stepped(database, load_parameters("ideal"), operate)

@@ -73,17 +73,20 @@ def test_the_saved_tuning_is_what_was_in_force_when_it_was_saved(off: httpx.Clie
 
 
 def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) -> None:
-    preview = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42}).raise_for_status().json()
+    query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0}
+    preview = off.get("/api/tuning/preview", params={**query, "printed": True}).raise_for_status().json()
     position = preview["position"]
     assert position["stable"]
-    assert len(position["printed"]["y"]) == len(position["t"])
+    assert len(position["printed"]["y"]) == len(position["printed"]["t"]) > 0
     assert not position["printed"]["stable"]  # erratum E6: K, T from the full model leave no room for k_p = 2/(K λ)
+    without = off.get("/api/tuning/preview", params=query).raise_for_status().json()
+    assert without["position"] == {**position, "printed": None}
 
 
-def test_a_budget_that_is_not_sent_is_shown_as_the_step_it_would_give(off: httpx.Client) -> None:
+def test_a_voltage_limit_that_is_not_sent_is_shown_as_the_step_it_would_give(off: httpx.Client) -> None:
     def step(**more: float | str) -> dict[str, float]:
         found = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42, **more}).raise_for_status().json()
-        return {name: found[name] for name in ("u_peak_V", "F_min_N", "rise_s")}
+        return {name: found["step_q"][name] for name in ("u_peak_V", "F_min_N", "rise_s")}
 
     in_force = off.get("/api/tuning").raise_for_status().json()
     assert in_force["motion"] == "lambda"
@@ -97,6 +100,19 @@ def test_a_budget_that_is_not_sent_is_shown_as_the_step_it_would_give(off: httpx
     refused = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42, "u_plan": 9.5})
     assert refused.status_code == 422
     assert "u_plan" in refused.text
+
+
+def test_a_preview_is_for_the_stiffness_asked_for_and_one_out_of_range_is_refused(off: httpx.Client) -> None:
+    query = {"lam_q": 0.5, "lam_S": 0.42}
+    soft, stiff = (
+        off.get("/api/tuning/preview", params={**query, "S": S}).raise_for_status().json() for S in (8.24, 14.06)
+    )
+    assert (soft["S"], stiff["S"]) == (8.24, 14.06)
+    assert soft["step_q"]["F_min_N"] < 10.1 < 30.0 < stiff["step_q"]["F_min_N"]
+    assert soft["pushed"]["without"]["give"] > 1.5 * stiff["pushed"]["without"]["give"]
+    assert off.get("/api/tuning/preview", params=query).raise_for_status().json()["S"] == 8.0  # off, slack: the softest
+    refused = problem(off.get("/api/tuning/preview", params={**query, "S": 15.5}))
+    assert (refused["quantity"], refused["maximum"], refused["unit"]) == ("S_ref", 15.0, "N·m/rad")
 
 
 def test_the_motor_loop_is_shown_as_it_runs(off: httpx.Client) -> None:

@@ -87,9 +87,9 @@ def test_the_offered_range_leaves_voltage_with_b_too(lam_motor: float) -> None:
     lam_q, _ = previewer.safe_range()
     lambdas, point = Lambdas(lam_q=lam_q, lam_motor=lam_motor, b=1.0), previewer.points[0]
     held = (point.S_nominal, point.S_nominal)
-    peak_V = previewer._simulated(lambdas, point, (-STEP_Q, STEP_Q), held, lam_q).peak_voltage
+    peak_V = previewer._peak_voltage(lambdas, point, (-STEP_Q, STEP_Q), held, lam_q)
     assert peak_V < lab.motor.u_max
-    assert peak_V > Previewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).step.peak_voltage
+    assert peak_V > Previewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).step_q.peak_voltage
     assert np.isfinite(peak_V)
 
 

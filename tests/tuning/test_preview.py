@@ -2,16 +2,18 @@
 
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 
 from backend.refusal import OutOfRangeError
 from backend.tuning.closed_loop import run
 from backend.tuning.formulas import TuningError, motor_gains
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas, motor_model
+from backend.tuning.gains import cascade_tuning, motor_loops, position_gains, stiffness_gains
+from backend.tuning.linear_model import decoupled_model
+from backend.tuning.models import LAM_MOTOR, Lambdas, designed_point, motor_model
 from backend.tuning.motor_loop import common_range, motor_range, motor_robustness
-from backend.tuning.preview import Previewer
+from backend.tuning.preview import Previewer, Steps
 from backend.tuning.robustness import M_S_MAX
 from plant.parameters import load_parameters
 
@@ -21,22 +23,66 @@ def previewer() -> Previewer:
     return Previewer(load_parameters("ideal"))
 
 
-def test_predicted_step_is_what_the_simulated_loop_does(previewer: Previewer) -> None:
-    parameters = load_parameters("ideal")
-    lambdas = Lambdas(lam_q=0.6)
-    preview = previewer.preview(lambdas).position
-    q_ref = np.full(5000, 0.05)
-    q_ref[0] = 0.0
-    q = run(parameters, cascade_tuning(parameters, lambdas), q_ref, np.full(5000, 10.55)).q / 0.05
-    simulated = np.interp(preview.t, (np.arange(5000) - 1) * 1e-3, q)
-    assert np.max(np.abs(simulated - preview.y)) < 0.01
+SMALL = Steps((0.0, 0.02), (10.55, 10.57))
+"""Steps that the governor lets through within 10 ms."""
+
+
+@pytest.mark.parametrize("lam", [0.4, 0.6, 1.2])
+def test_small_steps_are_those_of_the_linear_loop(previewer: Previewer, lam: float) -> None:
+    """Of a state space that python-control closes and integrates: four lags of the motors, their load, the joint."""
+    parameters, lambdas = load_parameters("ideal"), Lambdas(lam_q=lam, lam_S=lam)
+    preview = previewer.preview(lambdas, 10.55, steps=SMALL)
+    model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), 10.55)
+    point, s = designed_point(parameters), control.tf("s")
+    for channel, gains, step in (
+        (0, position_gains(parameters, point, lambdas), preview.step_q),
+        (1, stiffness_gains(parameters, point, lambdas), preview.step_S),
+    ):
+        loop = control.feedback(model[channel, channel], control.tf2ss(gains.k_p + gains.k_i / s))
+        closed = loop * control.tf2ss(gains.k_i / s)
+        t = np.arange(0.0, 8.0 * lam, 1e-3)
+        y = np.asarray(control.step_response(closed, t).outputs)
+        np.testing.assert_allclose(step.y, np.interp(step.t, t, y), atol=0.01)
+        assert step.t90_s == pytest.approx(t[np.argmax(y >= 0.9)], rel=0.01)
+
+
+@pytest.mark.parametrize("S", [8.0, 11.0, 15.0])
+def test_margins_are_those_of_python_control(previewer: Previewer, S: float) -> None:
+    parameters, lambdas, s = load_parameters("ideal"), Lambdas(lam_q=0.45, lam_S=0.4), control.tf("s")
+    preview = previewer.preview(lambdas, S)
+    model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), S)
+    point = designed_point(parameters)
+    for channel, gains, found in (
+        (0, position_gains(parameters, point, lambdas), preview.position.robustness),
+        (1, stiffness_gains(parameters, point, lambdas), preview.stiffness.robustness),
+    ):
+        gain, phase, *_ = control.stability_margins(model[channel, channel] * control.tf2ss(gains.k_p + gains.k_i / s))
+        assert found.gain_margin == pytest.approx(gain, rel=1e-6)
+        assert np.degrees(found.phase_margin) == pytest.approx(phase, rel=1e-6)
 
 
 def test_preview_shows_less_robustness_for_a_faster_loop(previewer: Previewer) -> None:
     slow, fast = previewer.preview(Lambdas(lam_q=0.8)), previewer.preview(Lambdas(lam_q=0.36))
     assert slow.position.robustness.M_s < 1.3 < fast.position.robustness.M_s < 1.7
-    assert fast.step.peak_voltage > slow.step.peak_voltage
-    assert fast.step.least_tension > 5.0
+    assert fast.step_q.peak_voltage > slow.step_q.peak_voltage
+    assert fast.step_q.least_tension > 5.0
+
+
+def test_a_trajectory_makes_the_steps_and_lambda_the_recovery(previewer: Previewer) -> None:
+    slow, fast = (previewer.preview(Lambdas(lam_q=lam), 10.0, u_plan=8.5) for lam in (1.0, 0.5))
+    assert slow.step_q.t90_s == pytest.approx(fast.step_q.t90_s, abs=0.003)
+    assert slow.pushes[0].back_s > 1.8 * fast.pushes[0].back_s
+    slow, fast = (previewer.preview(Lambdas(lam_q=lam), 10.0, steps=SMALL) for lam in (1.0, 0.5))
+    assert slow.step_q.t90_s == pytest.approx(2.0 * fast.step_q.t90_s, rel=0.1)
+
+
+def test_the_stiffness_of_the_preview_is_the_one_asked_for(previewer: Previewer) -> None:
+    """10 N at S = 8.24 N·m/rad, 40 N at 14.06 (method section 1): no step of q leaves more than that."""
+    for S, tension in ((8.24, 10.0), (14.06, 40.0)):
+        preview = previewer.preview(Lambdas(), S)
+        assert preview.S == S
+        assert tension - 1.0 < preview.step_q.least_tension < tension + 0.1
+        assert preview.step_S.start == S
 
 
 def test_lambda_outside_the_safe_range_is_refused(previewer: Previewer) -> None:

@@ -89,14 +89,18 @@ async def preview_tuning(
     _person: SignedIn,
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
+    S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: of the present reference")] = None,
     motion: Annotated[Motion | None, Query(description="how references are followed; default: active")] = None,
     u_plan: Annotated[
         Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: active")
     ] = None,
     k_ext: Annotated[Finite | None, Query(description="share of a push fed forward [1]; default: in force")] = None,
+    printed: Annotated[bool, Query(description="whether to compute the printed formula (E1) as well")] = False,
 ) -> TuningPreview:
-    """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
-    return await service.actuator.retuning.preview(lam_q, lam_S, motion, u_plan, k_ext)
+    """Predict M_s, margins, a step of each reference and the recovery from a push, at one stiffness."""
+    return await service.actuator.retuning.preview(
+        lam_q, lam_S, S, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed
+    )
 
 
 @router.get("/motor")

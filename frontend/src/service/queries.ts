@@ -24,19 +24,24 @@ export const healthQuery = queryOptions({
   queryFn: () => answered(api.GET("/api/health")),
 });
 
-/** `tuning` is the rest of the tuning in force, as `tuningKey` says it: another one has another preview. */
-export function previewQuery(
-  lam_q: number,
-  lam_S: number,
-  motion: Tuning["motion"],
-  u_plan: number,
-  k_ext: number,
-  tuning: string,
-) {
-  const query = { lam_q, lam_S, motion, u_plan, k_ext };
+/** What a preview is asked for; the rest of the tuning is that in use. */
+export interface PreviewRequest {
+  readonly lam_q: number;
+  readonly lam_S: number;
+  readonly motion: Tuning["motion"];
+  readonly u_plan: number;
+  readonly k_ext: number;
+  /** Undefined for that of the present reference. */
+  readonly S: number | undefined;
+  /** With the printed formula (E1) beside it. */
+  readonly printed: boolean;
+}
+
+/** `tuning` is the rest of the tuning, as a word: another one has another preview. */
+export function previewQuery(wanted: PreviewRequest, tuning: string) {
   return queryOptions({
-    queryKey: ["tuning", "preview", lam_q, lam_S, motion, u_plan, k_ext, tuning],
-    queryFn: () => answered(api.GET("/api/tuning/preview", { params: { query } })),
+    queryKey: ["tuning", "preview", wanted, tuning],
+    queryFn: ({ signal }) => answered(api.GET("/api/tuning/preview", { params: { query: wanted }, signal })),
     placeholderData: (before) => before,
     staleTime: 60_000,
   });

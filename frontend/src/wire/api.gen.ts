@@ -725,7 +725,7 @@ export interface paths {
         };
         /**
          * Preview Tuning
-         * @description Predict step, M_s and margins of both outer loops on the high-order model of the active entry.
+         * @description Predict M_s, margins, a step of each reference and the recovery from a push, at one stiffness.
          */
         get: operations["preview_tuning"];
         put?: never;
@@ -4151,7 +4151,7 @@ export interface components {
         };
         /**
          * LoopPreview
-         * @description What one outer loop would do at a λ, on the high-order model of the active entry.
+         * @description How robust one outer loop is at a λ, at the stiffness and with the bank entry of the preview.
          */
         LoopPreview: {
             /**
@@ -4186,17 +4186,8 @@ export interface components {
              * @description phase left before instability; null when unstable or unlimited [deg]
              */
             phase_margin_deg: number | null;
-            /**
-             * T
-             * @description time of the predicted unit step [s]
-             */
-            t: number[];
-            /**
-             * Y
-             * @description predicted response to a unit reference step [1]
-             */
-            y: number[];
-            printed: components["schemas"]["PrintedFormula"];
+            /** @description with the printed formula; null where it was not asked for */
+            printed: components["schemas"]["PrintedFormula"] | null;
         };
         /**
          * MarkKind
@@ -5117,8 +5108,13 @@ export interface components {
              */
             M_s: number | null;
             /**
+             * T
+             * @description time of the step it would make; empty where λ does not make the steps [s]
+             */
+            t: number[];
+            /**
              * Y
-             * @description predicted response to a unit reference step, at the times of the loop [1]
+             * @description progress of that step, 0 before it and 1 at the new reference [1]
              */
             y: number[];
         };
@@ -5192,6 +5188,16 @@ export interface components {
              * @description largest deviation under the push [rad]
              */
             give: number;
+            /**
+             * T
+             * @description time from the begin of the push on [s]
+             */
+            t: number[];
+            /**
+             * Off
+             * @description deviation from the reference over that time [rad]
+             */
+            off: number[];
             /**
              * Back S
              * @description from when on it stays near its reference; null where it does not come back [s]
@@ -6247,6 +6253,57 @@ export interface components {
             maximum: number;
         };
         /**
+         * StepPreview
+         * @description A step of one reference, the other one held: simulated on the identified plant with its friction and sensors.
+         */
+        StepPreview: {
+            /**
+             * Start
+             * @description reference before the step [rad or N·m/rad]
+             */
+            start: number;
+            /**
+             * End
+             * @description reference after it [rad or N·m/rad]
+             */
+            end: number;
+            /**
+             * Rise S
+             * @description when 90 % of the step are reached; null where they are not [s]
+             */
+            rise_s: number | null;
+            /**
+             * Settling S
+             * @description from when on it stays within 2 % of the step; null where it does not [s]
+             */
+            settling_s: number | null;
+            /**
+             * Overshoot Percent
+             * @description overshoot of the step [%]
+             */
+            overshoot_percent: number;
+            /**
+             * U Peak V
+             * @description largest motor voltage of the step [V]
+             */
+            u_peak_V: number;
+            /**
+             * F Min N
+             * @description least tendon tension of the step [N]
+             */
+            F_min_N: number;
+            /**
+             * T
+             * @description time from the step on [s]
+             */
+            t: number[];
+            /**
+             * Y
+             * @description progress of the step, 0 before it and 1 at the new reference [1]
+             */
+            y: number[];
+        };
+        /**
          * StepResult
          * @description What a step came to, by whom and when.
          */
@@ -6902,27 +6959,25 @@ export interface components {
         };
         /**
          * TuningPreview
-         * @description What the loops would do.
+         * @description What a tuning would do at one stiffness: how robust its loops are, a step of each reference, and a push.
          */
         TuningPreview: {
+            /**
+             * Motion
+             * @description lambda: λ sets the time of the steps; time-optimal: a trajectory within U_plan does
+             * @enum {string}
+             */
+            motion: "lambda" | "time-optimal";
+            /**
+             * S
+             * @description stiffness reference that all of it is for [N·m/rad]
+             */
+            S: number;
             motor: components["schemas"]["MotorPreview"];
             position: components["schemas"]["LoopPreview"];
             stiffness: components["schemas"]["LoopPreview"];
-            /**
-             * U Peak V
-             * @description largest motor voltage of a step of π/3 in q_ref [V]
-             */
-            u_peak_V: number;
-            /**
-             * F Min N
-             * @description least tendon tension of that step [N]
-             */
-            F_min_N: number;
-            /**
-             * Rise S
-             * @description when q has gone 90 % of that step; null where it does not get there [s]
-             */
-            rise_s: number | null;
+            step_q: components["schemas"]["StepPreview"];
+            step_S: components["schemas"]["StepPreview"];
             pushed: components["schemas"]["PushedPreview"];
         };
         /**
@@ -12059,12 +12114,16 @@ export interface operations {
                 lam_q: number;
                 /** @description λ of the stiffness loop [s] */
                 lam_S: number;
+                /** @description stiffness [N·m/rad]; default: of the present reference */
+                S?: number | null;
                 /** @description how references are followed; default: active */
                 motion?: ("lambda" | "time-optimal") | null;
                 /** @description voltage limit of time-optimal motion [V]; default: active */
                 u_plan?: number | null;
                 /** @description share of a push fed forward [1]; default: in force */
                 k_ext?: number | null;
+                /** @description whether to compute the printed formula (E1) as well */
+                printed?: boolean;
             };
             header?: never;
             path?: never;

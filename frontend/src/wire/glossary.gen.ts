@@ -765,7 +765,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "u_peak_V",
     "term": "u_peak",
-    "meaning": "largest motor voltage that a step of π/3 in q_ref asks for, as predicted",
+    "meaning": "largest motor voltage of a step of a reference, as predicted",
     "unit": "V",
     "source": "docs/notation.md"
   },

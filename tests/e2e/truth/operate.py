@@ -84,10 +84,21 @@ def _tuning(found: Findings, moment: Moment) -> None:
         found.figure("share of pushes", share.value, tuning["k_ext"])
     asked = moment.get(_preview_of(moment))
     step = "60°" if angles == "deg" else "1.0472 rad"
-    words = f"{step} step: peak {{n}} of {{n}} V, tension ≥ {{n}} N, 90 % after {'{n}' if asked['rise_s'] else '–'} s"
-    values = [asked["u_peak_V"], moment.state["limits"]["u_max"], asked["F_min_N"]]
-    values += [asked["rise_s"]] if asked["rise_s"] else []
-    found.sentence("forecast of a step", shown.told.get("Forecast of a 60° step"), words, *values)
+    heads = {"Forecast of a 60° step": ("step_q", f"{step} step at S {{n}} N·m/rad")}
+    heads["Forecast of a step of S"] = ("step_S", "S from {n} to {n} N·m/rad")
+    for name, (key, head) in heads.items():
+        told = asked[key]
+        trajectory = " on its trajectory" if asked["motion"] == "time-optimal" else ""
+        times = [told["rise_s"], told["settling_s"]]
+        reached, settled = ("–" if time is None else "{n}" for time in times)
+        words = (
+            f"{head}{trajectory}: 90 % after {reached} s, within 2 % after {settled} s, overshoot {{n}} %, "
+            "peak {n} of {n} V, tension ≥ {n} N"
+        )
+        values = [asked["S"]] if key == "step_q" else [told["start"], told["end"]]
+        values += [time for time in times if time is not None]
+        values += [told["overshoot_percent"], told["u_peak_V"], moment.state["limits"]["u_max"], told["F_min_N"]]
+        found.sentence(f"forecast of a step, {key}", shown.told.get(name), words, *values)
 
 
 def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
@@ -102,8 +113,12 @@ def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
 
 def _preview_of(moment: Moment) -> str:
     """What is previewed: what is in force, with the λ that are staged in place of theirs."""
-    wanted = {name: moment.state["tuning"][name] for name in ("lam_q", "lam_S", "u_plan", "k_ext")} | _staged(moment)
-    return "/api/tuning/preview?" + "&".join(f"{name}={value!r}" for name, value in wanted.items())
+    wanted = {name: moment.state["tuning"][name] for name in ("lam_q", "lam_S", "motion", "u_plan", "k_ext")}
+    wanted |= _staged(moment)
+    references, limits = moment.state["references"], moment.state["limits"]
+    step = 0.01 if references["in_force"] else 0.5
+    S = min(max(round(round(references["S_ref"] / step) * step, 2), limits["S_min"]), limits["S_max"])
+    return "/api/tuning/preview?" + "&".join(f"{name}={value}" for name, value in {**wanted, "S": S}.items())
 
 
 def _staged(moment: Moment) -> dict[str, float]:

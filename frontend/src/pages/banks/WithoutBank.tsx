@@ -1,12 +1,11 @@
 /** What the loops do while no bank is in force, and how a bank comes to be. */
 
-import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { SignalName } from "../../components/SignalName";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { previewQuery, tuningKey } from "../../service/queries";
+import { usePreview, usePreviewedStiffness } from "../../service/usePreview";
 import { HUES } from "../../theme/signals";
 import type { Tuning } from "../../wire/types";
 import { StepPreview } from "../operate/StepPreview";
@@ -47,10 +46,13 @@ export function WithoutBank() {
 
 function FromGeometry({ tuning }: { tuning: Tuning }) {
   const { lam_q, lam_S, motion, u_plan, k_ext } = tuning;
-  const preview = useQuery(previewQuery(lam_q, lam_S, motion, u_plan, k_ext, tuningKey(tuning)));
-  const missing = preview.error?.message ?? "being computed";
+  const S = usePreviewedStiffness();
+  const { preview, stale, missing } = usePreview(
+    { lam_q, lam_S, motion, u_plan, k_ext, S, printed: false },
+    tuning,
+  );
   return (
-    <Card title="Gains from geometry" aside={<span className={page.dim}>a unit step, predicted</span>}>
+    <Card title="Gains from geometry" aside={<span className={page.dim}>predicted</span>}>
       <div className={page.halves}>
         {LOOPS.map(({ loop, lam, symbol, hue }) => (
           <div key={loop} className={styles.loop}>
@@ -58,7 +60,9 @@ function FromGeometry({ tuning }: { tuning: Tuning }) {
             <StepPreview
               symbol={symbol}
               hue={hue}
-              preview={preview.data?.[loop]}
+              loop={loop}
+              preview={preview}
+              stale={stale}
               missing={missing}
               present={undefined}
               drafted={false}

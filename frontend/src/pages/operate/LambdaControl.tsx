@@ -11,11 +11,13 @@ import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
+import type { Previewed } from "../../service/usePreview";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import { LAMBDAS } from "../../wire/sample.gen";
-import type { LoopPreview, Tuning } from "../../wire/types";
+import type { Tuning, TuningPreview } from "../../wire/types";
 import styles from "./Operate.module.css";
+import type { LoopName } from "./previewedMotion";
 import { StepPreview } from "./StepPreview";
 
 const STEP_S = 0.01;
@@ -32,11 +34,10 @@ interface LambdaControlProps {
   readonly tuning: Tuning;
   /** What the control starts from: in force, or staged. */
   readonly value: number;
-  readonly preview: LoopPreview | undefined;
-  /** Why there is no preview where there is none. */
-  readonly missing: string;
+  readonly loop: LoopName;
+  readonly previewed: Previewed;
   /** Of what is in force. */
-  readonly present: LoopPreview | undefined;
+  readonly present: TuningPreview | undefined;
   readonly compare: boolean;
   /** A run has the tuning: nothing of it is taken. */
   readonly disabled: boolean;
@@ -46,20 +47,8 @@ interface LambdaControlProps {
 }
 
 export function LambdaControl(props: LambdaControlProps) {
-  const {
-    name,
-    symbol,
-    hue,
-    tuning,
-    value,
-    preview,
-    missing,
-    present,
-    compare,
-    disabled,
-    onDraft,
-    onCommit,
-  } = props;
+  const { name, symbol, hue, tuning, value, loop, previewed, present, compare, disabled, onDraft, onCommit } =
+    props;
   const sent = useSentValue(value, onCommit);
   const min = tuning[`${name}_min`];
   const max = tuning[`${name}_max`];
@@ -166,8 +155,10 @@ export function LambdaControl(props: LambdaControlProps) {
       <StepPreview
         symbol={symbol}
         hue={hue}
-        preview={preview}
-        missing={missing}
+        loop={loop}
+        preview={previewed.preview}
+        stale={previewed.stale}
+        missing={previewed.missing}
         present={present}
         drafted={sent.value !== tuning[name]}
         compare={compare}

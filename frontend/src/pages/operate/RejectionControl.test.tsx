@@ -3,7 +3,7 @@ import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import type { Pushed, State, Tuning } from "../../wire/types";
+import type { Pushed, State, Tuning, TuningPreview } from "../../wire/types";
 import { RejectionControl } from "./RejectionControl";
 
 beforeEach(() => {
@@ -11,23 +11,30 @@ beforeEach(() => {
 });
 afterEach(cleanup);
 
-const WITHOUT = { give: 0.0505, back_s: 11.9, felt_slow: 9.93, felt_fast: 9.59 };
-const REJECTED = { give: 0.0505, back_s: 1.42, felt_slow: 44.9, felt_fast: 7.18 };
+const CURVE = { t: [0, 1], off: [0, 0.05] };
+const WITHOUT = { ...CURVE, give: 0.0505, back_s: 11.9, felt_slow: 9.93, felt_fast: 9.59 };
+const REJECTED = { ...CURVE, give: 0.0505, back_s: 1.42, felt_slow: 44.9, felt_fast: 7.18 };
 
-function open(k_ext: number, learned: boolean, rejected: Pushed["rejected"] = null, std_N = 0.01) {
+function open(
+  k_ext: number,
+  learned: boolean,
+  rejected: Pushed["rejected"] = null,
+  std_N = 0.01,
+  stale = false,
+) {
   const drafted = vi.fn();
   const sent = vi.fn(() => new Promise(() => {}));
   const store = new LiveStore(0);
   const points = learned ? [{ S: 10, F: 0, std_N }] : [];
   store.setState({ touch: { learned: points, contact_N: 0, felt: null } } as unknown as State);
-  const forecast = { F: 5, near: 0.00157, k_ext, without: WITHOUT, rejected } as Pushed;
+  const forecast = { F: 5, near: Math.PI / 600, k_ext, without: WITHOUT, rejected } as Pushed;
+  const preview = { pushed: forecast } as TuningPreview;
   render(
     <MantineProvider>
       <LiveProvider store={store}>
         <RejectionControl
           tuning={{ k_ext } as Tuning}
-          forecast={forecast}
-          missing="being computed"
+          previewed={{ preview, stale, missing: "being computed" }}
           disabled={false}
           onDraft={drafted}
           onCommit={sent}
@@ -70,16 +77,25 @@ it("is switched on at the usual share, forecast before it is in force, and off a
 it("says what a push does without it", () => {
   open(0, true);
   expect(said()).toMatch(
-    /^5 N held: gives way 2\.9 deg, back after 11\.9 s; feels like 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
+    /^5 N held: gives way 2\.9 deg, back within 0\.3 deg after 11\.90 s; feels like 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
   );
 });
 
 it("says both with it, and of a joint that does not come back that it does not", () => {
   open(1, true, REJECTED);
   expect(said()).toContain(
-    "back after 11.9 s → 1.4 s; feels like 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
+    "back within 0.3 deg after 11.90 s → 1.42 s; feels like 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
   );
   cleanup();
   open(1, true, { ...REJECTED, back_s: null });
-  expect(said()).toContain("back after 11.9 s → never");
+  expect(said()).toContain("after 11.90 s → never");
+});
+
+it("says of numbers that belong to an earlier value that they are being computed anew", () => {
+  const busy = () => screen.getByLabelText("Forecast of a push").getAttribute("aria-busy");
+  open(0, true);
+  expect(busy()).toBe("false");
+  cleanup();
+  open(0, true, null, 0.01, true);
+  expect(busy()).toBe("true");
 });

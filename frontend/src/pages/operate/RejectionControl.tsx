@@ -11,6 +11,7 @@ import { angleText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import { whyNoEstimate } from "../../service/retuning";
+import type { Previewed } from "../../service/usePreview";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Pushed, Tuning } from "../../wire/types";
@@ -25,9 +26,7 @@ const DECIMALS = 2;
 
 interface RejectionControlProps {
   readonly tuning: Tuning;
-  readonly forecast: Pushed | undefined;
-  /** Why there is no forecast where there is none. */
-  readonly missing: string;
+  readonly previewed: Previewed;
   /** A run has the tuning: nothing of it is taken. */
   readonly disabled: boolean;
   /** What is in hand and not in force yet, for the forecast. */
@@ -36,7 +35,7 @@ interface RejectionControlProps {
 }
 
 export function RejectionControl(props: RejectionControlProps) {
-  const { tuning, forecast, missing, disabled, onDraft, onCommit } = props;
+  const { tuning, previewed, disabled, onDraft, onCommit } = props;
   const { k_ext } = tuning;
   const reason = useLive((live) => whyNoEstimate(live.state));
   const sent = useSentValue(k_ext, onCommit);
@@ -84,7 +83,7 @@ export function RejectionControl(props: RejectionControlProps) {
         )}
       </div>
       <Refusal id="refusal-of-k_ext" error={refusal} about={k_ext} text={problem} />
-      <PushForecast forecast={forecast} missing={missing} />
+      <PushForecast previewed={previewed} />
     </div>
   );
 }
@@ -93,8 +92,10 @@ export function RejectionControl(props: RejectionControlProps) {
  * How far and how long a held push moves the joint, and how hard the joint feels; behind the arrows with the rejection.
  * The stiffness S of the springs is what it was: what one feels is force over deviation.
  */
-function PushForecast({ forecast, missing }: Pick<RejectionControlProps, "forecast" | "missing">) {
+function PushForecast({ previewed }: Pick<RejectionControlProps, "previewed">) {
   const angles = useAngles();
+  const { preview, stale, missing } = previewed;
+  const forecast = preview?.pushed;
   const { without, rejected } = forecast ?? {};
   const both = (word: (push: Pushed["without"]) => string) =>
     without && (rejected ? `${word(without)} → ${word(rejected)}` : word(without));
@@ -104,12 +105,18 @@ function PushForecast({ forecast, missing }: Pick<RejectionControlProps, "foreca
     </Shown>
   );
   return (
-    <output className={styles.pushForecast} aria-label="Forecast of a push">
+    <output
+      className={styles.pushForecast}
+      aria-label="Forecast of a push"
+      aria-busy={stale}
+      data-stale={stale}
+    >
       {fixed(forecast?.F ?? PUSH_N, 0)} N held: gives way{" "}
       <Shown value={without?.give} why={missing}>
         {(give) => `${angleText(give, 1, angles)} ${angles}`}
       </Shown>
-      , back after {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 1)} s`))}; feels like{" "}
+      , back within {forecast ? `${angleText(forecast.near, 1, angles)} ${angles}` : "its band"} after{" "}
+      {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 2)} s`))}; feels like{" "}
       {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad at 0.1 Hz,{" "}
       {figure(({ felt_fast }) => fixed(felt_fast, 1))} at 1 Hz
     </output>

@@ -1,8 +1,6 @@
 /** λ of both outer loops, what they would do at the value in hand, and what differs from what was saved. */
 
 import { Checkbox } from "@mantine/core";
-import { useDebouncedValue } from "@mantine/hooks";
-import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
@@ -10,22 +8,19 @@ import { Explained } from "../../components/Explained";
 import { MotorMargins } from "../../components/MotorMargins";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { told } from "../../samples/quantity";
+import { type Angles, told } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
-import { previewQuery, tuningKey } from "../../service/queries";
 import { whyNoRetuning } from "../../service/retuning";
+import { type Previewed, usePreview, usePreviewedStiffness } from "../../service/usePreview";
 import { type LambdaName, useStaged } from "../../service/useStaged";
 import { HUES } from "../../theme/signals";
-import type { Tuning, TuningPreview } from "../../wire/types";
+import type { PreviewedStep, Tuning, TuningPreview } from "../../wire/types";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
 import { RejectionControl } from "./RejectionControl";
 import { TuningChanges } from "./TuningChanges";
 
-const PREVIEW_AFTER_MS = 60;
-/** The step of the forecast [rad]. */
-const LARGE_STEP = Math.PI / 3;
 const LAMBDAS = [
   { name: "lam_q", symbol: "λ_q", hue: HUES.q, loop: "position" },
   { name: "lam_S", symbol: "λ_S", hue: HUES.S, loop: "stiffness" },
@@ -48,16 +43,25 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
   const wanted = (name: LambdaName) => staged.values[name] ?? tuning[name];
-  const [lam_q] = useDebouncedValue(drafts.lam_q ?? wanted("lam_q"), PREVIEW_AFTER_MS);
-  const [lam_S] = useDebouncedValue(drafts.lam_S ?? wanted("lam_S"), PREVIEW_AFTER_MS);
-  const { motion, u_plan } = tuning;
   const [shareDraft, setShareDraft] = useState<number>();
-  const [k_ext] = useDebouncedValue(shareDraft ?? tuning.k_ext, PREVIEW_AFTER_MS);
-  const key = tuningKey(tuning);
-  const preview = useQuery(previewQuery(lam_q, lam_S, motion, u_plan, tuning.k_ext, key));
-  const forecast = useQuery(previewQuery(lam_q, lam_S, motion, u_plan, k_ext, key));
-  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, motion, u_plan, tuning.k_ext, key));
-  const missing = preview.error?.message ?? "being computed";
+  const { motion, u_plan, k_ext } = tuning;
+  const S = usePreviewedStiffness();
+  const previewed = usePreview(
+    {
+      lam_q: drafts.lam_q ?? wanted("lam_q"),
+      lam_S: drafts.lam_S ?? wanted("lam_S"),
+      motion,
+      u_plan,
+      k_ext: shareDraft ?? k_ext,
+      S,
+      printed: compare,
+    },
+    tuning,
+  );
+  const present = usePreview(
+    { lam_q: tuning.lam_q, lam_S: tuning.lam_S, motion, u_plan, k_ext, S, printed: false },
+    tuning,
+  );
   return (
     <>
       {LAMBDAS.map(({ name, symbol, hue, loop }) => (
@@ -68,9 +72,9 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           hue={hue}
           tuning={tuning}
           value={wanted(name)}
-          preview={preview.data?.[loop]}
-          missing={missing}
-          present={present.data?.[loop]}
+          loop={loop}
+          previewed={previewed}
+          present={present.preview}
           compare={compare}
           disabled={locked !== null}
           onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
@@ -80,15 +84,11 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           }}
         />
       ))}
-      <StepForecast
-        preview={forecast.error ? undefined : forecast.data}
-        missing={forecast.error?.message ?? "being computed"}
-        u_max={u_max}
-      />
+      <StepForecast of="q" previewed={previewed} u_max={u_max} />
+      <StepForecast of="S" previewed={previewed} u_max={u_max} />
       <RejectionControl
         tuning={tuning}
-        forecast={forecast.error ? undefined : forecast.data?.pushed}
-        missing={forecast.error?.message ?? "being computed"}
+        previewed={previewed}
         disabled={locked !== null}
         onDraft={setShareDraft}
         onCommit={(k_ext) => setTuning.mutateAsync({ k_ext })}
@@ -106,34 +106,56 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
 }
 
 interface StepForecastProps {
-  readonly preview: TuningPreview | undefined;
-  /** Why there is no preview where there is none. */
-  readonly missing: string;
+  readonly of: "q" | "S";
+  readonly previewed: Previewed;
   readonly u_max: number;
 }
 
-/** What a large step would ask of motors and tendons. */
-function StepForecast({ preview, missing, u_max }: StepForecastProps) {
+/** What a step of one reference takes, and what it asks of motors and tendons. */
+function StepForecast({ of, previewed, u_max }: StepForecastProps) {
   const angles = useAngles();
-  const saturates = preview !== undefined && preview.u_peak_V >= u_max;
+  const { preview, stale, missing } = previewed;
+  const step = of === "q" ? preview?.step_q : preview?.step_S;
+  const saturates = step !== undefined && step.u_peak_V >= u_max;
   return (
-    <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
-      {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step:{" "}
-      <Explained of="quantity:u_peak_V">peak</Explained>{" "}
-      <Shown value={preview?.u_peak_V} why={missing}>
+    <output
+      className={styles.forecast}
+      aria-label={of === "q" ? "Forecast of a 60° step" : "Forecast of a step of S"}
+      aria-busy={stale}
+      data-stale={stale}
+      data-warn={saturates}
+    >
+      {preview && step ? heading(of, preview, step, angles) : `Step of ${of}`}
+      {preview?.motion === "time-optimal" ? " on its trajectory" : ""}: 90 % after{" "}
+      <Shown value={step?.rise_s} why={step ? "it does not get there" : missing}>
+        {(rise) => fixed(rise, 2)}
+      </Shown>{" "}
+      s, within 2 % after{" "}
+      <Shown value={step?.settling_s} why={step ? "it does not stay there" : missing}>
+        {(settling) => fixed(settling, 2)}
+      </Shown>{" "}
+      s, overshoot{" "}
+      <Shown value={step?.overshoot_percent} why={missing}>
+        {(overshoot) => fixed(overshoot, 1)}
+      </Shown>{" "}
+      %, <Explained of="quantity:u_peak_V">peak</Explained>{" "}
+      <Shown value={step?.u_peak_V} why={missing}>
         {(u_peak) => fixed(u_peak, 1)}
       </Shown>{" "}
       of {fixed(u_max, 0)} V, <Explained of="quantity:F_min_N">tension</Explained> ≥{" "}
-      <Shown value={preview?.F_min_N} why={missing}>
+      <Shown value={step?.F_min_N} why={missing}>
         {(F_min) => fixed(F_min, 1)}
       </Shown>{" "}
-      N, 90 % after{" "}
-      <Shown value={preview?.rise_s ?? undefined} why={preview ? "it does not get there" : missing}>
-        {(rise) => fixed(rise, 2)}
-      </Shown>{" "}
-      s
+      N
     </output>
   );
+}
+
+function heading(of: "q" | "S", preview: TuningPreview, step: PreviewedStep, angles: Angles): string {
+  if (of === "S") return `S from ${fixed(step.start, 1)} to ${fixed(step.end, 1)} N·m/rad`;
+  const size = step.end - step.start;
+  const size_told = angles === "deg" ? `${fixed((180 * size) / Math.PI, 0)}°` : told(size, "rad", angles);
+  return `${size_told} step at S ${fixed(preview.S, 1)} N·m/rad`;
 }
 
 function ActiveBank({ tuning }: { tuning: Tuning | undefined }) {
