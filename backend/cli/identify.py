@@ -1,14 +1,24 @@
 """``sinew identify``."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from backend.cli import identify_data
 from backend.cli.experiment import OutFolder, SetWords
-from backend.cli.ordering import Standing, current_user, in_force, ordered, run_headless, run_in_turn, values_of
+from backend.cli.ordering import (
+    Standing,
+    Together,
+    current_user,
+    in_force,
+    ordered,
+    run_headless,
+    run_in_turn,
+    values_of,
+)
 from backend.cli.output import AsJson, fail, print_json, print_table
 from backend.cli.output import out as screen
 from backend.cli.place import (
@@ -26,6 +36,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.experiments.plans.plan import IdentificationPlan
     from backend.experiments.playing.runner import Order
+    from backend.reports.source import Source
 
 app = typer.Typer(
     help="Identify models from experiments on the simulator or from files.", no_args_is_help=True, rich_markup_mode=None
@@ -117,6 +128,8 @@ def actuator(
 ) -> None:
     """Identify G_q and G_S in closed loop, at one tendon tension or at several in turn (method section 4).
 
+    Runs at tensions at least 5 N apart also give the Coulomb friction of motor A over the load, c0 + c1 r_m F.
+
     Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s],
     estimator (default or arx, the paper's).
     Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
@@ -128,7 +141,7 @@ def actuator(
         values_of(values or []),
     )
     if tensions is None:
-        _identify(ActuatorIdentificationPlan, chosen, out, settings, as_json)
+        _identify(ActuatorIdentificationPlan, chosen, out, settings, as_json, _load_friction)
         return
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)
@@ -136,7 +149,15 @@ def actuator(
     orders = [
         _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, standing) for word in tensions.split(",")
     ]
-    run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json)
+    run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json, together=_load_friction)
+
+
+def _load_friction(sources: "Sequence[Source]") -> tuple[dict[str, Any], str]:
+    """Return the friction of motor A over the load from all runs of the command, or why it is not measured."""
+    from backend.experiments.results.load_friction import MOTOR_B, document_of, load_friction_of
+
+    found = load_friction_of([(source.run, source.columns) for source in sources])
+    return {"load_friction": document_of(found)}, "; ".join((found.sentence, *found.left_out, MOTOR_B))
 
 
 def _identify(
@@ -145,9 +166,10 @@ def _identify(
     out: Path | None,
     settings: Settings,
     as_json: bool,
+    together: Together | None = None,
 ) -> None:
     order, tuning = _order(plan, values, in_force(settings))
-    run_headless(settings, order, tuning, out, as_json=as_json)
+    run_headless(settings, order, tuning, out, as_json=as_json, together=together)
 
 
 def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing: Standing) -> "tuple[Order, str]":

@@ -114,34 +114,58 @@ def _defaults(parameters: "PlantParameters") -> Standing:
     return Standing(default.choice.document(), "default")
 
 
-def run_headless(settings: Settings, order: "Order", tuning: str, folder: Path | None, *, as_json: bool) -> None:
+Together = Callable[[Sequence["Source"]], tuple[dict[str, Any], str]]
+"""What runs say together: entries for the document of each, and a line for people."""
+
+
+def run_headless(
+    settings: Settings,
+    order: "Order",
+    tuning: str,
+    folder: Path | None,
+    *,
+    as_json: bool,
+    together: Together | None = None,
+) -> None:
     """Play an order on the simulator, store it, and show what came of it; exit 1 when it did not complete."""
     with _bench(settings, order) as play:
         _say(tuning, as_json=as_json)
         played = play(order, folder, hidden=as_json)
+        entries, line = together([played.source]) if together else ({}, "")
         if as_json:
-            print_json(played.document())
+            print_json(played.document() | entries)
         else:
             show_run(played.source, played.files)
+            _say_line(line)
     _end_status(played.outcome)
 
 
 def run_in_turn(
-    settings: Settings, orders: "Sequence[Order]", tuning: str, folder: Path | None, *, as_json: bool
+    settings: Settings,
+    orders: "Sequence[Order]",
+    tuning: str,
+    folder: Path | None,
+    *,
+    as_json: bool,
+    together: Together | None = None,
 ) -> None:
     """Play orders one after the other, files in a folder per run; one that does not complete ends the sequence."""
-    documents = []
+    documents, sources = [], []
     with _bench(settings, orders[0]) as play:
         _say(tuning, as_json=as_json)
         for order in orders:
             played = play(order, folder, hidden=as_json, own_folder=True)
             documents.append(played.document())
+            sources.append(played.source)
             if not as_json:
                 show_run(played.source, played.files)
             if played.outcome.run.end_state != "completed" or played.outcome.evaluation.problem:
                 break
+    entries, line = together(sources) if together else ({}, "")
     if as_json:
-        print_json(documents)
+        print_json([document | entries for document in documents])
+    else:
+        _say_line(line)
     _end_status(played.outcome)
 
 
@@ -193,6 +217,11 @@ def _say(tuning: str, *, as_json: bool) -> None:
     """Say what the gains come from, once it is accepted."""
     if not as_json:
         out.print(tuning, highlight=False, markup=False, soft_wrap=True)
+
+
+def _say_line(line: str) -> None:
+    if line:
+        out.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _end_status(outcome: "Outcome") -> None:

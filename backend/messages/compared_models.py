@@ -74,9 +74,34 @@ class Predicted(Schema):
     T_S: list[float] = quantity("s", "sum of lags of G_S")
 
 
+class LoadFrictionEstimate(Schema):
+    """Coulomb friction c0 + c1 r_m F of motor A at the gearbox outlet, with standard errors."""
+
+    c0: float = quantity("N·m", "Coulomb friction without load")
+    c0_std: float = quantity("N·m", "standard error of c0")
+    c1: float = Field(description="friction per load torque r_m F")
+    c1_std: float = Field(description="standard error of c1")
+    c0_c1_covariance: float = Field(description="covariance of c0 and c1 [N·m]")
+    K_t: float = quantity("N·m/V", "torque per volt at rest, from the same fit")
+    K_t_std: float = quantity("N·m/V", "standard error of K_t")
+    runs: list[int] = Field(description="runs that were used")
+    tensions_N: list[float] = quantity("N", "their mean tensions")
+    samples: int = Field(description="samples that counted")
+
+
+class LoadFriction(Schema):
+    """What the newest run at each tension says of the friction over the load."""
+
+    estimate: LoadFrictionEstimate | None = Field(description="null where it is not measured")
+    problem: str = Field(description="why it is not measured; empty where it is")
+    sentence: str
+    left_out: list[str] = Field(description="what was not used or not measured, each with the reason")
+
+
 class Trend(Schema):
     """Identified gains and lags in order of S, beside what geometry, springs and motor loops predict."""
 
     rows: list[TrendRow]
     predicted: Predicted
     left_out: list[str] = Field(description="identifications that are not among the rows, each with the reason")
+    friction: LoadFriction

@@ -4,9 +4,11 @@ from collections.abc import Iterator, Sequence
 
 from backend.documents.actuator import CHANNELS
 from backend.documents.motor_grade import grade_of
+from backend.experiments.results.load_friction import MOTOR_B, load_friction_of
 from backend.reports.document import Column, Paragraph, Section, Table, shown
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
+from backend.storage.runs import RunKind
 from plant.parameter_sections import SIDES
 
 _RUN, _GRADE = Column("Run"), Column("Grade", number=False)
@@ -20,8 +22,9 @@ def identifications_section(sources: Sequence[Source]) -> tuple[Section, ...]:
         return ()
     by_kind = {kind: [one for one in found if one.kind == kind] for kind in ("motor", "spring", "actuator")}
     tables = [*_motors(by_kind["motor"]), *_springs(by_kind["spring"]), *_actuators(by_kind["actuator"])]
+    friction = _friction([source for source in sources if source.run.kind == RunKind.ACTUATOR_IDENTIFICATION])
     verdicts = (Paragraph(f"Run {one.run_id}: {one.verdict}") for one in found)
-    return (Section("Identifications", (*tables, *verdicts)),)
+    return (Section("Identifications", (*tables, *friction, *verdicts)),)
 
 
 def _motors(found: Sequence[Identification]) -> Iterator[Table]:
@@ -73,6 +76,14 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
             )
             caption = f"{name}: gain and sum of lags, ± standard error; fit on data that was not used."
             yield Table(caption, columns, tuple(rows))
+
+
+def _friction(sources: Sequence[Source]) -> tuple[Paragraph, ...]:
+    """Return what actuator identifications say together of the friction over the load; nothing without any."""
+    if not sources:
+        return ()
+    found = load_friction_of([(source.run, source.columns) for source in sources])
+    return (Paragraph(". ".join((found.sentence, *found.left_out, f"{MOTOR_B[0].upper()}{MOTOR_B[1:]}")) + "."),)
 
 
 def _with_error(value: float | None, std: float | None) -> str:

@@ -28,9 +28,9 @@ VOLTAGES = (2.0, 4.0, 6.0, 8.0)
 class Bench:
     """One headless loop on the simulator, brought to pretension once; every experiment starts from there."""
 
-    def __init__(self, parameters: PlantParameters) -> None:
+    def __init__(self, parameters: PlantParameters, seed: int = 0) -> None:
         self._rows: list[Array] = []
-        self._loop = Loop(Simulator(parameters), parameters, self, tuning_for(parameters, Lambdas()))
+        self._loop = Loop(Simulator(parameters, seed), parameters, self, tuning_for(parameters, Lambdas()))
         self._order(SetMode(Mode.PRETENSION))
         self._tick_until_pretension()
 
@@ -47,7 +47,8 @@ class Bench:
         ticks = round(plan.excitation().duration_s / T_s)
         excited = np.array(self._rows[-1 - ticks : -1])
         self._tick_until_pretension()
-        return {name: excited[:, INDEX[name]] for name in ("theta_A_ref", "q", "S")}
+        names = ("theta_A_ref", "q", "S", "u_A", "theta_A", "F_A")
+        return {name: excited[:, INDEX[name]] for name in names}
 
     def _order(self, command: SetMode | RunProgram) -> None:
         self._loop.handle(0, command)

@@ -13,6 +13,7 @@ from subprocess import DEVNULL
 from backend.recording.codec import pack, unpack
 from backend.storage import open_database, recordings
 from backend.storage.records import UnknownRecordError
+from plant.parameters import load_parameters
 from tests.cli.conftest import Command
 
 
@@ -189,3 +190,19 @@ def test_several_experiments_play_in_turn_with_files_for_each(command: Command, 
     refused = command("experiment", "mine@2", folder=tmp_path / "here")
     assert refused.returncode == 1
     assert "there is no such experiment; known: tracking" in refused.stderr
+
+
+def test_identifications_at_several_tensions_tell_the_friction_over_the_load(command: Command, tmp_path: Path) -> None:
+    short = ("--set", "bits=5", "--set", "settle_s=1", "--json")
+    played = command("identify", "actuator", "--params", "lab", "--tensions", "10,30", *short, folder=tmp_path / "here")
+    assert played.returncode == 0, played.stderr
+    found = [one["load_friction"] for one in json.loads(played.stdout)]
+    assert found[0] == found[1]
+    lab = load_parameters("lab").motor
+    estimate = found[0]["estimate"]
+    assert estimate["runs"] == [1, 2]
+    assert abs(estimate["c0"] - lab.c0) < 0.15 * lab.c0
+    assert abs(estimate["c1"] - lab.c1) < 0.10 * lab.c1
+    alone = command("identify", "actuator", "--params", "lab", *short, folder=tmp_path / "here")
+    assert alone.returncode == 0, alone.stderr
+    assert json.loads(alone.stdout)["load_friction"]["estimate"] is None

@@ -7,6 +7,7 @@ import numpy as np
 from backend.controllers.limits import bounds_for
 from backend.documents.actuator import Channel, ChannelName
 from backend.documents.edge import Document, UnreadableDocumentError
+from backend.experiments.results.load_friction import document_of, load_friction_of_newest
 from backend.storage import Database, identifications, runs
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
@@ -27,6 +28,7 @@ def trend_of(database: Database, parameters: PlantParameters, lam_motor: float) 
             if found.run_id is not None:
                 newest.setdefault(found.run_id, found)
         made = [(found, runs.get(session, number)) for number, found in newest.items()]
+    friction = load_friction_of_newest(database, [run for _, run in made])
     rows, left_out = [], []
     for found, run in made:
         try:
@@ -39,6 +41,7 @@ def trend_of(database: Database, parameters: PlantParameters, lam_motor: float) 
         "rows": sorted(rows, key=lambda row: float(row["S"])),
         "predicted": _curves(S.tolist(), [predicted(parameters, lam_motor, at) for at in S.tolist()]),
         "left_out": left_out,
+        "friction": document_of(friction),
     }
 
 

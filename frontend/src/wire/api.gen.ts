@@ -4119,6 +4119,82 @@ export interface components {
         };
         LiveMessage: components["schemas"]["LayoutMessage"] | components["schemas"]["StateMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["Pong"];
         /**
+         * LoadFriction
+         * @description What the newest run at each tension says of the friction over the load.
+         */
+        LoadFriction: {
+            /** @description null where it is not measured */
+            estimate: components["schemas"]["LoadFrictionEstimate"] | null;
+            /**
+             * Problem
+             * @description why it is not measured; empty where it is
+             */
+            problem: string;
+            /** Sentence */
+            sentence: string;
+            /**
+             * Left Out
+             * @description what was not used or not measured, each with the reason
+             */
+            left_out: string[];
+        };
+        /**
+         * LoadFrictionEstimate
+         * @description Coulomb friction c0 + c1 r_m F of motor A at the gearbox outlet, with standard errors.
+         */
+        LoadFrictionEstimate: {
+            /**
+             * C0
+             * @description Coulomb friction without load [N·m]
+             */
+            c0: number;
+            /**
+             * C0 Std
+             * @description standard error of c0 [N·m]
+             */
+            c0_std: number;
+            /**
+             * C1
+             * @description friction per load torque r_m F
+             */
+            c1: number;
+            /**
+             * C1 Std
+             * @description standard error of c1
+             */
+            c1_std: number;
+            /**
+             * C0 C1 Covariance
+             * @description covariance of c0 and c1 [N·m]
+             */
+            c0_c1_covariance: number;
+            /**
+             * K T
+             * @description torque per volt at rest, from the same fit [N·m/V]
+             */
+            K_t: number;
+            /**
+             * K T Std
+             * @description standard error of K_t [N·m/V]
+             */
+            K_t_std: number;
+            /**
+             * Runs
+             * @description runs that were used
+             */
+            runs: number[];
+            /**
+             * Tensions N
+             * @description their mean tensions [N]
+             */
+            tensions_N: number[];
+            /**
+             * Samples
+             * @description samples that counted
+             */
+            samples: number;
+        };
+        /**
          * LoopFigures
          * @description One outer loop of an entry at the λ in force.
          */
@@ -6833,6 +6909,7 @@ export interface components {
              * @description identifications that are not among the rows, each with the reason
              */
             left_out: string[];
+            friction: components["schemas"]["LoadFriction"];
         };
         /**
          * TrendRow

@@ -84,6 +84,18 @@ function Shown({ trend }: { trend: Trend }) {
           </div>
         </section>
       ))}
+      <section className={styles.model} aria-label="Friction over the load">
+        <h3 className={styles.heading}>Friction over the load</h3>
+        <p className={page.lead}>
+          {trend.friction.sentence}. Motor B is held still in this experiment, so its friction is not
+          measured.
+        </p>
+        {trend.friction.left_out.map((reason) => (
+          <p key={reason} className={page.empty}>
+            Not used: {reason}
+          </p>
+        ))}
+      </section>
       {trend.left_out.map((reason) => (
         <p key={reason} className={page.empty}>
           Left out: {reason}
