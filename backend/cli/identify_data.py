@@ -148,9 +148,9 @@ def _show_motor(record: "Record", resolution: float | None, *, as_json: bool) ->
     if as_json:
         print_json(json_ready(found.summary()))
         return
-    units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s"), strict=True))
+    units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s", "V"), strict=True))
     rows = [
-        (f"{name} [{units[name]}]", value, std or "left out: 0 at the 1 % level")
+        (f"{name} [{units[name]}]", value, std or "left out: does not differ from 0")
         for (name, value), std in zip(found.parameters.items(), found.std_errors, strict=True)
     ]
     print_table(("parameter", "value", "standard error"), rows)
@@ -177,6 +177,7 @@ def _show(found: "Estimate") -> None:
             f"{reduced.T:.4g} ± {_measured(reduced.T_std, '.2g')}",
         ),
         *_friction(found),
+        *_input_offset(found),
         ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
         *_tests(tests.whiteness, tests.input_correlation),
     ]
@@ -209,6 +210,11 @@ def _friction(found: "Estimate") -> list[tuple[str, str]]:
         ("lag T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
         ("fit with friction [%]", f"{friction.fit_percent:.2f}"),
     ]
+
+
+def _input_offset(found: "Estimate") -> list[tuple[str, str]]:
+    offset = found.input_offset
+    return [] if offset is None else [("input offset u_0", f"{offset.u_0:.4g} ± {offset.u_0_std:.2g}")]
 
 
 def _measured(value: float, form: str) -> str:

@@ -8,7 +8,7 @@ faster than the dynamics, so without the low-pass it returns the sensor's noise;
 import numpy as np
 
 from backend.identification.errors import NotContinuousError
-from backend.identification.linearisation import Problem, triangle
+from backend.identification.linearisation import Problem, least_squares, triangle
 from backend.identification.record import Signal
 from backend.identification.response import Poles
 from backend.identification.start import dominant_lag
@@ -37,7 +37,7 @@ def fit_arx(problem: Problem, low_pass: bool = True) -> tuple[Signal, Signal]:
     past = [signal[order - lag : order - lag + count] for signal in (-y, u) for lag in range(1, order + 1)]
     columns = np.column_stack((*past, np.ones(count), y[order:]))
     factor = triangle(columns)
-    coefficients = np.asarray(np.linalg.lstsq(factor[:-1, :-1], factor[:-1, -1], rcond=None)[0])
+    coefficients = least_squares(factor[:-1, :-1], factor[:-1, -1])
     parameters = _continuous(problem, coefficients)
     regressors = columns[:, :-1]
     residuals = columns[:, -1] - regressors @ coefficients

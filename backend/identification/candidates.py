@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.identification.errors import NoStartError, NotContinuousError, NotConvergedError
-from backend.identification.estimate import estimate
+from backend.identification.estimate import estimate, with_hint
 from backend.identification.fit import Method
 from backend.identification.record import Record
 from backend.identification.result import Estimate, Grade
@@ -43,12 +43,14 @@ def rank(
     found, failed = [], {}
     for name in structures:
         try:
-            found.append(estimate(record, name, method, gain_geometry=gain_geometry, y_resolution=y_resolution))
+            one = estimate(record, name, method, gain_geometry=gain_geometry, y_resolution=y_resolution, hint=False)
+            found.append(one)
         except (NotConvergedError, NoStartError, NotContinuousError) as error:
             failed[name] = str(error)
     if not found:
         raise NotConvergedError("; ".join(failed.values()))
-    return Candidates(tuple(sorted(found, key=_rank)), failed)
+    best, *others = sorted(found, key=_rank)
+    return Candidates((with_hint(record, best), *others), failed)
 
 
 def _rank(candidate: Estimate) -> tuple[bool, float]:

@@ -1,18 +1,45 @@
 """The estimators behind one call: from a record and a structure to a model with its quality."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from backend.identification.errors import IdentificationError, NotConvergedError
+from backend.identification.excitation import external_signal
+from backend.identification.feedback import reacts_to_noise
 from backend.identification.fit import Fit, Method, fit
 from backend.identification.frequency import check_frequency_response
-from backend.identification.friction import both_ways, dry_friction
+from backend.identification.friction import SIGNIFICANT_STD, both_ways, dry_friction
+from backend.identification.hints import find_hint
+from backend.identification.linearisation import WHITE, Evaluation, least_squares, triangle
 from backend.identification.output_error import adapt
-from backend.identification.record import Record, Signal, coarse_resolution
+from backend.identification.record import (
+    Record,
+    Signal,
+    coarse_resolution,
+    quantum,
+    rest_at_limit,
+    takes_one_step,
+    time_at_limit_percent,
+    wrap_of,
+)
 from backend.identification.reduction import reduce_to_first_order
-from backend.identification.result import DryFriction, Estimate, Model, Residuals
+from backend.identification.result import DryFriction, Estimate, InputOffset, Model, Residuals
 from backend.identification.structures import Structure, structure
-from backend.identification.unseen import beside, held_out
-from backend.identification.validation import Evidence, information_criteria, judge
+from backend.identification.uncertainty import sandwich
+from backend.identification.unseen import TRAINING_PART, beside, held_out
+from backend.identification.validation import (
+    GOOD_FIT_PERCENT,
+    MIN_COUNTS,
+    NEGLIGIBLE_PERCENT,
+    Evidence,
+    information_criteria,
+    judge,
+)
+
+_RESTS = 0.1
+"""Share of its whole motion below which a part of a record holds next to none."""
+_CLEARLY_LESS = 0.8
 
 
 def estimate(
@@ -22,18 +49,39 @@ def estimate(
     *,
     gain_geometry: float | None = None,
     y_resolution: float | None = None,
+    hint: bool = True,
 ) -> Estimate:
-    """Identify the structure from the record.
+    """Identify the structure from the record; with a ``hint`` where another structure would help.
 
     ``gain_geometry`` [unit of y / unit of u] is the static gain to compare with; ``y_resolution`` one count of
     the output's sensor, found from the record where its values are few. Raises IdentificationError.
     """
     try:
-        return _estimate(record, structure(structure_name), method, gain_geometry, y_resolution)
+        # Numbers out of range are refused where they arise; NumPy's own words about them are of no use to anybody.
+        with np.errstate(all="ignore"):
+            found = _estimate(record, structure(structure_name), method, gain_geometry, y_resolution)
+            return with_hint(record, found) if hint else found
     except np.linalg.LinAlgError:
         raise NotConvergedError(
             f"{structure_name}: the record does not determine it; try a simpler structure"
         ) from None
+
+
+def with_hint(record: Record, found: Estimate) -> Estimate:
+    """Add what would help to an estimate whose residuals tell that its structure leaves something out."""
+    tests, friction = found.residuals, found.friction
+    explained = tests.whiteness.passed and tests.input_correlation.passed
+    if explained or 100.0 - found.fit_all_percent <= NEGLIGIBLE_PERCENT or (friction is not None and friction.found):
+        return found
+    rest, resolution = rest_at_limit(record.u, record.y), found.y_resolution
+    if (rest is not None and rest.abrupt) or (resolution and np.ptp(record.y) < MIN_COUNTS * resolution):
+        return found
+    with np.errstate(all="ignore"):
+        hint = find_hint(record, found.model)
+    if hint is None:
+        return found
+    verdict = replace(found.verdict, reasons=(*found.verdict.reasons, hint.sentence))
+    return replace(found, hint=hint, verdict=verdict)
 
 
 def _estimate(
@@ -52,14 +100,39 @@ def _estimate(
         BIC=BIC,
         FPE=FPE,
     )
-    fit_percent, fit_all_percent = _held_out_fit(found), beside(found.problem, found.parameters).fit_percent
+    whole = beside(found.problem, found.parameters)
+    fit_percent, fit_all_percent = _held_out_fit(found), whole.fit_percent
     std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
     friction = _dry_friction(found, model)
     y_resolution = y_resolution or coarse_resolution(record.y)
     gain_error = None if gain_geometry is None else 100.0 * (model.gain / gain_geometry - 1.0)
     counts = None if y_resolution is None else float(np.ptp(record.y)) / y_resolution
     rounding = 100.0 * (y_resolution or 0.0) / float(np.sqrt(12.0) * np.std(record.y))
-    evidence = Evidence(first_order, model, std_errors, fit_percent, residuals, gain_error, counts, rounding, friction)
+    step = quantum(record.y)
+    left = whole.measured - whole.predicted
+    wrap = wrap_of(record.y)
+    evidence = Evidence(
+        first_order=first_order,
+        model=model,
+        std_errors=std_errors,
+        fit=fit_percent,
+        residuals=residuals,
+        gain_error_percent=gain_error,
+        motion_counts=counts,
+        resolution_percent=rounding,
+        friction=friction,
+        fit_all=fit_all_percent,
+        unseen_rests=not fit_percent >= GOOD_FIT_PERCENT and _rests_in_part(whole.predicted),
+        one_step=takes_one_step(record.u),
+        rounding=step is not None and float(np.sqrt(np.mean(left**2))) <= 0.5 * step,
+        largest_bias_percent=_largest_bias_percent(found, model),
+        at_limit=rest_at_limit(record.u, record.y),
+        input_at_limit_percent=0.0 if record.controller is None else time_at_limit_percent(record.u),
+        lead=_lead(record, float(np.linalg.norm(left))),
+        period_s=record.period_s,
+        wrap=None if wrap is None else wrap[1],
+        fed_back=external_signal(record) is None and _coloured(found) and _fed_back(found),
+    )
     return Estimate(
         model=model,
         std_errors=std_errors,
@@ -77,6 +150,7 @@ def _estimate(
         friction=friction,
         spread_percent=evidence.spread_with_friction,
         verdict=judge(evidence),
+        input_offset=_input_offset(found),
     )
 
 
@@ -96,6 +170,81 @@ def _held_out_fit(found: Fit) -> float:
         return held_out(found).fit_percent
     except (IdentificationError, np.linalg.LinAlgError):
         return float("nan")
+
+
+def _coloured(found: Fit) -> bool:
+    """Whether what the simulation leaves over is coloured, with a noise model or without."""
+    return found.problem.whitening.size > 1 or not found.whiteness().passed
+
+
+def _fed_back(found: Fit) -> bool:
+    here = Evaluation(found.problem.unweighted, found.parameters)
+    left = here.without_nuisance(here.error[:, np.newaxis])[:, 0]
+    return reacts_to_noise(found.problem.record.u, left, float(found.parameters[0]))
+
+
+def _input_offset(found: Fit) -> InputOffset | None:
+    """Return the offset of the record as one of the input; None where it does not differ from zero.
+
+    The offset is that at the middle of the record, where the ramp that is fitted besides is zero.
+    """
+    plain = replace(found.problem, low_pass=0.0, whitening=WHITE)
+    here = Evaluation(plain, found.parameters)
+    columns = np.column_stack((here.nuisance, here.sensitivities))
+    at, K = here.nuisance.shape[1] - 2, float(found.parameters[0])
+    try:
+        unknown = least_squares(here.nuisance, here.error)
+        left = here.error - here.nuisance @ unknown
+        covariance = sandwich(columns, columns, left)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+    size = float(np.sqrt(plain.record.u.size - plain.first))
+    offset, rows = float(unknown[at]) / size, [at, columns.shape[1] - found.parameters.size]
+    gradient = np.array([-1.0 / (K * size), offset / K**2])
+    variance = float(gradient @ covariance[np.ix_(rows, rows)] @ gradient)
+    u_0 = -offset / K
+    if not (variance > 0.0 and abs(u_0) > SIGNIFICANT_STD * np.sqrt(variance)):
+        return None
+    # An offset that only rounding tells of is none.
+    if abs(u_0) < 1e-6 * float(np.max(np.abs(plain.record.u))):
+        return None
+    return InputOffset(u_0, float(np.sqrt(variance)))
+
+
+def _rests_in_part(predicted: Signal) -> bool:
+    """Whether the model's output, shape (n,), hardly moves in the first two thirds or in the last third."""
+    split = int(TRAINING_PART * predicted.size)
+    return min(float(np.ptp(predicted[:split])), float(np.ptp(predicted[split:]))) < _RESTS * float(np.ptp(predicted))
+
+
+def _largest_bias_percent(found: Fit, model: Model) -> float:
+    """Return what residuals of this size can move K and T by at most [%]; infinite where that cannot be had.
+
+    By Cauchy and Schwarz the solution of J x = e is at most as long as |e| times that of J's pseudo-inverse.
+    """
+    sensitivities = found.solution.without_nuisance(found.solution.sensitivities)
+    factor = triangle(sensitivities)
+    if not (np.all(np.isfinite(factor)) and np.all(np.diag(factor) != 0.0)):
+        return float("inf")
+    scale = np.concatenate(([1.0], found.parameters[1:]))
+    inverse = np.linalg.inv(factor) * scale[:, np.newaxis] * float(np.linalg.norm(found.residuals))
+    bias = reduce_to_first_order(model, inverse @ inverse.T)
+    worst_case = 100.0 * max(abs(bias.K_std / bias.K), abs(bias.T_std / bias.T))
+    return worst_case if np.isfinite(worst_case) else float("inf")
+
+
+def _lead(record: Record, left: float) -> float | None:
+    """Gain of an output that follows the input of its own sample, which no lag can; None of one that does not.
+
+    ``left`` is the norm of what the model leaves over.
+    """
+    now = np.column_stack((np.ones(record.u.size), record.u))
+    errors, gain = [], 0.0
+    for columns in (now[1:], now[:-1]):
+        offset_and_gain = least_squares(columns, record.y[1:])
+        errors.append(float(np.linalg.norm(record.y[1:] - columns @ offset_and_gain)))
+        gain = gain or float(offset_and_gain[1])
+    return gain if errors[0] < _CLEARLY_LESS * min(errors[1], left) else None
 
 
 def _standard_errors(covariance: Signal) -> list[float]:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from backend.identification.errors import UnstableModelError
-from backend.identification.linearisation import Problem
+from backend.identification.linearisation import Problem, least_squares
 from backend.identification.record import Controller, Record, Signal
 from backend.identification.response import moving_average
 
@@ -92,4 +92,4 @@ def _fitted_input(record: Record, r: Signal) -> Signal:
     lagged = [lfilter([0.0, 1.0 - decay], [1.0, -decay], r) for decay in decays]
     count = r.size
     columns = np.column_stack((np.ones(count), np.linspace(-1.0, 1.0, count), r, *lagged))
-    return np.asarray(columns @ np.linalg.lstsq(columns, record.u, rcond=1e-10)[0])
+    return np.asarray(columns @ least_squares(columns, record.u, rcond=1e-10))

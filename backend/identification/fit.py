@@ -213,7 +213,7 @@ def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signa
     That they do not follow the input is not enough: a wrong valley may leave over what looks like coloured noise.
     """
     starts = quick_starts(problem, *further)
-    problem = _with_room(problem, starts[:_STARTS_TRIED])
+    problem = with_room(problem, starts[:_STARTS_TRIED])
     found = _first_converged(problem, starts, FINE if drive is None else COARSE)
     if problem.structure.order >= 3 and (found is None or not Fit(found, drive).whiteness().passed):
         # A start that simulates about as well as the solution before it was improved lies in a better valley.
@@ -232,7 +232,7 @@ def _explains(found: Fit) -> bool:
     return found.whiteness().passed or found.input_correlation().passed
 
 
-def _with_room(problem: Problem, starts: list[Signal]) -> Problem:
+def with_room(problem: Problem, starts: list[Signal]) -> Problem:
     """Leave out samples that may come from inputs before the record.
 
     They are as many as the dead time may become: twice what it starts from, and half of the lags, which may hide it.

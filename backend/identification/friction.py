@@ -87,7 +87,10 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
         return np.asarray(y - moving(u, period_s, z[0], float(np.exp(z[1])), z[2], z[3], z[4], late)[0])
 
     start = _start(u, y, period_s, dead_time_s)
-    found = least_squares(residuals, start, jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS)
+    try:
+        found = least_squares(residuals, start, jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS)
+    except ValueError:  # a simulation that leaves the range of numbers
+        raise NotConvergedError("no motor with dry friction describes the record") from None
     if not np.all(np.isfinite(found.x)):
         raise NotConvergedError("no motor with dry friction describes the record")
     sensitivities = -np.asarray(found.jac, dtype=np.float64)

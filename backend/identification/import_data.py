@@ -1,6 +1,7 @@
 """Columns from elsewhere, of a table, a .mat or a Parquet file, checked, as a record for the estimators."""
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -35,8 +36,11 @@ def read_mat(stream: BinaryIO) -> Columns:
     if begin == _HDF5:
         raise DataFileError(_VERSION_7_3)
     try:
-        # The stubs know file names only; loadmat reads from open files as well.
-        content = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
+        with warnings.catch_warnings():
+            # SciPy warns of objects that it cannot name; what could not be read is said below.
+            warnings.simplefilter("ignore")
+            # The stubs know file names only; loadmat reads from open files as well.
+            content = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
     except NotImplementedError:
         raise DataFileError(_VERSION_7_3) from None
     except (ValueError, TypeError, MatReadError, OSError, IndexError) as error:
@@ -46,12 +50,29 @@ def read_mat(stream: BinaryIO) -> Columns:
         if not name.startswith("__"):
             _take(columns, name, values)
     if not columns:
+        objects = sorted({kind for values in content.values() for kind in _object_classes(values)})
+        if objects:
+            raise DataFileError(
+                f"the MATLAB file holds objects ({', '.join(objects)}) and no numeric vectors: save the columns as"
+                " vectors or as a struct, as in u = T.u; y = T.y; save('new.mat', 'u', 'y', '-v7')"
+            )
         raise DataFileError("the MATLAB file holds no numeric vectors")
     return columns
 
 
+def _object_classes(values: Any) -> list[str]:
+    """Names of the classes of a MATLAB object, as of a table; none for arrays and structs."""
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+    if isinstance(values, MatlabOpaque):
+        return [str(name) for name in np.atleast_1d(values["s2"])]
+    if isinstance(values, MatlabObject):
+        return [str(values.classname)]
+    return ["function"] if isinstance(values, MatlabFunction) else []
+
+
 def _take(columns: Columns, name: str, values: Any) -> None:
-    if not isinstance(values, np.ndarray):
+    if not isinstance(values, np.ndarray) or _object_classes(values):
         return
     if values.dtype.names is not None and values.ndim == 0:
         for field in values.dtype.names:

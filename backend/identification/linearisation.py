@@ -93,6 +93,8 @@ class Evaluation:
         if not dead_time_s <= problem.first * problem.record.period_s:
             raise UnstableModelError(f"a dead time of {dead_time_s:.3g} s is longer than what is looked for")
         self._from_rest = problem.whiten(problem.simulated(parameters, problem.record.u))
+        if not np.all(np.isfinite(self._from_rest)):
+            raise UnstableModelError("the simulation leaves the range of numbers")
         self.error = problem.whiten(problem.record.y) - self._from_rest
         columns = problem.nuisance(parameters)
         self._size = np.linalg.norm(columns, axis=0)
@@ -108,7 +110,7 @@ class Evaluation:
     @cached_property
     def initial(self) -> Signal:
         """State before the first sample that fits the error best, with offset and ramp, shape (order,)."""
-        solution = np.linalg.lstsq(self._factor[:-1, :-1], self._factor[:-1, -1], rcond=None)[0]
+        solution = least_squares(self._factor[:-1, :-1], self._factor[:-1, -1])
         return np.asarray(solution / self._size)[: self.problem.structure.order]
 
     @cached_property
@@ -130,7 +132,17 @@ class Evaluation:
         """Part of the columns, shape (n, m), that is orthogonal to the nuisance terms."""
         count = self.nuisance.shape[1]
         factor = triangle(np.column_stack((self.nuisance, columns)))
-        return np.asarray(columns - self.nuisance @ np.linalg.lstsq(factor[:count, :count], factor[:count, count:])[0])
+        return np.asarray(columns - self.nuisance @ least_squares(factor[:count, :count], factor[:count, count:]))
+
+
+def least_squares(columns: Signal, right: Signal, rcond: float | None = None) -> Signal:
+    """Least-squares solution of ``columns`` x = ``right``. Raises UnstableModelError, LinAlgError.
+
+    Numbers that are not finite are refused: LAPACK would write to the terminal.
+    """
+    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(right))):
+        raise UnstableModelError("the equations leave the range of numbers")
+    return np.asarray(np.linalg.lstsq(columns, right, rcond=rcond)[0])
 
 
 def triangle(columns: Signal) -> Signal:

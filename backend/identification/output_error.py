@@ -8,7 +8,7 @@ y = G u + noise / D.
 import numpy as np
 
 from backend.identification.errors import NotConvergedError, UnstableModelError
-from backend.identification.linearisation import Evaluation, Problem, moved, triangle
+from backend.identification.linearisation import Evaluation, Problem, least_squares, moved, triangle
 from backend.identification.record import Signal
 
 MAX_ITERATIONS = 40
@@ -68,7 +68,7 @@ def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
     size = np.linalg.norm(factor, axis=0)
     size[size == 0.0] = 1.0
     stacked = np.vstack((factor / size, np.sqrt(damping) * np.eye(size.size)))
-    step = np.linalg.lstsq(stacked, np.concatenate((right, np.zeros(right.size))), rcond=None)[0] / size
+    step = least_squares(stacked, np.concatenate((right, np.zeros(right.size)))) / size
     return np.asarray(step / max(1.0, float(np.max(np.abs(step[1:]))) / 1.5))
 
 

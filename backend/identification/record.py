@@ -11,11 +11,16 @@ Signal = NDArray[np.float64]
 
 MIN_SAMPLES = 200
 MAX_SATURATED_PERCENT = 2.0
+MOVES = 0.1
+"""Share of its peak-to-peak by which an input has to change to count as moving."""
 MAX_PERIOD_ERROR = 1e-3
 MAX_STEP, MIN_STEP = 1.5, 0.5
 _EVEN = 1e-3
-FEW_LEVELS = 20
-"""Inputs of so few levels are sequences, which rest at their extremes by design."""
+_USUAL_DWELLS = 10.0
+_ABRUPT = 0.05
+_WRAPPED_JUMP = 0.8
+_TRAVEL_STEPS = 5.0
+_FINEST = 1e-7
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,8 @@ class Record:
     is applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is a signal from outside the loop, set
     point or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. Either one
     lets the estimators build instruments that are valid in closed loop. ``t`` [s], where given, is checked against
-    ``period_s``. Signals that rest at their own extremes, as limits make them, are refused.
+    ``period_s``. An output that stops abruptly at its extreme value, again and again, while the input moves is
+    refused as saturated. An input at its limit is not: the model holds for the input as it was applied.
     """
 
     period_s: float
@@ -59,9 +65,7 @@ class Record:
         _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
         for name in ("u", "y"):
             _check_moves(name, getattr(self, name))
-        _check_saturation("u", self.u)
-        if np.unique(self.y).size > self.y.size // 4:  # a coarse sensor rests at its extremes without being at a limit
-            _check_saturation("y", self.y)
+        _check_saturation(self.u, self.y)
 
     @property
     def time(self) -> Signal:
@@ -87,13 +91,110 @@ class Record:
 
 def coarse_resolution(values: Signal) -> float | None:
     """Return the step of a signal, shape (n,), of few, evenly spaced values, as a coarse sensor gives; else None."""
+    return None if np.unique(values).size > values.size // 4 else quantum(values)
+
+
+def quantum(values: Signal) -> float | None:
+    """Return the step of a signal, shape (n,), whose values are all whole steps apart, however many; else None.
+
+    A step below 1e-7 of the signal is the rounding of numbers, not of a sensor.
+    """
     levels = np.unique(values)
-    if levels.size > values.size // 4:
-        return None
     steps = np.diff(levels)
+    if not steps.size or float(np.min(steps)) < _FINEST * float(np.max(np.abs(levels))):
+        return None
     step = float(np.min(steps))
+    near = steps < 10.0 * step
+    step = float(np.sum(steps[near]) / np.sum(np.round(steps[near] / step)))
     whole = np.abs(steps / step - np.round(steps / step)) < _EVEN
     return step if bool(np.all(whole)) else None
+
+
+@dataclass(frozen=True)
+class RestAtLimit:
+    """How long an output rests at one of its extreme values, ``limit`` [% of the record].
+
+    ``moving_percent`` is the part of it while the input moves. ``abrupt`` where the output gets there at full speed at
+    least twice, as at a limit, and does not settle there.
+    """
+
+    limit: float
+    share_percent: float
+    moving_percent: float
+    abrupt: bool
+
+
+def rest_at_limit(u: Signal, y: Signal) -> RestAtLimit | None:
+    """Return the longer rest of y, shape (n,), at its lowest or highest value that is a sign of a limit; else None.
+
+    The sign is that the output comes to rest there abruptly, or rests while u moves, for longer than at ten of its
+    other values and than 2 % of the record.
+    """
+    levels, counts = np.unique(y, return_counts=True)
+    if levels.size < 3:
+        return None
+    bound = max(_USUAL_DWELLS * float(np.median(counts[1:-1])), 0.01 * MAX_SATURATED_PERCENT * y.size)
+    least_move, speed = MOVES * float(np.ptp(u)), float(np.max(np.abs(np.diff(y))))
+    found = None
+    for limit, count in ((float(levels[0]), counts[0]), (float(levels[-1]), counts[-1])):
+        if count <= bound:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], y == limit, [False])).astype(np.int8)))
+        resting, moving, abrupt = 0, 0, 0
+        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            moved = np.abs(u[start:end] - u[max(start - 1, 0)]) > least_move
+            if start == 0:
+                continue  # at first everything rests, and a dead time later it still does
+            resting += end - start
+            moving += end - start - int(np.argmax(moved)) - 1 if np.any(moved) else 0
+            before = y[max(start - 3, 0)]
+            passed = abs(int(np.searchsorted(levels, before)) - int(np.searchsorted(levels, limit)))
+            abrupt += passed >= 3 and abs(limit - before) > 3.0 * _ABRUPT * speed
+        told = moving > bound or (resting > bound and abrupt >= 2)
+        if told and (found is None or resting > 0.01 * found.share_percent * y.size):
+            found = RestAtLimit(limit, 100.0 * resting / y.size, 100.0 * moving / y.size, abrupt >= 2)
+    return found
+
+
+def takes_one_step(u: Signal) -> bool:
+    """Whether an input, shape (n,), is at one value, then at another, and that is all."""
+    high = u > 0.5 * (float(np.min(u)) + float(np.max(u)))
+    if np.count_nonzero(np.diff(high)) != 1:
+        return False
+    most = 0.02 * float(np.ptp(u))
+    return float(np.ptp(u[high])) <= most and float(np.ptp(u[~high])) <= most
+
+
+def time_at_limit_percent(u: Signal) -> float:
+    """Return the time that an input of many values spends at its lowest and highest value [%], 0 for few values."""
+    levels, counts = np.unique(u, return_counts=True)
+    if levels.size < 3:
+        return 0.0
+    usual = float(np.median(counts[1:-1]))
+    at_limit = sum(int(count) for count in (counts[0], counts[-1]) if count > _USUAL_DWELLS * usual)
+    return 100.0 * at_limit / u.size
+
+
+def wrap_of(values: Signal) -> tuple[int, float] | None:
+    """Return the sample before the first wrap of an angle, shape (n,), and the size of a turn; None without one.
+
+    An angle that wraps jumps from one end of its range to the other, always by about the same, and moves slowly
+    everywhere else.
+    """
+    span, steps = float(np.ptp(values)), np.diff(values)
+    jumps = np.abs(steps) > _WRAPPED_JUMP * span
+    rest = float(np.max(np.abs(steps[~jumps]), initial=0.0))
+    if not np.any(jumps) or rest > 0.25 * span:
+        return None
+    turn = float(np.max(np.abs(steps)))
+    for whole in (2.0 * np.pi, 360.0, 1.0):
+        if abs(whole - turn) <= 2.0 * rest + 0.01 * whole:
+            turn = whole
+    # Beside the turn, the angle goes on at the speed it had, and it travels: a sequence of two values does not.
+    unwrapped = np.cumsum(steps - np.where(jumps, np.sign(steps) * turn, 0.0))
+    on = steps[jumps] - np.sign(steps[jumps]) * turn
+    travels = rest > 0.0 and float(np.ptp(unwrapped)) > _TRAVEL_STEPS * rest
+    return (int(np.argmax(jumps)), turn) if travels and float(np.max(np.abs(on))) <= 2.0 * rest + 0.05 * span else None
 
 
 def _signal(name: str, values: ArrayLike) -> Signal:
@@ -166,16 +267,13 @@ def _check_moves(name: str, values: Signal) -> None:
         )  # fmt: skip
 
 
-def _check_saturation(name: str, values: Signal) -> None:
-    """Refuse a signal of many levels that spends far more time at its extreme ones than at the others."""
-    levels, counts = np.unique(values, return_counts=True)
-    if levels.size <= FEW_LEVELS:
-        return
-    at_limits = int(max(counts[0], counts[-1]))
-    usual = float(np.mean(counts[1:-1]))
-    share = 100.0 * at_limits / values.size
-    if at_limits > 10.0 * usual and share > MAX_SATURATED_PERCENT:
+def _check_saturation(u: Signal, y: Signal) -> None:
+    """Refuse an output that stops abruptly at one of its extreme values while the input moves."""
+    rest = rest_at_limit(u, y)
+    # At zero, dry friction stops a motor abruptly, too.
+    moves = rest is not None and rest.moving_percent > MAX_SATURATED_PERCENT
+    if rest is not None and moves and rest.abrupt and rest.limit != 0.0:
         raise RecordError(
-            f"time that {name} spends at its limit", share, None, MAX_SATURATED_PERCENT, "%",
-            "the signal is saturated: excite with a smaller amplitude",
+            f"time that y spends at its limit of {rest.limit:.6g} while u moves", rest.moving_percent,
+            None, MAX_SATURATED_PERCENT, "%", "the output is saturated: excite with a smaller amplitude",
         )  # fmt: skip

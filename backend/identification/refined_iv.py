@@ -15,7 +15,7 @@ import numpy as np
 
 from backend.identification.errors import NotConvergedError, UnstableModelError
 from backend.identification.excitation import NoiseFreeInput
-from backend.identification.linearisation import Evaluation, moved, triangle
+from backend.identification.linearisation import Evaluation, least_squares, moved, triangle
 from backend.identification.output_error import FINE
 from backend.identification.record import Signal
 
@@ -31,7 +31,7 @@ def fit_refined_iv(start: Evaluation, noise_free_input: NoiseFreeInput) -> Evalu
         remaining = float(np.linalg.norm(right))
         if remaining < FINE * here.noise or remaining < _FLOOR * signal:
             return here
-        here = _stable_step(here, np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0]))
+        here = _stable_step(here, least_squares(matrix, right))
     name = start.problem.structure.name
     raise NotConvergedError(f"{name}: refined IV did not settle within {MAX_ITERATIONS} iterations")
 

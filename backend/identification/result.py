@@ -154,6 +154,47 @@ def joint_method(methods: Mapping[str, str]) -> str:
 
 
 @dataclass(frozen=True)
+class Hint:
+    """A structure that explains a record better than the one that was asked for; both fitted to the same samples.
+
+    ``dead_time`` where it is the same with a dead time, else it is of a higher order. ``fit_percent`` is the simulated
+    fit on the record, ``BIC_gain`` by how much its BIC is lower, ``F`` the ratio of the F test with
+    ``more_parameters`` degrees of freedom, initial states among them. ``white`` and ``independent_of_input`` are the
+    tests of its residuals.
+    """
+
+    structure: str
+    dead_time: bool
+    fit_percent_before: float
+    fit_percent: float
+    BIC_gain: float
+    F: float
+    more_parameters: int
+    white: bool
+    independent_of_input: bool
+
+    @property
+    def sentence(self) -> str:
+        """What would help, with figures."""
+        return (
+            f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
+            f" {self.fit_percent:.4g} % of the record where this structure fits {self.fit_percent_before:.4g} %"
+            f" (BIC lower by {self.BIC_gain:.0f}, F = {self.F:.3g})"
+        )
+
+
+@dataclass(frozen=True)
+class InputOffset:
+    """The input u_0 [unit of u] at which the output would be zero, with its standard error.
+
+    An offset of the output by -K u_0 looks the same.
+    """
+
+    u_0: float
+    u_0_std: float
+
+
+@dataclass(frozen=True)
 class Verdict:
     """A grade and its reasons; ``sentence`` says both in one line."""
 
@@ -179,7 +220,7 @@ class Estimate:
     ``covariance``, shape (p, p), is in the order of ``model.vector`` and robust to coloured residuals. ``noise`` are
     the coefficients d_1 .. of the autoregressive noise model 1/D, empty for white noise. ``gain_error_percent``
     compares the gain with ``gain_geometry`` where that is known; ``y_resolution`` is one count of the output's sensor,
-    given or found.
+    given or found. ``hint`` is there where another structure would help, ``input_offset`` where it differs from zero.
     """
 
     model: Model
@@ -198,6 +239,8 @@ class Estimate:
     friction: DryFriction | None
     spread_percent: float
     verdict: Verdict
+    hint: Hint | None = None
+    input_offset: InputOffset | None = None
 
     def summary(self) -> dict[str, Any]:
         """Return what the command line prints of foreign data."""
@@ -208,6 +251,8 @@ class Estimate:
             "fit_percent": self.fit_percent,
             "spread_percent": self.spread_percent,
             "friction": None if self.friction is None else asdict(self.friction),
+            "input_offset": None if self.input_offset is None else asdict(self.input_offset),
+            "hint": None if self.hint is None else asdict(self.hint),
             "grade": self.verdict.grade,
             "verdict": self.verdict.sentence,
         }

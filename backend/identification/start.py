@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from backend.identification.errors import NoStartError, RecordError, UnstableModelError
-from backend.identification.linearisation import Problem, triangle
+from backend.identification.linearisation import Problem, least_squares, triangle
 from backend.identification.record import Record, Signal
 from backend.identification.response import Poles, simulate
 from backend.identification.structures import Kind, Structure, structure
@@ -31,12 +31,12 @@ def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
 
     def found(plain: Problem) -> list[tuple[float, Signal]]:
         if plain.structure.kind is Kind.LAGS:
-            return _ranked(plain, [*further, *_equal_lags(plain, plain.structure, _LAGS)])
+            return ranked_starts(plain, [*further, *_equal_lags(plain, plain.structure, _LAGS)])
         few = _equal_lags(plain, plain.structure, _FEW_LAGS)
-        return _ranked(plain, [*further, *few, *_state_variable_filter(plain)])
+        return ranked_starts(plain, [*further, *few, *_state_variable_filter(plain)])
 
     if problem.structure.delayed:  # further ones have their dead time already
-        ranked = [*_ranked(problem, list(further)), *_over_dead_times(problem, lambda plain: found(plain)[:1])]
+        ranked = [*ranked_starts(problem, list(further)), *_over_dead_times(problem, lambda plain: found(plain)[:1])]
         ranked = _apart(sorted(ranked, key=lambda pair: pair[0]))
     else:
         ranked = found(problem)
@@ -54,7 +54,7 @@ def thorough_starts(problem: Problem) -> list[tuple[float, Signal]]:
         return []
     if problem.structure.delayed:
         return _over_dead_times(problem, thorough_starts)
-    return _ranked(problem, _lag_and_faster_poles(problem))
+    return ranked_starts(problem, _lag_and_faster_poles(problem))
 
 
 def _over_dead_times(
@@ -92,13 +92,14 @@ def dead_times(record: Record) -> list[float]:
 def dominant_lag(problem: Problem) -> float:
     """Time constant [s], on a coarse grid, of the single lag that simulates the record best. Raises NoStartError."""
     single = Problem(problem.record, structure("first"), problem.whitening)
-    ranked = _ranked(single, _equal_lags(single, single.structure, _LAGS))
+    ranked = ranked_starts(single, _equal_lags(single, single.structure, _LAGS))
     if not ranked:
         raise NoStartError("the input does not reach the output")
     return float(ranked[0][1][1])
 
 
-def _ranked(problem: Problem, among: list[Signal]) -> list[tuple[float, Signal]]:
+def ranked_starts(problem: Problem, among: list[Signal]) -> list[tuple[float, Signal]]:
+    """Return whitened errors of candidates with their best gain, and their parameters with it, best first."""
     scored = []
     for candidate in among:
         if np.all(np.isfinite(candidate)) and np.all(candidate[1:] > 0.0):
@@ -160,7 +161,10 @@ def _state_variable_filter(problem: Problem) -> list[Signal]:
         columns = (*(-d for d in derivatives[1:]), *trend, u_filtered, derivatives[0])
         rows = _thinned(count, settled)
         factor = triangle(np.column_stack([column[rows] for column in columns]))
-        solution = np.linalg.lstsq(factor[:-1, :-1], factor[:-1, -1], rcond=None)[0]
+        try:
+            solution = least_squares(factor[:-1, :-1], factor[:-1, -1])
+        except UnstableModelError:
+            continue
         scaled = np.concatenate(([1.0], solution[:order]))
         if np.all(np.isfinite(scaled)) and scaled[-1] != 0.0:
             poles = np.roots(scaled[::-1]) * cut_off

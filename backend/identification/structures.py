@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from backend.identification.errors import StructureError
+from backend.identification.errors import StructureError, UnstableModelError
 from backend.identification.record import Signal
 
 MAX_ORDER = 4
@@ -120,5 +120,7 @@ def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]
     """Roots of a polynomial given in ascending powers; scaled first, since a_N may be 10 powers of ten below 1."""
     order = ascending.size - 1
     scale = abs(ascending[-1]) ** (1.0 / order)
+    if not (scale > 0.0 and np.all(np.isfinite(ascending))):
+        raise UnstableModelError("the coefficients leave the range of numbers")
     scaled = ascending / scale ** np.arange(order + 1)
     return np.asarray(np.roots(scaled[::-1]) / scale, dtype=np.complex128)

@@ -24,6 +24,9 @@ _TIME = re.compile(
 )
 
 
+_UTC_OFFSET = re.compile(r"(?P<seconds>:\d\d(?:\.\d*)?)\s?(?P<sign>[+-])(?P<hours>\d\d):?(?P<minutes>\d\d)?$")
+
+
 def time_of(columns: Columns, taken: Collection[str]) -> Signal | None:
     """Time [s], from its first value on, of the column that is named like one; None where there is none.
 
@@ -45,12 +48,27 @@ def time_of(columns: Columns, taken: Collection[str]) -> Signal | None:
 
 def _stamped(name: str, texts: list[str]) -> Signal:
     try:
-        stamps = np.array([text.strip().rstrip("Z").replace("/", "-") for text in texts], dtype="datetime64[ns]")
-    except ValueError:
+        stamps = np.array([_plain_stamp(text) for text in texts], dtype="datetime64[ns]")
+        stamps -= np.array([_ahead_of_utc_s(text) for text in texts], dtype="timedelta64[s]")
+    except (ValueError, OverflowError):
         raise DataFileError(
             f"the time column '{name}' holds '{texts[0]}': write numbers, or dates like 2026-03-04T10:20:30.125"
         ) from None
     return np.asarray((stamps - stamps[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
+
+
+def _plain_stamp(text: str) -> str:
+    """Date and time without the offset from UTC, which NumPy takes with a warning only."""
+    return _UTC_OFFSET.sub(r"\g<seconds>", text.strip()).rstrip("Zz ").replace("/", "-")
+
+
+def _ahead_of_utc_s(text: str) -> int:
+    """Return the seconds by which the clock of a date and time is ahead of UTC, 0 where it does not say."""
+    match = _UTC_OFFSET.search(text.strip())
+    if match is None:
+        return 0
+    seconds = 3600 * int(match["hours"]) + 60 * int(match["minutes"] or 0)
+    return -seconds if match["sign"] == "-" else seconds
 
 
 def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:

@@ -8,11 +8,21 @@ from backend.identification.record import Signal
 def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> Signal:
     """Covariance of the solution of instruments' residuals = 0, shape (p, p).
 
-    ``instruments`` Z and ``sensitivities`` J, shape (n, p); ``residuals`` shape (n,).
+    ``instruments`` Z and ``sensitivities`` J, shape (n, p); ``residuals`` shape (n,). NaN for
+    parameters without effect.
     (Z'J)^-1 M (Z'J)^-T, where M is the long-run covariance of Z_t e_t: sum over lags of their covariances with
     Bartlett weights (Newey and West 1987), over a bandwidth chosen from the data (Andrews 1991).
     """
     scale = np.linalg.norm(instruments, axis=0), np.linalg.norm(sensitivities, axis=0)
+    unknown = ~(np.all(np.isfinite(instruments), axis=0) & np.all(np.isfinite(sensitivities), axis=0))
+    unknown |= ~((scale[0] > 0.0) & (scale[1] > 0.0))
+    if np.any(unknown):
+        # What has no effect on the record, or none that numbers can hold, is not determined by it.
+        known = ~unknown
+        covariance = np.full((known.size, known.size), np.nan)
+        if np.any(known):
+            covariance[np.ix_(known, known)] = sandwich(instruments[:, known], sensitivities[:, known], residuals)
+        return covariance
     bread = np.linalg.inv((instruments / scale[0]).T @ (sensitivities / scale[1]))
     moments = instruments / scale[0] * residuals[:, np.newaxis]
     middle = _long_run(moments)

@@ -10,7 +10,7 @@ import numpy as np
 
 from backend.identification.errors import IdentificationError
 from backend.identification.fit import Fit, refit
-from backend.identification.linearisation import WHITE, Evaluation, Problem
+from backend.identification.linearisation import WHITE, Evaluation, Problem, least_squares
 from backend.identification.record import Record, Signal
 from backend.identification.result import Model
 from backend.identification.structures import structure
@@ -63,7 +63,7 @@ def last_part(record: Record) -> Record:
 def beside(problem: Problem, parameters: Signal) -> Beside:
     """Set a structure with these parameters beside the record of ``problem``. Raises UnstableModelError."""
     here = Evaluation(problem.unweighted, parameters)
-    unknown = np.linalg.lstsq(here.nuisance, here.error, rcond=None)[0]
+    unknown = least_squares(here.nuisance, here.error)
     left_over = here.error - here.nuisance @ unknown
     y = problem.record.y[problem.first :]
     return Beside(problem.first, y, y - left_over[problem.first :])

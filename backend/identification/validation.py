@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backend.identification.record import Signal
-from backend.identification.result import DryFriction, FirstOrder, Grade, Model, Residuals, Verdict
+from backend.identification.record import MAX_SATURATED_PERCENT, RestAtLimit, Signal
+from backend.identification.result import DryFriction, FirstOrder, Grade, Model, Residuals, Verdict, worst
 
 MIN_COUNTS = 20.0
 MAX_MISFIT_PERCENT = 20.0
@@ -21,6 +21,8 @@ MIN_FIT_PERCENT = 50.0
 GOOD_FIT_PERCENT = 80.0
 """Fits by which a model explains three quarters of the output's variance, and 96 %."""
 MAX_FRICTION_ERROR_PERCENT = 10.0
+NEGLIGIBLE_PERCENT = 0.01
+"""Residuals below this share of the motion are rounding of numbers, where they cannot move K and T either."""
 
 
 def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float, float, float]:
@@ -46,6 +48,15 @@ class Evidence:
     ``fit`` [%] on unseen data, NaN where there is none. ``motion_counts`` is the output's peak-to-peak in sensor
     counts; ``resolution_percent`` the standard deviation of rounding to counts in per cent of the output's, 0 where
     the sensor is not known. ``friction`` is there where dry friction would be seen.
+
+    ``fit_all`` [%] is the fit on the record itself; it counts where ``unseen_rests``, the output rests in the first two
+    thirds of the record or in its last one. ``one_step`` where the input changes once only. ``rounding`` where the
+    residuals are no larger than rounding to the steps of the output's values makes them; ``largest_bias_percent`` is
+    what residuals of this size could move K and T by at most, whatever they are. ``at_limit`` is how y rests at its
+    extreme while u moves, ``input_at_limit_percent`` the time that u does so behind a known controller. ``lead``
+    is the gain of an output that shows the input of its own instant. ``fed_back`` where the input reacts to coloured noise
+    of the output, through a loop that was not named. ``wrap`` is the size of a turn of an angle
+    that wraps.
     """
 
     first_order: FirstOrder
@@ -57,16 +68,38 @@ class Evidence:
     motion_counts: float | None
     resolution_percent: float
     friction: DryFriction | None
+    fit_all: float = float("nan")
+    unseen_rests: bool = False
+    one_step: bool = False
+    rounding: bool = False
+    largest_bias_percent: float = float("inf")
+    at_limit: RestAtLimit | None = None
+    input_at_limit_percent: float = 0.0
+    lead: float | None = None
+    period_s: float = 0.0
+    fed_back: bool = False
+    wrap: float | None = None
 
     @property
     def misfit(self) -> float:
         """What neither model nor sensor explains, in per cent of the motion; NaN where there is no fit."""
-        return misfit_percent(self.fit, self.resolution_percent)
+        return misfit_percent(self.fit_all if self.unseen_rests else self.fit, self.resolution_percent)
 
     @property
     def unexplained(self) -> bool:
         """Whether the residuals tell of something that the model leaves out."""
         return not (self.residuals.input_correlation.passed and self.residuals.whiteness.passed)
+
+    @property
+    def biased_by_loop(self) -> bool:
+        """Whether a loop that was not named feeds coloured noise back into the input."""
+        return self.fed_back and not self.negligible
+
+    @property
+    def negligible(self) -> bool:
+        """Whether the residuals are rounding, and too small to move K and T whatever they come from."""
+        small = self.rounding or self.misfit <= NEGLIGIBLE_PERCENT
+        return small and self.largest_bias_percent <= CAUTION_STD_PERCENT
 
     @property
     def spread(self) -> float:
@@ -75,7 +108,9 @@ class Evidence:
         Standard errors do not cover what the structure leaves out: where the residuals tell of that, it counts as well.
         """
         known = _errors_of(self.first_order)
-        return float(np.max([*known, self.misfit] if self.unexplained else known))
+        if not self.unexplained:
+            return float(np.max(known))
+        return float(np.max([*known, self.largest_bias_percent if self.negligible else self.misfit]))
 
     @property
     def spread_with_friction(self) -> float:
@@ -95,7 +130,10 @@ Finding = tuple[Grade, str]
 
 def judge(evidence: Evidence) -> Verdict:
     """Grade a model and give the reasons. A figure that could not be had never counts in favour."""
+    if evidence.wrap is not None or evidence.lead is not None:
+        return Verdict(Grade.UNUSABLE, tuple(reason for _, reason in _unsuitable(evidence)))
     findings = [
+        *_signals(evidence),
         *_motion(evidence),
         *_friction(evidence),
         *_fit(evidence),
@@ -121,6 +159,59 @@ def graded(value: float, caution: float, most: float) -> Grade:
     if value <= caution:
         return Grade.USABLE
     return Grade.CAUTION if value <= most else Grade.UNUSABLE
+
+
+def _unsuitable(evidence: Evidence) -> Iterator[Finding]:
+    """Signals that no model of this kind can connect; what else there is to say about the model follows from it."""
+    if evidence.wrap is not None:
+        yield (
+            Grade.UNUSABLE,
+            f"the output jumps by {evidence.wrap:.4g} and back as an angle does that wraps: unwrap it (numpy.unwrap)",
+        )
+    if evidence.lead is not None:
+        yield (
+            Grade.UNUSABLE,
+            f"the output follows the input of the same sample (y = {evidence.lead:.4g} u + offset), without a lag that"
+            f" the sample time of {evidence.period_s:.3g} s could show: check that the columns are two signals, sample"
+            " faster",
+        )
+
+
+def _signals(evidence: Evidence) -> Iterator[Finding]:
+    """Grade what is doubtful about the signals themselves, whatever the model."""
+    if evidence.one_step:
+        yield (
+            Grade.CAUTION,
+            "the input takes one step only, so nothing shows whether the model holds both ways and at other amplitudes",
+        )
+    if evidence.input_at_limit_percent > MAX_SATURATED_PERCENT:
+        yield (
+            Grade.CAUTION,
+            f"the input is at its limit for {evidence.input_at_limit_percent:.1f} % of the time, where the controller"
+            " does not say what it is: give --setpoint in place of --controller",
+        )
+    if evidence.biased_by_loop:
+        yield (
+            graded(evidence.misfit, 0.0, MAX_STD_PERCENT),
+            "the record is of a closed loop: the input reacts to the noise of the output, which is not white, so K and"
+            f" T may be off by as much as it is of the motion, {evidence.misfit:.2g} %, whatever their standard errors"
+            " say: give --setpoint or --controller",
+        )
+    rest = evidence.at_limit
+    if rest is not None and evidence.unexplained and not evidence.negligible:
+        yield (
+            (
+                Grade.UNUSABLE,
+                f"the output stops abruptly at its extreme value {rest.limit:.6g}, where it is for"
+                f" {rest.share_percent:.1f} % of the time: it is saturated (excite with a smaller amplitude)",
+            )
+            if rest.abrupt
+            else (
+                Grade.CAUTION,
+                f"the output rests at its extreme value {rest.limit:.6g} for {rest.moving_percent:.1f} % of the time"
+                " while the input moves: it is saturated or stuck, or there is a dead time",
+            )
+        )
 
 
 def _motion(evidence: Evidence) -> Iterator[Finding]:
@@ -149,6 +240,13 @@ def _friction(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _fit(evidence: Evidence) -> Iterator[Finding]:
+    if evidence.unseen_rests:
+        yield (
+            worst(Grade.CAUTION, graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
+            "fit on unseen data not measured, as the output rests in the first two thirds of the record or in its last"
+            f" third; the fit on the record itself is {evidence.fit_all:.1f} %",
+        )
+        return
     if not np.isfinite(evidence.fit):
         yield (
             Grade.UNUSABLE,
@@ -173,7 +271,9 @@ def _gain(evidence: Evidence) -> Iterator[Finding]:
 
 def _errors(evidence: Evidence) -> Iterator[Finding]:
     found = evidence.first_order
-    for name, value, std in (("K", found.K, found.K_std), ("T", found.T, found.T_std)):
+    # Beside what the loop may do to them, the standard errors of K and T say nothing.
+    reduced = () if evidence.biased_by_loop else (("K", found.K, found.K_std), ("T", found.T, found.T_std))
+    for name, value, std in reduced:
         spread = 100.0 * std / abs(value)
         grade = graded(spread, CAUTION_STD_PERCENT, MAX_STD_PERCENT)
         if grade is not Grade.USABLE:
@@ -195,7 +295,7 @@ def _residuals(evidence: Evidence) -> Iterator[Finding]:
     misfit, known_sensor = evidence.misfit, evidence.resolution_percent > 0.0
     follows = not evidence.residuals.input_correlation.passed
     named = evidence.friction is not None and evidence.friction.found
-    if not evidence.unexplained or named or not np.isfinite(misfit):
+    if not evidence.unexplained or named or evidence.negligible or not np.isfinite(misfit):
         return
     if follows or known_sensor:
         # Where the resolution is known, so is the sensor: what is larger and coloured is friction, not noise.

@@ -31,7 +31,18 @@ MATLAB_7_3 = (b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 .".ljus
 
 Identify = Callable[..., Any]
 CONTROLLER = ["--controller", f"{K_P},{K_I}"]
-SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent", "friction", "grade", "verdict"]
+SUMMARY = [
+    "parameters",
+    "std_errors",
+    "method",
+    "fit_percent",
+    "spread_percent",
+    "friction",
+    "input_offset",
+    "hint",
+    "grade",
+    "verdict",
+]
 RECORDS: dict[str, tuple[float, Disturbed]] = {
     "40 dB": (40.0, {}),
     "10 dB": (10.0, {}),
@@ -145,11 +156,11 @@ def bad_tables() -> dict[str, tuple[dict[str, Array], str]]:
     holed, late = y.copy(), t.copy()
     holed[300] = np.nan
     late[700:] += 0.05
-    clipped = np.clip(u, *np.quantile(u, [0.2, 0.8]))
+    clipped = np.clip(y, *np.quantile(y, [0.2, 0.8]))
     return {
         "constant": ({"u": np.ones(u.size), "y": y}, "peak-to-peak of u"),
         "not finite": ({"u": u, "y": holed}, "index 300"),
-        "saturated": ({"u": clipped, "y": y}, "time that u spends at its limit"),
+        "saturated": ({"u": u, "y": clipped}, "time that y spends at its limit"),
         "sample time": ({"t": 2.0 * t, "u": u, "y": y}, "sample time of the time column is 0.002 s"),
         "gap": ({"t": late, "u": u, "y": y}, "gap after sample 699"),
         "short": ({"u": u[:150], "y": y[:150]}, "150 samples, must be at least 200"),

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from backend.identification.errors import RecordError
 from backend.identification.record import Record
@@ -37,6 +38,12 @@ def clipped(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.clip(values, -0.8, 0.8)
 
 
+def late_sine() -> NDArray[np.float64]:
+    """Answer of a lag of 0.1 s to SINE, in the unit in which it is clipped."""
+    late = lfilter([0.0, 0.01], [1.0, -0.99], SINE)
+    return np.asarray(1.6 * late / np.max(late[N // 2 :]))
+
+
 SINE = np.sin(2 * np.pi * 3.1 * T) + 0.01 * RANDOM.standard_normal(N)
 
 REFUSED: list[tuple[str, Callable[[], Record], str]] = [
@@ -49,8 +56,7 @@ REFUSED: list[tuple[str, Callable[[], Record], str]] = [
     ("time", with_time_running_back, "time step after sample 499 is 0 s"),
     ("wrong period", lambda: Record(0.002, U, Y, t=T), r"sample time of the time column is 0\.001 s"),
     ("no period", lambda: Record(0.0, U, Y), "sample time is 0 s, must be at least 1e-07 and at most 1000 s"),
-    ("saturated input", lambda: Record(PERIOD_S, clipped(SINE), Y), "time that u spends at its limit"),
-    ("saturated output", lambda: Record(PERIOD_S, U, clipped(SINE)), "time that y spends at its limit"),
+    ("saturated output", lambda: Record(PERIOD_S, SINE, clipped(late_sine())), "time that y spends at its limit of"),
     ("matrix", lambda: Record(PERIOD_S, np.ones((N, 2)), Y), "number of dimensions of u is 2"),
 ]
 
@@ -68,6 +74,7 @@ def test_bad_records_are_refused(make: Callable[[], Record], message: str) -> No
         pytest.param(U, Y, id="binary input"),
         pytest.param(U, np.round(Y, 2), id="coarse output"),
         pytest.param(SINE, Y, id="continuous input"),
+        pytest.param(clipped(SINE), Y, id="controller output at its limit"),
         pytest.param(np.repeat(RANDOM.integers(0, 30, N // 20).astype(float), 20), Y, id="staircase input"),
     ],
 )

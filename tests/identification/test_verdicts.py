@@ -116,7 +116,7 @@ def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data()
     u[:8000] = 0.0
     found = estimate(Record(PERIOD_S, u, motor(u)[0]), "first")
     assert np.isnan(found.fit_percent)
-    assert found.verdict.grade is Grade.UNUSABLE
+    assert found.verdict.grade is Grade.CAUTION
     assert "fit on unseen data not measured" in found.verdict.sentence
 
 
