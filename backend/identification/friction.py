@@ -84,7 +84,7 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
 
     def residuals(z: Signal) -> Signal:
         late = period_s * z[5] if z.size > 5 else 0.0
-        return np.asarray(y - moving(u, period_s, z[0], float(np.exp(z[1])), z[2], z[3], z[4], late)[0])
+        return np.asarray(y - moving(u, period_s, z[0], positive_lag(float(z[1]), period_s), z[2], z[3], z[4], late)[0])
 
     start = _start(u, y, period_s, dead_time_s)
     try:
@@ -103,6 +103,11 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
     t_d = period_s * float(found.x[5]) if found.x.size > 5 else 0.0
     parameters = np.array([found.x[0] * unit[0], T, found.x[2] * unit[2], t_d])
     return FrictionFit(parameters, covariance * np.outer(unit, unit), np.asarray(found.fun * scale_y))
+
+
+def positive_lag(logarithm: float, period_s: float) -> float:
+    """Lag [s] of this logarithm, within what can be simulated: a search may leave the range of numbers."""
+    return float(period_s * np.exp(np.clip(logarithm - np.log(period_s), -20.0, 40.0)))
 
 
 def differences(residuals: Callable[[Signal], Signal]) -> Callable[[Signal], Signal]:

@@ -65,7 +65,8 @@ def _object_classes(values: Any) -> list[str]:
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
     if isinstance(values, MatlabOpaque):
-        return [str(name) for name in np.atleast_1d(values["s2"])]
+        names = np.atleast_1d(values["s2"]).tolist()
+        return [name.decode("latin1") if isinstance(name, bytes) else str(name) for name in names]
     if isinstance(values, MatlabObject):
         return [str(values.classname)]
     return ["function"] if isinstance(values, MatlabFunction) else []

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backend.identification.errors import IdentificationError, NotConvergedError, RecordError
-from backend.identification.friction import SIGNIFICANT_STD, both_ways, differences, moving
+from backend.identification.friction import SIGNIFICANT_STD, both_ways, differences, moving, positive_lag
 from backend.identification.motor import LEVEL, judge_motor, spread_percent
 from backend.identification.record import Record, Signal, coarse_resolution, quantum, wrap_of
 from backend.identification.residuals import input_correlation, whiteness
@@ -136,7 +136,7 @@ def identify_motor_record(record: Record, y_resolution: float | None = None) -> 
 
 
 def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
-    wrap = wrap_of(record.y)
+    wrap = wrap_of(record.y, least=1)
     if wrap is not None:
         raise RecordError(
             f"jump of the angle after sample {wrap[0]}", abs(float(record.y[wrap[0] + 1] - record.y[wrap[0]])),
@@ -254,7 +254,7 @@ def _findings(
 def _model(record: Record, z: Signal) -> Signal:
     """Turn by K, ln T, first speed, u_c, dead time in samples and u_0, shape (n,)."""
     late = record.period_s * float(z[_DELAY])
-    lag = float(np.exp(z[_LAG]))
+    lag = positive_lag(float(z[_LAG]), record.period_s)
     return np.asarray(moving(record.u, record.period_s, z[_GAIN], lag, z[_FRICTION], z[_OFFSET], z[_SPEED], late)[1])
 
 

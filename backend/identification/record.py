@@ -175,16 +175,16 @@ def time_at_limit_percent(u: Signal) -> float:
     return 100.0 * at_limit / u.size
 
 
-def wrap_of(values: Signal) -> tuple[int, float] | None:
+def wrap_of(values: Signal, least: int = 2) -> tuple[int, float] | None:
     """Return the sample before the first wrap of an angle, shape (n,), and the size of a turn; None without one.
 
     An angle that wraps jumps from one end of its range to the other, always by about the same, and moves slowly
-    everywhere else.
+    everywhere else. ``least`` is how many such jumps have to be there: one may be a gap in the record.
     """
     span, steps = float(np.ptp(values)), np.diff(values)
     jumps = np.abs(steps) > _WRAPPED_JUMP * span
     rest = float(np.max(np.abs(steps[~jumps]), initial=0.0))
-    if not np.any(jumps) or rest > 0.25 * span:
+    if np.count_nonzero(jumps) < least or rest > 0.25 * span:
         return None
     turn = float(np.max(np.abs(steps)))
     for whole in (2.0 * np.pi, 360.0, 1.0):

@@ -178,8 +178,8 @@ class Hint:
         """What would help, with figures."""
         return (
             f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
-            f" {self.fit_percent:.4g} % of the record where this structure fits {self.fit_percent_before:.4g} %"
-            f" (BIC lower by {self.BIC_gain:.0f}, F = {self.F:.3g})"
+            f" {self.fit_percent:.1f} % of the record where this structure fits {self.fit_percent_before:.1f} %"
+            f" (BIC lower by {self.BIC_gain:.3g}, F = {self.F:.3g})"
         )
 
 

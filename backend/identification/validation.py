@@ -54,9 +54,8 @@ class Evidence:
     residuals are no larger than rounding to the steps of the output's values makes them; ``largest_bias_percent`` is
     what residuals of this size could move K and T by at most, whatever they are. ``at_limit`` is how y rests at its
     extreme while u moves, ``input_at_limit_percent`` the time that u does so behind a known controller. ``lead``
-    is the gain of an output that shows the input of its own instant. ``fed_back`` where the input reacts to coloured noise
-    of the output, through a loop that was not named. ``wrap`` is the size of a turn of an angle
-    that wraps.
+    is the gain of an output that shows the input of its own instant. ``fed_back`` where the input reacts to coloured
+    noise of the output, through a loop that was not named. ``wrap`` is the size of a turn of an angle that wraps.
     """
 
     first_order: FirstOrder
@@ -93,7 +92,7 @@ class Evidence:
     @property
     def biased_by_loop(self) -> bool:
         """Whether a loop that was not named feeds coloured noise back into the input."""
-        return self.fed_back and not self.negligible
+        return self.fed_back and not self.negligible and bool(np.isfinite(self.misfit))
 
     @property
     def negligible(self) -> bool:

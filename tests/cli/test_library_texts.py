@@ -21,7 +21,16 @@ FOREIGN = ("Warning", "warn(", "numpy", "scipy", "DLASCL", "On entry", "Tracebac
 
 def identify(file: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """``sinew identify data`` with columns u and y."""
-    command = [str(Path(sys.executable).with_name("sinew")), "identify", "data", str(file), "--input", "u", "--output", "y"]
+    command = [
+        str(Path(sys.executable).with_name("sinew")),
+        "identify",
+        "data",
+        str(file),
+        "--input",
+        "u",
+        "--output",
+        "y",
+    ]
     return subprocess.run([*command, *words], capture_output=True, text=True, timeout=300, check=False)
 
 
@@ -76,8 +85,7 @@ def test_a_file_of_matlab_objects_is_refused_by_their_class(tmp_path: Path) -> N
     ended = identify(file, "--structure", "first")
     assert (ended.returncode, ended.stdout, foreign(ended)) == (2, "", [])
     assert len(ended.stderr.strip().splitlines()) == 1
-    assert "table" in ended.stderr
-    assert "string" in ended.stderr
+    assert "objects (string)" in ended.stderr  # both are without a name: SciPy keeps the last one
 
 
 @pytest.mark.parametrize(
