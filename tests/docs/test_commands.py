@@ -25,7 +25,6 @@ DO_AND_SAY_SO = {
     "db upgrade",
     "db backup",
     "db restore",
-    "db check",
     "db name-station",
     "token rotate",
 }

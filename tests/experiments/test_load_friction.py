@@ -1,6 +1,7 @@
 """Friction over the load from stored runs: which count, what is told of them, in the report of a series too."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ SETTINGS = {"amplitude_rad": 1.0, "chip_s": 0.08, "bits": 5, "periods": 2, "sett
 BEFORE = 700
 
 
-def played(number: int, tension_N: float, **changes: object) -> tuple[Run, Columns]:
+def played(number: int, tension_N: float, **changes: Any) -> tuple[Run, Columns]:
     """A run of that number: rest, and then a motor in closed form for as long as the excitation lasts."""
     tracked = source_of({name: column[:100] for name, column in samples(PLAN).items()}).run
     settings = {**tracked.settings, "plan": {**SETTINGS, "tension_N": tension_N}}
