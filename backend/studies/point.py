@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
 from backend import __version__
@@ -15,12 +16,11 @@ from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.playing.in_memory import play_in_memory
 from backend.experiments.playing.play import NotPlayedError
-from backend.experiments.results.metrics import NoSamplesError
 from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
+from backend.studies.loop_figures import loop_figures
 from backend.tuning.formulas import TuningError
-from backend.tuning.preview import Previewer
 from plant.parameters import ParameterError, PlantParameters, parameters_of
 
 REFUSED = "refused"
@@ -30,9 +30,9 @@ FAILED = "failed"
 LOST = "lost"
 """State of a point over which the process that computes it has died again and again."""
 UNSTABLE = "unstable"
-"""In the table in place of a sensitivity peak that is infinite."""
+"""In the table in place of the sensitivity peak and the margins of an unstable loop."""
 
-_REFUSALS = (RefusedValueError, ParameterError, TuningError, NotPlayedError, NoSamplesError, UnknownRecordError)
+_REFUSALS = (RefusedValueError, ParameterError, TuningError, NotPlayedError, UnknownRecordError)
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,9 @@ class Point:
 class PointResult:
     """A row of the table. ``state`` is an end state of a run, or REFUSED, FAILED or LOST, with ``detail`` in words.
 
-    ``figures`` are those of the experiment in SI, None where one was not measured, and ``M_s_q``, ``M_s_S``; ``passed``
-    tells whether all criteria hold, None where that is not known.
+    ``figures`` are those of the experiment in SI, None where one was not measured, and LOOP_FIGURES, ±inf where a loop
+    is unstable; a point that was refused has LOOP_FIGURES where its gains exist. ``passed`` tells whether all criteria
+    hold, None where that is not known.
     """
 
     number: int
@@ -97,17 +98,20 @@ def require_version(software: str) -> None:
 def run_point(base: Base, point: Point) -> PointResult:
     """Simulate one point. Whatever becomes of it is a row; OtherSoftwareError alone is raised."""
     require_version(base.software)
+    figures: dict[str, float | None] = {}
     try:
-        return _computed(base, point)
+        return _computed(base, point, figures)
     except _REFUSALS as error:
-        return without_run(point, REFUSED, str(error))
+        return without_run(point, REFUSED, str(error), figures)
     except Exception as error:
-        return without_run(point, FAILED, f"{type(error).__name__}: {error}")
+        return without_run(point, FAILED, f"{type(error).__name__}: {error}", figures)
 
 
-def without_run(point: Point, state: str, detail: str) -> PointResult:
-    """Return the row of a point that was not run, and why."""
-    return PointResult(point.number, state, detail, None, _values(point), {})
+def without_run(
+    point: Point, state: str, detail: str, figures: Mapping[str, float | None] = MappingProxyType({})
+) -> PointResult:
+    """Return the row of a point that was not run, why, and the ``figures`` that are known all the same."""
+    return PointResult(point.number, state, detail, None, _values(point), dict(figures))
 
 
 def planned(base: Base, point: Point) -> tuple[PlantParameters, ComposedPlan, LoopSettings]:
@@ -148,7 +152,8 @@ def number_of(value: Any, place: list[str]) -> float:
     return float(number)
 
 
-def _computed(base: Base, point: Point) -> PointResult:
+def _computed(base: Base, point: Point, figures: dict[str, float | None]) -> PointResult:
+    """Simulate a point, and put into ``figures`` what is known before that as soon as it is."""
     parameters, plan, loop = planned(base, point)
     banks = {bank.id: bank for bank in base.banks}
 
@@ -157,15 +162,12 @@ def _computed(base: Base, point: Point) -> PointResult:
             raise UnknownRecordError(f"there is no bank {number}")
         return banks[number]
 
+    figures |= loop_figures(parameters, points_of(bank_of(loop.bank) if loop.bank else None), loop)
     played = play_in_memory(parameters, plan, loop, bank_of)
-    bank = bank_of(loop.bank) if loop.bank else None
-    previewer = Previewer(parameters, points_of(bank), lam_motor=loop.lam_motor, b=loop.b)
-    M_s_q, M_s_S = previewer.sensitivity(loop.lambdas)
-    figures = {item.name: item.value for item in played.metrics.figures}
     judged = [item.passed for item in played.criteria]
     passed = None if not judged or (None in judged and False not in judged) else all(judged)
-    figures |= {"M_s_q": M_s_q, "M_s_S": M_s_S}
-    return PointResult(point.number, played.end_state, played.end_detail, passed, _values(point), figures)
+    measured = {item.name: item.value for item in played.metrics.figures}
+    return PointResult(point.number, played.end_state, played.end_detail, passed, _values(point), measured | figures)
 
 
 def _values(point: Point) -> dict[str, Value]:

@@ -161,6 +161,8 @@ def _is_alive(process: int) -> bool:
 
 
 def as_stored(result: PointResult) -> StoredPoint:
-    """Return a row as it is kept: an unstable loop's M_s, for which JSON has no number, by its word."""
-    figures = {name: UNSTABLE if value == math.inf else value for name, value in result.figures.items()}
+    """Return a row as it is kept: M_s and margins of an unstable loop, for which JSON has no number, by their word."""
+    figures = {
+        name: UNSTABLE if value is not None and math.isinf(value) else value for name, value in result.figures.items()
+    }
     return StoredPoint(**{**asdict(result), "values": json_ready(result.values), "figures": json_ready(figures)})

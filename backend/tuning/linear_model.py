@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from backend.controllers import decoupler, i_pd, motors
 from backend.controllers.decoupler import Decoupler
 from backend.tuning.models import PointModel
-from plant.dynamics import PlantState, derivative
+from plant.dynamics import Dynamics, PlantState, derivative
 from plant.interface import NO_LOAD
+from plant.motor import Motor
 from plant.parameters import PlantParameters
 from plant.spring import tension
 
@@ -25,18 +26,21 @@ _STATES = 8
 """Of a plant without friction: the bristles, which come last in ``PlantState``, are none of its states."""
 
 
-def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) -> "control.StateSpace":
+def decoupled_model(
+    parameters: PlantParameters, gains: motors.Gains, S: float, *, true_plant: bool = False
+) -> "control.StateSpace":
     """Linear model from (q_c, S_c) to (q, S) at stiffness S [N·m/rad] and q = 0, motor loops with ``gains``.
 
     The diagonal is what the two outer loops control, gain 1 at low frequency; the cross terms have gain 0 there, and
-    vanish altogether where both sides are alike.
+    vanish altogether where both sides are alike. With ``true_plant`` motors and springs are those of the plant itself,
+    and the decoupler is still the one of the identified springs.
     """
     import control
 
     d = decoupler.decoupler_for(parameters)
     system = control.interconnect(
         [
-            linear_plant(parameters, d, S),
+            linear_plant(parameters, d, S, true_plant=true_plant),
             _motor_loop(gains.A, "A"),
             _motor_loop(gains.B, "B"),
             _decoupler(d, S),
@@ -71,12 +75,22 @@ def one_motor_point(parameters: PlantParameters, gains: motors.Gains, S: float) 
     return PointModel(S, float(K[0]), float(T[0]), float(K[1]), float(T[1]))
 
 
-def linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "control.StateSpace":
-    """From voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad], about rest at S [N·m/rad] and q = 0."""
+def linear_plant(
+    parameters: PlantParameters, d: Decoupler, S: float, *, true_plant: bool = False
+) -> "control.StateSpace":
+    """From voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad], about rest at S [N·m/rad] and q = 0.
+
+    Motors and springs are the identified ones, or with ``true_plant`` those of the plant itself. S is always what the
+    controller estimates.
+    """
     import control
 
-    plant = parameters.identified_dynamics()
     theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
+    if true_plant:
+        plant = _without_friction(parameters.dynamics())
+        theta_A, theta_B = _at_rest(plant, theta_A + theta_B)
+    else:
+        plant = parameters.identified_dynamics()
     load_A = d.r_m * tension(plant.spring_A, d.r_m * theta_A)
     load_B = d.r_m * tension(plant.spring_B, d.r_m * theta_B)
     at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))[:_STATES]
@@ -99,6 +113,30 @@ def linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "contro
     C[0, 0] = C[1, 2] = C[2, 5] = 1.0
     inputs = ["u_A", "u_B", "tau_ext"]
     return control.ss(A, B, C, np.zeros((3, 3)), inputs=inputs, outputs=["q", "theta_A", "theta_B"], name="plant")
+
+
+def _without_friction(plant: Dynamics) -> Dynamics:
+    def free(motor: Motor) -> Motor:
+        return motor._replace(friction=motor.friction._replace(c0=0.0, c1=0.0, lugre=None))
+
+    return plant._replace(motor_A=free(plant.motor_A), motor_B=free(plant.motor_B))
+
+
+def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
+    """θ_A, θ_B [rad] whose sum is ``turned``, with the same tension in both tendons at q = 0.
+
+    The stiffness loop fixes the sum, the position loop the difference.
+    """
+    from scipy.optimize import brentq
+
+    r_m, half = plant.joint.r_m, 0.5 * turned
+
+    def excess(offset: float) -> float:
+        tension_A = tension(plant.spring_A, r_m * (half + offset))
+        return float(tension_A - tension(plant.spring_B, r_m * (half - offset)))
+
+    offset = float(brentq(excess, -half, half, xtol=1e-12))
+    return half + offset, half - offset
 
 
 def _motor_loop(gains: i_pd.Gains, side: str) -> "control.StateSpace":

@@ -67,3 +67,10 @@ def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
     """Model of the motor of one side, as identified (equation 17); its L/R is the data sheet's."""
     known = parameters.identified_of(side)
     return MotorModel(known.K_m, known.T_m, parameters.motor_of(side).tau_e)
+
+
+def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
+    """Model of the motor of one side as the plant has it, with the asymmetry of its torque constant."""
+    own = parameters.motor_of(side)
+    factor: float = getattr(parameters.asymmetry, f"motor_{side}")
+    return MotorModel(factor * own.K_m, own.T_m, own.tau_e)

@@ -263,20 +263,6 @@ class Previewer:
             row[1:] = q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r
         return tuning._replace(schedule=tuning.schedule._replace(entries=entries))
 
-    def sensitivity(self, lambdas: Lambdas) -> tuple[float, float]:
-        """Sensitivity peaks M_s of the loops of q and S, each the largest of all points of the bank."""
-        lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
-        return (
-            max(
-                process.sensitivity_peak(position_gains(self._parameters, point, lambdas))
-                for point, (process, _) in zip(self.points, self._processes, strict=True)
-            ),
-            max(
-                process.sensitivity_peak(stiffness_gains(self._parameters, point, lambdas))
-                for point, (_, process) in zip(self.points, self._processes, strict=True)
-            ),
-        )
-
     def lambdas_for(self, M_s: float) -> dict[str, float | TuningError]:
         """Smallest λ [s] by name with which each loop, at every point of the bank, keeps its sensitivity peak at M_s.
 

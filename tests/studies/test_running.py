@@ -27,7 +27,8 @@ from backend.storage.banks import BankEntry
 from backend.storage.studies import StoredPoint
 from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
-from backend.studies.point import FAILED, LOST, REFUSED, Base, OtherSoftwareError
+from backend.studies.loop_figures import LOOP_FIGURES
+from backend.studies.point import FAILED, LOST, REFUSED, UNSTABLE, Base, OtherSoftwareError
 from backend.studies.runner import Progress, TakenError, local, run_study
 from backend.studies.stored import design_of
 from backend.tuning.models import designed_point
@@ -88,7 +89,9 @@ def test_what_no_run_can_be_made_of_is_a_row_that_says_why(database: Database) -
     study = begun(database, f"format: 1\nname: a\ntitle: A\n{axes}")
     assert run_study(database, study, local(1))
     (row,) = table(database, study)
-    assert (row.state, row.figures) == ("refused", {})
+    assert row.state == "refused"
+    assert row.figures["M_s_q"] == row.figures["gain_margin_q_true"] == UNSTABLE
+    assert row.figures.keys() == LOOP_FIGURES.keys()
     assert "M_s exceeds 1.7" in row.detail
 
 
@@ -259,7 +262,7 @@ def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
     assert shown["pick"] == "least"
     told = sinew("map", "1", "--figure", "rmse_q", *over, "--pick", "mean", options=data[:-1]).stdout
     assert "RMSE of q [deg], mean of the runs in a cell" in told
-    assert "sensors.force_noise [N] \\ lam_q [s]" in told
+    assert "sensors.force_noise [N] \\ λ_q [s]" in told
     in_degrees = [math.degrees(row["figures"]["rmse_q"]) for row in rows]
     numbers = [float(number) for number in re.findall(r"(?<=│ )[0-9.]+(?= )", told)]
     assert all(pytest.approx(value, rel=1e-3) in numbers for value in in_degrees)

@@ -22,6 +22,7 @@ from backend.experiments.playing.play import play
 from backend.experiments.playing.playable import BankOf, playable
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.in_force import InForce
+from backend.experiments.results.metrics import NoSamplesError
 from backend.loop.access import LoopDied
 from backend.loop.commands import Event, RunEnded, SetTuning
 from backend.loop.headless import Headless
@@ -49,10 +50,10 @@ class Played:
 
 
 def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: LoopSettings, bank_of: BankOf) -> Played:
-    """Play a plan as ``sinew experiment`` would, and measure it.
+    """Play a plan as ``sinew experiment`` would, and measure it; ``end_detail`` also says why nothing was measured.
 
     Raises OutOfRangeError for λ that is not safe, ExperimentError for what this plant cannot play, NotPlayedError,
-    NoSamplesError, UnknownRecordError for a bank that ``bank_of`` does not know.
+    UnknownRecordError for a bank that ``bank_of`` does not know.
     """
     bank = bank_of(settings.bank) if settings.bank else None
     kept = _Kept()
@@ -71,7 +72,10 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
         phases=plan.phases(),
     )
     in_force = InForce(parameters, plan, settings.tuning, points_of(bank))
-    metrics, criteria = composed_result(columns, in_force, outline, 0)
+    try:
+        metrics, criteria = composed_result(columns, in_force, outline, 0)
+    except NoSamplesError as error:
+        return Played(state.value, f"{detail}: {error}" if detail else str(error), outline, ())
     return Played(state.value, detail, metrics, criteria)
 
 
