@@ -19,7 +19,7 @@ from backend.identification.actuator import ActuatorIdentification
 from backend.identification.fit import Method
 from backend.reports.actuator_identification import again_command
 from backend.reports.build import build_report
-from backend.reports.document import Paragraph, Report
+from backend.reports.document import Code, Paragraph, Report
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
 from plant.interface import T_s
@@ -101,7 +101,7 @@ def report_of(found: Identification, record: dict[str, np.ndarray]) -> Report:
 
 def words_of(report: Report) -> str:
     blocks = [block for section in report.sections for block in section.blocks]
-    return " ".join(block.text for block in blocks if isinstance(block, Paragraph))
+    return " ".join(block.text for block in blocks if isinstance(block, Paragraph | Code))
 
 
 def test_the_report_names_the_estimator_of_each_channel(found: Identification, record: dict[str, np.ndarray]) -> None:
@@ -149,7 +149,7 @@ def test_the_data_file_gives_the_same_estimate_by_the_command_in_the_report(
     assert command in words_of(report_of(found, record))
     (tmp_path / "data.csv").write_bytes(to_csv(record))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", [*shlex.split(command), "--json"])
+    monkeypatch.setattr(sys, "argv", [*shlex.split(command.replace("\\\n", "")), "--json"])
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
