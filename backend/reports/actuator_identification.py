@@ -177,8 +177,9 @@ def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
         Figure(
             "record",
             record_panels(columns, start, models, period_s, "record", angles),
-            "The record: (A) excitation on the held tension, (B) joint position and (C) joint stiffness, each with the "
-            "identified model simulated from rest on the recorded input (dashed), (D) tendon tensions.",
+            "The record: (A) excitation on the held tension, (B) joint position and (D) joint stiffness, each with the "
+            "identified model simulated from rest on the recorded input (dashed), (C, E) measured less simulated, "
+            "(F, G) tendon tensions.",
         ),
         Figure(
             "bode",

@@ -97,10 +97,10 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
             if lines.predicted is not None:
                 f = _grid(lines)
                 H = lines.predicted.response(f)
-                axes[0].semilogx(f, _decibel(H), color=colour, linewidth=0.8)
-                axes[1].semilogx(f, _degrees(H), color=colour, linewidth=0.8)
+                axes[0].semilogx(f, _decibel(H), color=colour, linewidth=0.8, label=f"${lines.signal}$, predicted")
+                axes[1].semilogx(f, _degrees(H), color=colour, linewidth=0.8, label=f"${lines.signal}$, predicted")
             for panel, values in ((axes[0], _decibel(lines.H)), (axes[1], _degrees(lines.H))):
-                label = f"${lines.signal}$"
+                label = f"${lines.signal}$, measured"
                 panel.semilogx(lines.f[kept], values[kept], "o", color=colour, markersize=2.6, label=label)
                 panel.semilogx(lines.f[~kept], values[~kept], "x", color=LIMIT_GREY, markersize=3.0)
         limit_line(axes[0], -3.0103, "−3 dB", above=True)

@@ -22,7 +22,7 @@ from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.provenance import S_NOTE
 from backend.reports.source import Source
-from backend.reports.tracking_figures import tension_panel
+from backend.reports.tracking_figures import TENSIONS, tension_panel
 
 _LEAST_N = 0.1
 """Least reach of the axis of a difference of forces: below the load cells' noise there is only rounding to see."""
@@ -64,7 +64,7 @@ def _figures(source: Source, metrics: Metrics) -> Section:
             Figure(
                 "tension",
                 tension_panel(source.columns, F_max, "tension"),
-                "Tendon tensions as the load cells show them.",
+                TENSIONS,
             ),
         ),
     )

@@ -37,7 +37,7 @@ from backend.reports.provenance import S_NOTE
 from backend.reports.robustness import error_panels
 from backend.reports.source import Source
 from backend.reports.tracking import steps_table
-from backend.reports.tracking_figures import tension_panel, tracking_panels
+from backend.reports.tracking_figures import CUT_OFF, TENSIONS, WHAT_IS_DRAWN, tension_panel, tracking_panels
 from plant.interface import T_s
 from plant.parameters import parameters_of
 
@@ -84,8 +84,8 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
     drawn = [
         Figure(
             "whole",
-            tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABC", "whole", u_max, source.angles),
-            "The whole experiment: (A) joint position, (B) joint stiffness, (C) motor voltages. References dashed.",
+            tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "whole", u_max, source.angles),
+            f"The whole experiment: {WHAT_IS_DRAWN}. References dashed. {CUT_OFF}",
         ),
     ]
     if any(np.ptp(columns[name]) > 0.0 for name in ("lam_q", "lam_S")):  # a bank or a budget alone shows nothing here
@@ -97,9 +97,7 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
             )
         )
     drawn += _of_measures(source, plan)
-    drawn.append(
-        Figure("tension", tension_panel(columns, F_max, "tension"), "Tendon tensions as the load cells show them.")
-    )
+    drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
     yield Section("Figures", tuple(drawn))
     yield from _sections(source, plan)
     if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns, plan.program())):

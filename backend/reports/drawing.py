@@ -29,9 +29,6 @@ COLOURS = {
 }
 """Hue of each signal (Okabe-Ito), the same everywhere; a reference is its signal's hue, dashed."""
 
-TENSION_WIDTHS = {"F_A": 2.2, "F_B": 0.8}
-"""Of lines [pt]: equal tensions stay two lines, the narrow one in the broad one."""
-
 LIMIT_GREY = "#8c8c8c"
 INK = "#222222"
 WIDTH_IN = 6.7
@@ -40,6 +37,8 @@ WIDTH_IN = 6.7
 _STYLE = Path(__file__).with_name("report.mplstyle")
 _BUCKETS = 900
 _FEW_NAMED = 5
+_SMALL, _NOTHING = 0.02, 1e-9
+_PREFIXES = ("", "m", "µ", "n")
 
 
 @contextmanager
@@ -104,8 +103,10 @@ def panel_letter(axes: Axes, letter: str) -> None:
 
 
 def upper_legend(axes: Axes) -> None:
-    """Put the legend in one line above the upper right corner, clear of all curves."""
-    named = max(len(axes.get_legend_handles_labels()[1]), 1)
+    """Put the legend, where there is one, in one line above the upper right corner, clear of all curves."""
+    named = len(axes.get_legend_handles_labels()[1])
+    if named == 0:
+        return
     apart, handle = (1.2, 1.8) if named <= _FEW_NAMED else (0.8, 0.9)
     axes.legend(
         loc="lower right",
@@ -131,6 +132,21 @@ def limit_line(axes: Axes, value: float, label: str, *, above: bool = False) -> 
         fontsize=6.5,
         color=LIMIT_GREY,
     )
+
+
+def draw_error(axes: Axes, t: Array, error: Array, label: str, unit: str, *, colour: str, reach: float) -> None:
+    """Draw an error over time on a scale from −``reach`` to ``reach``; small ones in m, µ or n of the unit.
+
+    A small number in whole units would have no room beside its axis.
+    """
+    power = 0
+    while _NOTHING < reach * 10.0**power < _SMALL:
+        power += 3
+    axes.plot(*thinned(t, error * 10.0**power), color=colour, linewidth=0.8)
+    axes.axhline(0.0, color=LIMIT_GREY, linewidth=0.6)
+    largest = reach * 10.0**power if reach > _NOTHING else 1.0
+    axes.set_ylim(-1.15 * largest, 1.15 * largest)
+    axes.set_ylabel(f"{label} [{_PREFIXES[power // 3]}{unit}]")
 
 
 def frequency_axis(axes: Axes) -> None:

@@ -29,7 +29,7 @@ def _blocks(columns: Columns, found: Sequence[Held], count: float, angles: Angle
         "holds",
         hold_panels(columns, found, count, "holds"),
         "Stretches that are held, all from their beginnings: (A) joint off its reference in counts of its encoder, "
-        "(B) stiffness off its reference, (C) both voltages off their means.",
+        "(B) stiffness off its reference, (C, D) voltages off their means.",
     )
     yield hold_table(found, angles)
 
@@ -74,7 +74,7 @@ def hold_table(found: Sequence[Held], angles: Angles) -> Table:
 @drawn_once
 def hold_panels(columns: Columns, found: Sequence[Held], count: float, name: str) -> str:
     """Draw each stretch over the time since its beginning."""
-    with figure(3, height_in=4.6, sharex=True, height_ratios=(2, 2, 3)) as (drawn, axes):
+    with figure(4, height_in=5.0, sharex=True) as (drawn, axes):
         for place, one in enumerate(found):
             window = slice(round(one.start_s / T_s), round(one.end_s / T_s) + 1)
             t = columns["t"][window] - one.start_s
@@ -83,15 +83,16 @@ def hold_panels(columns: Columns, found: Sequence[Held], count: float, name: str
             axes[0].plot(*thinned(t, off), color=COLOURS["q"], linewidth=0.7, label=labels["q"])
             off = 1e3 * (columns["S"][window] - columns["S_ref"][window])
             axes[1].plot(*thinned(t, off), color=COLOURS["S"], linewidth=0.7, label=labels["S"])
-            for signal in ("u_A", "u_B"):
+            for panel, signal in zip(axes[2:], ("u_A", "u_B"), strict=True):
                 u = columns[signal][window]
-                axes[2].plot(
+                panel.plot(
                     *thinned(t, 1e3 * (u - u.mean())), color=COLOURS[signal], linewidth=0.7, label=labels[signal]
                 )
         axes[0].set_ylabel("q off [counts]")
         axes[1].set_ylabel("S off [mN·m/rad]")
-        axes[2].set(xlabel="t [s]", ylabel="u − mean [mV]", xlim=(0.0, max(one.end_s - one.start_s for one in found)))
-        for panel, letter in zip(axes, "ABC", strict=True):
+        axes[2].set_ylabel("u − mean [mV]")
+        axes[3].set(xlabel="t [s]", ylabel="u − mean [mV]", xlim=(0.0, max(one.end_s - one.start_s for one in found)))
+        for panel, letter in zip(axes, "ABCD", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)
         return to_svg(drawn, name)

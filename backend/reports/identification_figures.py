@@ -14,14 +14,14 @@ from backend.documents.actuator import ChannelModel, ChannelName, ResidualTests
 from backend.identification.residuals import judged
 from backend.identification.response import simulate
 from backend.identification.result import Model
-from backend.reading import Angles
+from backend.reading import Angles, reading_of
 from backend.recording.columns import Columns
 from backend.reports.drawing import (
     COLOURS,
     INK,
     LIMIT_GREY,
-    TENSION_WIDTHS,
     axis_label,
+    draw_error,
     figure,
     in_unit,
     panel_letter,
@@ -60,23 +60,27 @@ def record_panels(
     begin = max(0, start - round(2.0 / period_s))
     shown = {key: column[begin:] for key, column in columns.items()}
     t = shown["t"] - columns["t"][start]
-    with figure(4, height_in=4.9, sharex=True, height_ratios=(2, 3, 3, 2)) as (drawn, axes):
+    with figure(7, height_in=6.6, sharex=True, height_ratios=(3, 4, 3, 4, 3, 3, 3)) as (drawn, axes):
         axes[0].plot(*thinned(t, in_unit(shown["theta_A_ref"], "rad", angles)), color=INK, linewidth=0.8)
         axes[0].set_ylabel(axis_label(r"$\theta_{A,ref}$", "rad", angles))
-        for row, (key, (output, label, unit)) in zip(axes[1:3], WRITTEN.items(), strict=True):
+        panels = ((axes[1], axes[2]), (axes[3], axes[4]))
+        for (row, apart), (key, (output, label, unit)) in zip(panels, WRITTEN.items(), strict=True):
             simulated = simulated_from_rest(columns, start, output, models[key], period_s)
             read = partial(in_unit, unit=unit, angles=angles)
+            since = slice(start - begin, None)
             row.plot(*thinned(t, read(shown[output])), color=COLOURS[output], label="measured")
-            row.plot(
-                *thinned(t[start - begin :], read(simulated)), color=INK, linewidth=0.7, linestyle=_DASHES, label=label
-            )
+            row.plot(*thinned(t[since], read(simulated)), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
             row.set_ylabel(axis_label(output, unit, angles))
             upper_legend(row)
-        for force, width in TENSION_WIDTHS.items():
-            axes[3].plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=width, label=f"${force}$")
-        axes[3].set(xlabel="t from the start of the excitation [s]", ylabel="Tension [N]", xlim=(t[0], t[-1]))
-        upper_legend(axes[3])
-        for row, letter in zip(axes, "ABCD", strict=True):
+            error, shown_in = read(shown[output][since] - simulated), reading_of(unit, angles).unit
+            reach = float(np.abs(error).max(initial=0.0))
+            draw_error(apart, t[since], error, f"$e_{output}$", shown_in, colour=COLOURS[output], reach=reach)
+        for row, force in zip(axes[5:], ("F_A", "F_B"), strict=True):
+            row.plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=0.8, label=f"${force}$")
+            row.set_ylabel("Tension [N]")
+            upper_legend(row)
+        axes[6].set(xlabel="t from the start of the excitation [s]", xlim=(t[0], t[-1]))
+        for row, letter in zip(axes, "ABCDEFG", strict=True):
             panel_letter(row, letter)
         return to_svg(drawn, name)
 

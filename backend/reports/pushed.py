@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from backend.experiments.results.pushed import Push
+from backend.experiments.results.pushed import REST_S, Push
 from backend.reading import Angles, read, reading_of
 from backend.recording.columns import Columns
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
@@ -12,6 +13,7 @@ from backend.reports.drawing import (
     COLOURS,
     INK,
     axis_label,
+    draw_error,
     figure,
     in_unit,
     panel_letter,
@@ -41,7 +43,8 @@ def _blocks(columns: Columns, found: Sequence[Push], angles: Angles) -> Iterator
         "pushes",
         push_panels(columns, found, "pushes", angles),
         "Pushes at the joint: (A) force, (B) deviation of the joint from before the push, measured, and expected "
-        "(dashed), (C) stiffness off its reference; beyond the panel it is on its way to another one.",
+        "(dashed), (C) measured less expected, (D) stiffness off its reference; beyond the panel it is on its way to "
+        "another one.",
     )
     yield push_table(found, angles)
     if why := next((one.unpredicted for one in found if one.unpredicted), ""):
@@ -93,11 +96,12 @@ def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angl
     first, last = found[0].window.pushed.start, max(one.window.until for one in found)
     window = slice(max(first - round(1.0 / T_s), 0), min(last, columns["t"].size))
     t = columns["t"][window]
-    with figure(3, height_in=4.6, sharex=True, height_ratios=(2, 3, 2)) as (drawn, axes):
+    with figure(4, height_in=5.2, sharex=True, height_ratios=(2, 3, 2, 2)) as (drawn, axes):
         axes[0].plot(*thinned(t, columns["F_push"][window]), color=INK, label="$F_{push}$")
         axes[0].set_ylabel("Force [N]")
         off = columns["q"][window] - columns["q_ref"][window]
         axes[1].plot(*thinned(t, in_unit(off, "rad", angles)), color=COLOURS["q"], label="$q$")
+        apart: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         for place, one in enumerate(found):
             if one.expected is None:
                 continue
@@ -105,15 +109,22 @@ def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angl
             at, label = columns["t"][start : start + one.expected.size], "expected" if place == 0 else None
             expected = in_unit(one.expected, "rad", angles)
             axes[1].plot(*thinned(at, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label=label)
+            before = max(start - round(REST_S / T_s), 0)
+            measured = columns["q"][start : start + one.expected.size] - columns["q"][before : start + 1].mean()
+            apart.append((at[: measured.size], in_unit(measured - one.expected[: measured.size], "rad", angles)))
+        reach = max((float(np.abs(error).max(initial=0.0)) for _, error in apart), default=0.0)
+        angle = reading_of("rad", angles).unit
+        for at, error in apart:
+            draw_error(axes[2], at, error, "apart", angle, colour=COLOURS["q"], reach=reach)
         axes[1].set_ylabel(axis_label("deviation", "rad", angles))
         off_S = columns["S"][window] - columns["S_ref"][window]
         steps = np.flatnonzero(np.diff(columns["S_ref"][window]) != 0.0)
         if steps.size:  # the steps themselves are none of the deviation
             reach = 1.2 * max(max(one.peak_S for one in found), 1e-3)
-            axes[2].set_ylim(-reach, reach)
-        axes[2].plot(*thinned(t, off_S), color=COLOURS["S"], label="$S$")
-        axes[2].set(xlabel="t [s]", ylabel="S − S_ref [N·m/rad]".replace("S_ref", "$S_{ref}$"), xlim=(t[0], t[-1]))
-        for panel, letter in zip(axes, "ABC", strict=True):
+            axes[3].set_ylim(-reach, reach)
+        axes[3].plot(*thinned(t, off_S), color=COLOURS["S"], label="$S$")
+        axes[3].set(xlabel="t [s]", ylabel="S − S_ref [N·m/rad]".replace("S_ref", "$S_{ref}$"), xlim=(t[0], t[-1]))
+        for panel, letter in zip(axes, "ABCD", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)
         return to_svg(drawn, name)

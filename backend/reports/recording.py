@@ -19,7 +19,7 @@ from backend.reports.provenance import (
 )
 from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
-from backend.reports.tracking_figures import tension_panel, tracking_panels
+from backend.reports.tracking_figures import CUT_OFF, TENSIONS, WHAT_IS_DRAWN, tension_panel, tracking_panels
 from backend.storage.runs import RunKind
 
 _TITLES = {RunKind.SESSION: "Session", RunKind.SEQUENCE: "Own sequence"}
@@ -88,9 +88,9 @@ def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
 def _figures(source: Source) -> Section:
     columns, run = source.columns, source.run
     u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
-    panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABC", "panels", u_max, source.angles)
-    caption = "(A) joint position, (B) joint stiffness, (C) motor voltages. References dashed."
-    tensions = "Tendon tensions as the load cells show them."
+    panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "panels", u_max, source.angles)
+    caption = f"{WHAT_IS_DRAWN}. References dashed. {CUT_OFF}"
+    tensions = TENSIONS
     return Section(
         "Figures",
         (Figure("panels", panels, caption), Figure("tension", tension_panel(columns, F_max, "tension"), tensions)),

@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.run_settings import Value
@@ -22,6 +22,8 @@ _IDENTIFY = {
 }
 _PARAMETERS_FILE, _EXPERIMENT_FILE = "parameters.toml", "experiment.json"
 _FOLDER = "reproduced"
+_LINE = 92
+"""Longest line of a command [characters], so that it fits between the margins of a page."""
 
 
 def reproduction(source: Source) -> tuple[Block, ...]:
@@ -63,8 +65,19 @@ def _blocks(source: Source) -> Iterator[Block]:
     where = [f"--params {parameters}", f"--out {_FOLDER}/report"]
     if source.bank is None:
         where.append(f"--data {_FOLDER}")
-    yield Code(_caption(source, bool(files)), " \\\n  ".join([*lines, " ".join(where)]))
+    yield Code(_caption(source, bool(files)), " \\\n  ".join([lines[0], *_filled([*lines[1:], *where])]))
     yield from files
+
+
+def _filled(words: Sequence[str]) -> Iterator[str]:
+    """Yield lines of as many words as fit; one with lines of its own stands alone."""
+    line = ""
+    for word in words:
+        if line and ("\n" in line + word or len(line) + len(word) >= _LINE):
+            yield line
+            line = ""
+        line = f"{line} {word}".strip()
+    yield line
 
 
 def _caption(source: Source, files: bool) -> str:

@@ -7,7 +7,7 @@ from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_
 from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
-from backend.reports.tracking_figures import tension_panel
+from backend.reports.tracking_figures import TENSIONS, tension_panel
 from plant.parameter_sections import SIDES
 
 _NOTES = (
@@ -34,12 +34,12 @@ def _figures(source: Source) -> Section:
             Figure(
                 "errors",
                 error_panels(source.columns, "errors", source.angles),
-                "Loads on and off: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
+                "Loads on and off: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages.",
             ),
             Figure(
                 "tension",
                 tension_panel(source.columns, F_max, "tension"),
-                "Tendon tensions as the load cells show them.",
+                TENSIONS,
             ),
         ),
     )
@@ -49,17 +49,21 @@ def _figures(source: Source) -> Section:
 def error_panels(columns: Columns, name: str, angles: Angles) -> str:
     """Draw errors of the motor loops, joint position and voltages over time."""
     t = columns["t"]
-    with figure(3, height_in=4.4, sharex=True, height_ratios=(3, 2, 2)) as (drawn, axes):
-        for side in SIDES:
-            error = columns[f"theta_{side}_ref"] - columns[f"theta_{side}"]
-            axes[0].plot(*thinned(t, in_unit(error, "rad", angles)), color=COLOURS[f"u_{side}"], label=f"motor {side}")
-            axes[2].plot(*thinned(t, columns[f"u_{side}"]), color=COLOURS[f"u_{side}"], label=f"$u_{side}$")
-        axes[1].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
-        axes[0].set_ylabel(axis_label("error", "rad", angles))
-        axes[1].set_ylabel(axis_label("q", "rad", angles))
-        axes[2].set_ylabel("u [V]")
-        axes[2].set(xlabel="t [s]", xlim=(t[0], t[-1]))
-        for panel, letter in zip(axes, "ABC", strict=True):
+    with figure(5, height_in=5.2, sharex=True, height_ratios=(3, 3, 2, 2, 2)) as (drawn, axes):
+        for side, error_of, voltage in zip(SIDES, axes[:2], axes[3:], strict=True):
+            error, colour = columns[f"theta_{side}_ref"] - columns[f"theta_{side}"], COLOURS[f"u_{side}"]
+            error_of.plot(*thinned(t, in_unit(error, "rad", angles)), color=colour, label=f"motor {side}")
+            error_of.set_ylabel(axis_label("error", "rad", angles))
+            voltage.plot(*thinned(t, columns[f"u_{side}"]), color=colour, label=f"$u_{side}$")
+            voltage.set_ylabel("u [V]")
+        for pair in (axes[:2], axes[3:]):  # one scale for both motors
+            low, high = zip(*(panel.get_ylim() for panel in pair), strict=True)
+            for panel in pair:
+                panel.set_ylim(min(low), max(high))
+        axes[2].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[2].set_ylabel(axis_label("q", "rad", angles))
+        axes[4].set(xlabel="t [s]", xlim=(t[0], t[-1]))
+        for panel, letter in zip(axes, "ABCDE", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)
         return to_svg(drawn, name)

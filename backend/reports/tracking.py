@@ -14,7 +14,14 @@ from backend.reports.followed import GOVERNOR, PapersLaw, beside, papers_law
 from backend.reports.judgement import NOT_MEASURED, measured, read_or_none
 from backend.reports.provenance import S_NOTE
 from backend.reports.source import Source
-from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
+from backend.reports.tracking_figures import (
+    CUT_OFF,
+    TENSIONS,
+    WHAT_IS_DRAWN,
+    step_panels,
+    tension_panel,
+    tracking_panels,
+)
 
 _NOTES = (
     S_NOTE,
@@ -72,23 +79,21 @@ def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigure
     blocks = [
         Figure(
             "separate",
-            tracking_panels(columns, 0.0, split_s, "ABC", "separate", u_max, source.angles, theirs),
-            "Position and stiffness moved one after the other: (A) joint position, (B) joint stiffness, (C) motor "
-            f"voltages. References dashed.{beside_it} Compare figure 7A–C of the paper{_of_governor(law)}.",
+            tracking_panels(columns, 0.0, split_s, "ABCDEF", "separate", u_max, source.angles, theirs),
+            f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{beside_it} "
+            f"{CUT_OFF} Compare q, S and u with figure 7A–C of the paper{_of_governor(law)}.",
         )
     ]
     if both and split_s < played_s:
         blocks.append(
             Figure(
                 "together",
-                tracking_panels(columns, split_s, played_s, "DEF", "together", u_max, source.angles, theirs),
-                "Position and stiffness moved at once: (D) joint position, (E) joint stiffness, (F) motor voltages. "
-                f"References dashed.{beside_it} Compare figure 7D–F of the paper{_of_governor(law)}.",
+                tracking_panels(columns, split_s, played_s, "GHIJKL", "together", u_max, source.angles, theirs),
+                "Position and stiffness moved at once: the same in (G) to (L). "
+                f"References dashed.{beside_it} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
             )
         )
-    blocks.append(
-        Figure("tension", tension_panel(columns, F_max, "tension"), "Tendon tensions as the load cells show them.")
-    )
+    blocks.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
     if steps:
         lam = {name: _constant(columns[f"lam_{name}"]) for name in ("q", "S")}
         blocks.append(
@@ -96,7 +101,8 @@ def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigure
                 "steps",
                 step_panels(columns, steps, lam, "steps"),
                 "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
-                f"for on a first-order process (dashed). {_what_shapes_a_step(law)}",
+                f"for on a first-order process (dashed), and (C, D) what is left of each in per cent of the step, with "
+                f"the band of ±2 % in which it counts as settled. {_what_shapes_a_step(law)}",
             )
         )
     return Section("Figures", tuple(blocks))

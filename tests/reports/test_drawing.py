@@ -1,6 +1,5 @@
 """Labels of the figures in reports, against where their lines are."""
 
-import re
 from datetime import UTC, datetime
 
 import numpy as np
@@ -9,11 +8,10 @@ import pytest
 from backend.experiments.results.held import Held
 from backend.reading import Angles
 from backend.reports.document import Paragraph, Report, Section
-from backend.reports.drawing import COLOURS, figure, frequency_axis, limit_line
+from backend.reports.drawing import figure, frequency_axis, limit_line
 from backend.reports.held import hold_panels
 from backend.reports.html import to_html
 from backend.reports.series_figures import overlay
-from backend.reports.tracking_figures import tension_panel
 from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
 
 
@@ -26,21 +24,6 @@ def test_labels_tell_where_their_lines_are(low: float, high: float) -> None:
         axes.plot(np.linspace(low, high, 50), np.linspace(low, high, 50))
         drawn.draw_without_rendering()
         assert_labels_are_true(drawn)
-
-
-def test_equal_tensions_stay_two_lines_to_the_eye() -> None:
-    t = np.linspace(0.0, 10.0, 200)
-    drawing = tension_panel({"t": t, "F_A": 20.0 + t, "F_B": 20.0 + t}, 50.0, "tension")
-    broad, narrow = (width_of_line(drawing, COLOURS[name]) for name in ("F_A", "F_B"))
-    assert broad > 2.0 * narrow
-    assert drawing.index(COLOURS["F_A"].lower()) < drawing.index(COLOURS["F_B"].lower())  # the narrow one on top
-
-
-def width_of_line(drawing: str, colour: str) -> float:
-    styles = re.findall(r'style="(fill: none; stroke: [^"]*)"', drawing)
-    style = next(style for style in styles if colour.lower() in style)
-    found = re.search(r"stroke-width: ([0-9.]+)", style)
-    return float(found[1]) if found else 1.0  # the style's own width, which is not said again
 
 
 @pytest.mark.parametrize("swing", [6e-3, 6e-4, 0.6])
