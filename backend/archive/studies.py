@@ -9,7 +9,7 @@ from backend.experiments.composing import text
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
 from backend.experiments.settings import describe
-from backend.messages.study import StudyAxis, StudyDetail, StudyFigure, StudyMap, StudyPoint, StudyView
+from backend.messages.study import StudyAxis, StudyDetail, StudyFigure, StudyMap, StudyPoint, StudyShare, StudyView
 from backend.storage import Database, studies
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies import maps
@@ -73,29 +73,24 @@ class Studies:
         named = maps.figure_names(text.of_canonical(design.base.experiment))
         spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
         figures = [
-            StudyFigure(
-                name=name,
-                label=item.label,
-                unit=item.unit,
-                count=spread[name].count,
-                unstable=spread[name].unstable,
-                least=spread[name].least,
-                median=spread[name].median,
-                mean=spread[name].mean,
-                largest=spread[name].largest,
-            )
-            for name, item in named.items()
-            if name in spread
+            StudyFigure(**vars(named[name]), **{of: value for of, value in vars(item).items() if of != "figure"})
+            for name, item in spread.items()
         ]
         axes = dict(design.axes)
         drawn = maps.axes_to_draw(axes)
-        shown = [] if drawn is None else [maps.map_of(points, axes, *drawn, item.name, pick) for item in figures]
+        shown = (
+            []
+            if drawn is None
+            else [maps.map_of(points, axes, *drawn, name, pick) for name in (*spread, *(maps.SHARES if points else ()))]
+        )
         return StudyDetail(
             study=self.view(study_id),
             text=kept.text,
             axes=[
-                StudyAxis(name=name, unit=unit_of(name, design), values=list(values)) for name, values in design.axes
+                StudyAxis(name=name, symbol=symbol_of(name, design), unit=unit_of(name, design), values=list(values))
+                for name, values in design.axes
             ],
+            shares=[StudyShare(label=maps.SHARES[item.name].label, **vars(item)) for item in maps.shares(points)],
             figures=figures,
             maps=[_map_view(item) for item in shown],
             rows=[_point_view(point) for point in points[:rows]],
@@ -143,6 +138,9 @@ def _map_view(drawn: Map) -> StudyMap:
         y=drawn.y,
         cells=[list(row) for row in drawn.cells],
         unstable=[list(row) for row in drawn.unstable],
+        counts=[list(row) for row in drawn.counts],
+        runs=[list(row) for row in drawn.runs],
+        intervals=[[None if ends is None else list(ends) for ends in row] for row in drawn.intervals],
     )
 
 
@@ -155,5 +153,16 @@ def unit_of(name: str, design: Design) -> str:
     if "." in name:
         section, entry, *_ = name.split(".")
         return str(design.base.parameters[section][entry]["unit"])
-    declared = {item.name: item.unit for item in text.of_canonical(design.base.experiment).settings}
-    return {**declared, **{item.name: item.unit for item in describe(LoopSettings)}}.get(name, "1")
+    return _settings(design).get(name, ("", "1"))[1]
+
+
+def symbol_of(name: str, design: Design) -> str:
+    """Return the symbol of a setting that is varied; a number of the plant has its section and entry."""
+    return _settings(design).get(name, (name, ""))[0]
+
+
+def _settings(design: Design) -> dict[str, tuple[str, str]]:
+    """Symbol and unit of each setting of the experiment and of the loop, by name."""
+    written = text.of_canonical(design.base.experiment).settings
+    found = {item.name: (item.symbol or item.name, item.unit) for item in written}
+    return found | {item.name: (item.symbol, item.unit) for item in describe(LoopSettings)}

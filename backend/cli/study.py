@@ -12,11 +12,12 @@ from backend.cli.experiment import text_in
 from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
-from backend.reading import digits_over, in_digits, read, reading_of
+from backend.reading import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
     from backend.messages.study import StudyDetail, StudyView
     from backend.studies.crew import Crew
+    from backend.studies.maps import Map
     from backend.studies.point import Base
     from backend.studies.runner import Progress as Done
 
@@ -119,13 +120,18 @@ def stop(study: Number, data: DataFolder = None, station: StationName = None, as
 @app.command("map")
 def draw(
     study: Number,
-    figure: Annotated[str, typer.Option("--figure", help="Which figure, of sinew study show.")] = "overshoot_q_percent",
+    figure: Annotated[
+        str, typer.Option("--figure", help="Which figure or share, of sinew study show.")
+    ] = "overshoot_q_percent",
     over: Annotated[
         tuple[str, str] | None,
         typer.Option("--over", metavar="X Y", help="Two axes. [lam_q lam_S, else the first two]"),
     ] = None,
     pick: Annotated[
-        str, typer.Option("--pick", help="Of several runs in a cell: worst, mean, least or largest.")
+        str,
+        typer.Option(
+            "--pick", help="Of several runs in a cell: worst, mean, least, largest, deviation, p5, median or p95."
+        ),
     ] = "worst",
     to: Annotated[Path | None, typer.Option("--out", help="Picture to write: png, svg or pdf.")] = None,
     data: DataFolder = None,
@@ -137,28 +143,34 @@ def draw(
         fail(f"{to}: a picture ends in {', '.join(PICTURES)}", status=2)
     from dataclasses import asdict
 
-    from backend.archive.studies import Studies, unit_of
+    from backend.archive.studies import Studies, symbol_of, unit_of
     from backend.experiments.composing.text import of_canonical
-    from backend.studies.maps import axis_labels, figure_names
+    from backend.studies.maps import PICK_WORDS, SHARES, axis_labels, figure_names
     from backend.studies.point import UNSTABLE
 
     with database_of(settings_with(data=data, station=station)) as database:
         found, design = Studies(database).map(study, figure, pick, over)
-    named = figure_names(of_canonical(design.base.experiment))
+    named = figure_names(of_canonical(design.base.experiment)) | SHARES
     if figure not in named:
         fail(f"there is no figure {figure}; known are {', '.join(named)}", status=2)
     unit = named[figure].unit
-    label = f"{_with_unit(named[figure].label, unit)}, {found.pick} of the runs in a cell"
+    label = f"{_with_unit(named[figure].label, unit)}, {PICK_WORDS.get(found.pick, found.pick)} of the runs in a cell"
+    with_number, computed = (sum(map(sum, table)) for table in (found.counts, found.runs))
+    if with_number < computed:
+        label += f", {computed - with_number} of {computed} runs without a number"
     cells = [[None if value is None else read(value, unit, angles()) for value in row] for row in found.cells]
     (x, at_x), (y, at_y) = (
-        (_with_unit(name, unit_of(name, design)), axis_labels(values, unit_of(name, design), angles()))
+        (
+            _with_unit(symbol_of(name, design), unit_of(name, design)),
+            axis_labels(values, unit_of(name, design), angles()),
+        )
         for name, values in ((found.x, found.x_values), (found.y, found.y_values))
     )
     if to is not None:
         from backend.reports.study_map import draw_map
 
         blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
-        draw_map(cells, (x, at_x), (y, at_y), label + blank, to)
+        draw_map(cells, (x, at_x), (y, at_y), label + blank, to, _notes(found))
     if as_json:
         print_json(asdict(found))
         return
@@ -168,6 +180,27 @@ def draw(
         for name, row, unstable in zip(at_y, cells, found.unstable, strict=True)
     ]
     print_table((f"{y} \\ {x}", *at_x), rows, title=label)
+    if any(note for row in _notes(found) for note in row):
+        print_table(
+            (f"{y} \\ {x}", *at_x), list(zip(at_y, *zip(*_notes(found), strict=True), strict=True)), title=_NOTE
+        )
+
+
+_NOTE = "95 % confidence interval of a share, or runs with a number of those that are computed"
+
+
+def _notes(found: "Map") -> list[list[str]]:
+    """Return what belongs to the number of each cell: of how many runs it is, of a share its interval."""
+    most = max((count for row in found.runs for count in row), default=0)
+
+    def note(place: tuple[int, int]) -> str:
+        row, column = place
+        interval = found.intervals[row][column]
+        if interval is not None:
+            return f"{interval[0]:.3g} to {interval[1]:.3g}, {found.counts[row][column]} runs"
+        return f"{found.counts[row][column]} of {found.runs[row][column]}" if most > 1 else ""
+
+    return [[note((row, column)) for column in range(len(found.cells[row]))] for row in range(len(found.cells))]
 
 
 def _with_unit(words: str, unit: str) -> str:
@@ -211,19 +244,39 @@ def _say(found: "StudyDetail", *, as_json: bool) -> None:
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
+    from backend.studies.point import UNSTABLE
+
     study = found.study
     ends = ", ".join(f"{count} {state}" for state, count in study.ends.items())
     out.print(f"study {study.id}, {study.title}: {study.state}, {study.done} of {study.points} runs", highlight=False)
     out.print(f"{ends or 'none yet'}{f'; {study.problem}' if study.problem else ''}", highlight=False, markup=False)
+    for share in found.shares:
+        if share.percent is None or share.low is None or share.high is None:
+            out.print(f"{share.label}: {counted(share.left_out, 'run')} not judged", highlight=False)
+            continue
+        left = f", {counted(share.left_out, 'run')} not judged" if share.left_out else ""
+        out.print(
+            f"{share.label}: {share.count} of {share.of}, {share.percent:.1f} % "
+            f"(95 % confidence interval {share.low:.1f} to {share.high:.1f} %){left}",
+            highlight=False,
+        )
     print_table(
-        ("figure", "runs", "least", "median", "mean", "largest", "unit"),
+        ("figure", "runs", "least", "5 %", "median", "mean", "95 %", "largest", "std. dev.", "unit"),
         [
             (
                 item.name,
-                item.count,
+                f"{item.count} of {item.count + item.missing}",
                 *(
-                    "unstable" if value is None else read(value, item.unit, angles())
-                    for value in (item.least, item.median, item.mean, item.largest)
+                    read(value, item.unit, angles()) if value is not None else UNSTABLE if item.unstable else "one run"
+                    for value in (
+                        item.least,
+                        item.p5,
+                        item.median,
+                        item.mean,
+                        item.p95,
+                        item.largest,
+                        item.deviation,
+                    )
                 ),
                 reading_of(item.unit, angles()).unit,
             )

@@ -10,7 +10,8 @@ from backend.experiments.composing.text import MAX_CHARACTERS
 from backend.messages.base import Schema, quantity
 
 MapPick = Annotated[
-    Literal["worst", "mean", "least", "largest"], Field(description="what a cell of a map shows of several runs")
+    Literal["worst", "mean", "least", "largest", "deviation", "p5", "median", "p95"],
+    Field(description="what a cell of a map shows of several runs; p5 and p95 are percentiles"),
 ]
 
 
@@ -43,17 +44,37 @@ class StudyList(Schema):
 
 
 class StudyFigure(Schema):
-    """How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number."""
+    """How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number.
+
+    ``deviation`` is the standard deviation (n - 1), null for a single run too; ``p5`` and ``p95`` are percentiles.
+    """
 
     name: str
     label: str
     unit: str
     count: int
-    unstable: int = Field(description="how many of these are of an unstable loop")
+    missing: int = Field(description="how many computed runs gave no number")
+    unstable: int = Field(description="how many of those that gave one are of an unstable loop")
     least: float | None
+    p5: float | None
     median: float | None
     mean: float | None
+    p95: float | None
     largest: float | None
+    deviation: float | None
+
+
+class StudyShare(Schema):
+    """A share of runs with its 95 % confidence interval (Wilson score), null where there is no run to count."""
+
+    name: str
+    label: str
+    count: int = Field(description="runs that did not complete, or whose criteria do not all hold")
+    of: int = Field(description="runs of which that is known")
+    left_out: int = Field(description="computed runs of which it is not known: they were not judged")
+    percent: float | None = quantity("%", "share")
+    low: float | None = quantity("%", "lower end of the interval")
+    high: float | None = quantity("%", "upper end of the interval")
 
 
 class StudyPoint(Schema):
@@ -71,6 +92,7 @@ class StudyAxis(Schema):
     """What was gone through, and its values in SI."""
 
     name: str
+    symbol: str
     unit: str
     values: list[Value]
 
@@ -80,12 +102,18 @@ class StudyMap(Schema):
 
     figure: str
     pick: str = Field(
-        description="what a cell shows of several runs: mean, least or largest, where the worst was asked for that one"
+        description="what a cell shows of several runs; where the worst was asked for, least, largest or mean, which "
+        "is the worst; of a share always share"
     )
     x: str
     y: str
     cells: list[list[float | None]]
     unstable: list[list[bool]] = Field(description="by the same places, where null stands for an unstable loop")
+    counts: list[list[int]] = Field(description="by the same places, how many runs gave a number")
+    runs: list[list[int]] = Field(description="by the same places, how many runs are computed")
+    intervals: list[list[list[float] | None]] = Field(
+        description="by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere"
+    )
 
 
 class StudyDetail(Schema):
@@ -94,6 +122,7 @@ class StudyDetail(Schema):
     study: StudyView
     text: str
     axes: list[StudyAxis]
+    shares: list[StudyShare]
     figures: list[StudyFigure]
     maps: list[StudyMap]
     rows: list[StudyPoint]

@@ -1,9 +1,15 @@
-"""What the table of a study comes to: maps of a figure over two axes, and how each figure is spread. Pure."""
+"""What the table of a study comes to: maps of a figure over two axes, how each figure is spread, shares of runs. Pure.
+
+No run is left out silently: whatever has no number, did not complete or was not judged is counted beside what has.
+"""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from statistics import fmean, median
+from functools import partial
+from statistics import NormalDist, fmean, median
+from typing import TypeVar
 
 from backend.documents.experiment import Experiment
 from backend.documents.run_settings import Value
@@ -11,16 +17,51 @@ from backend.experiments.results.measures import FIGURES
 from backend.experiments.settings import SettingError
 from backend.reading import Angles, digits_apart, in_digits, read
 from backend.storage.studies import StoredPoint
+from backend.studies.loop_figures import LOOP_FIGURES, MARGINS, TRUE
 
-DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", "M_s_q", "reach_q_s")
+_T = TypeVar("_T")
+
+DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", f"M_s_q{TRUE}", "reach_q_s")
 """Figures whose maps come first, where a study has them: overshoot, least tension, M_s, time to 90 %."""
 
-PICKS: dict[str, Callable[[list[float]], float]] = {"mean": fmean, "least": min, "largest": max}
+
+def percentile(values: Sequence[float], percent: float) -> float:
+    """Return a percentile of at least one value, between two neighbours of the sorted values by a straight line."""
+    ordered = sorted(values)
+    low, share = divmod(percent / 100.0 * (len(ordered) - 1), 1.0)
+    here = ordered[int(low)]
+    if share == 0.0 or math.isinf(here):  # from infinity no straight line begins
+        return here
+    return here + share * (ordered[int(low) + 1] - here)
+
+
+def deviation(values: Sequence[float]) -> float | None:
+    """Return the standard deviation (n - 1), None for fewer than two values, infinity where a value is infinite."""
+    if len(values) < 2:
+        return None
+    if not all(map(math.isfinite, values)):
+        return math.inf
+    mean = fmean(values)
+    return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+
+
+PICKS: dict[str, Callable[[list[float]], float | None]] = {
+    "mean": fmean,
+    "least": min,
+    "largest": max,
+    "deviation": deviation,
+    "p5": partial(percentile, percent=5.0),
+    "median": median,
+    "p95": partial(percentile, percent=95.0),
+}
 """What a cell shows of the several runs that fall into it."""
+
+PICK_WORDS = {"deviation": "standard deviation", "p5": "5 % percentile", "p95": "95 % percentile"}
+"""Of picks whose name does not say it."""
 
 WORST = "worst"
 """As a pick: the run that a cautious person looks at; of what is neither good nor bad, the mean."""
-LEAST_IS_WORST = ("min_tension_N", "bandwidth_q_Hz", "bandwidth_S_Hz")
+LEAST_IS_WORST = ("min_tension_N", "bandwidth_q_Hz", "bandwidth_S_Hz", *MARGINS)
 NEITHER_IS_WORST = (
     "reach_bound_q_s",
     "stiffness_felt",
@@ -30,6 +71,12 @@ NEITHER_IS_WORST = (
     "error_integral_B",
 )
 """Figures of which less is not better than more; of those that stand in neither row the largest is the worst."""
+
+COMPLETED = "completed"
+SHARE = "share"
+"""As a pick: the share of the runs in a cell, in per cent."""
+CONFIDENCE = 0.95
+"""Of the interval of a share."""
 
 
 @dataclass(frozen=True)
@@ -41,38 +88,70 @@ class FigureName:
     unit: str
 
 
+SHARES = {
+    "not_completed": FigureName("not_completed", "Runs not completed", "%"),
+    "criteria_failed": FigureName("criteria_failed", "Runs whose criteria do not all hold", "%"),
+}
+"""Shares of runs: of all that are computed, and of those that were judged."""
+
+
 @dataclass(frozen=True)
 class Map:
     """A figure over two axes: ``cells`` by place of y, then of x; None where no run gave a number.
 
-    Or where it is of a loop that is ``unstable``, at the same places.
+    Or where it is of a loop that is ``unstable``, at the same places. ``counts`` of the computed ``runs`` in a cell
+    gave a number. Of a share ``intervals`` holds its confidence interval [%], None elsewhere.
     """
 
     figure: str
     pick: str
-    """One of PICKS."""
+    """One of PICKS, or SHARE."""
     x: str
     y: str
     x_values: tuple[Value, ...]
     y_values: tuple[Value, ...]
     cells: tuple[tuple[float | None, ...], ...]
     unstable: tuple[tuple[bool, ...], ...]
+    counts: tuple[tuple[int, ...], ...]
+    runs: tuple[tuple[int, ...], ...]
+    intervals: tuple[tuple[tuple[float, float] | None, ...], ...]
 
 
 @dataclass(frozen=True)
 class Spreading:
     """How the numbers of a figure lie, over the ``count`` runs that gave one; None for what is infinite.
 
-    That is of the ``unstable`` among them.
+    ``missing`` runs gave none. Infinite is what comes of the ``unstable`` among those that did. ``p5`` and ``p95`` are
+    percentiles; the standard ``deviation`` of a single run is None too.
     """
 
     figure: str
     count: int
+    missing: int
     unstable: int
     least: float | None
+    p5: float | None
     median: float | None
     mean: float | None
+    p95: float | None
     largest: float | None
+    deviation: float | None
+
+
+@dataclass(frozen=True)
+class Share:
+    """``count`` of ``of`` runs, in ``percent``, with the Wilson interval [%]; ``left_out`` were not judged.
+
+    Numbers are None where there is no run to count.
+    """
+
+    name: str
+    count: int
+    of: int
+    left_out: int
+    percent: float | None
+    low: float | None
+    high: float | None
 
 
 def figure_names(experiment: Experiment) -> dict[str, FigureName]:
@@ -83,10 +162,7 @@ def figure_names(experiment: Experiment) -> dict[str, FigureName]:
         for item in fields(FIGURES[measure])
         if item.metadata
     }
-    named |= {
-        "M_s_q": FigureName("M_s_q", "Sensitivity peak of the position loop", "1"),
-        "M_s_S": FigureName("M_s_S", "Sensitivity peak of the stiffness loop", "1"),
-    }
+    named |= {name: FigureName(name, label, unit) for name, (label, unit) in LOOP_FIGURES.items()}
     first = [name for name in DRAWN_FIRST if name in named]
     return {name: named[name] for name in (*first, *(name for name in named if name not in first))}
 
@@ -106,31 +182,62 @@ def map_of(
     legal = (WORST, *PICKS)
     if pick not in legal:
         raise SettingError("pick", pick, f"choose one of {', '.join(legal)}", legal=legal)
-    shown = worst_of(figure) if pick == WORST else pick
+    shown = SHARE if figure in SHARES else worst_of(figure) if pick == WORST else pick
     found: dict[tuple[Value, Value], list[float]] = {}
+    runs: Counter[tuple[Value, Value]] = Counter()
     for point in points:
+        place = point.values[x], point.values[y]
+        runs[place] += 1
         value = number_of(point, figure)
         if value is not None:
-            found.setdefault((point.values[x], point.values[y]), []).append(value)
+            found.setdefault(place, []).append(value)
 
-    def cell(at_x: Value, at_y: Value) -> float | None:
-        values = found.get((at_x, at_y))
-        return PICKS[shown](values) if values else None
+    def over_cells(of: Callable[[tuple[Value, Value]], _T]) -> tuple[tuple[_T, ...], ...]:
+        return tuple(tuple(of((at_x, at_y)) for at_x in axes[x]) for at_y in axes[y])
 
-    cells = tuple(tuple(cell(at_x, at_y) for at_x in axes[x]) for at_y in axes[y])
-    finite = tuple(tuple(_finite(value) for value in row) for row in cells)
-    unstable = tuple(tuple(value == math.inf for value in row) for row in cells)
-    return Map(figure, shown, x, y, axes[x], axes[y], finite, unstable)
+    def cell(place: tuple[Value, Value]) -> float | None:
+        values = found.get(place)
+        if not values:
+            return None
+        return 100.0 * fmean(values) if shown == SHARE else PICKS[shown](values)
+
+    def interval(place: tuple[Value, Value]) -> tuple[float, float] | None:
+        values = found.get(place)
+        return _wilson(round(sum(values)), len(values)) if values and shown == SHARE else None
+
+    cells = over_cells(cell)
+    return Map(
+        figure,
+        shown,
+        x,
+        y,
+        axes[x],
+        axes[y],
+        cells=tuple(tuple(_finite(value) for value in row) for row in cells),
+        unstable=tuple(tuple(value is not None and math.isinf(value) for value in row) for row in cells),
+        counts=over_cells(lambda place: len(found.get(place, ()))),
+        runs=over_cells(lambda place: runs[place]),
+        intervals=over_cells(interval),
+    )
 
 
 def number_of(point: StoredPoint, figure: str) -> float | None:
-    """Return the number of a figure in a row, infinity where the loop is unstable; None where there is none."""
+    """Return the number of a figure in a row, None where there is none; of one of SHARES 1 where the run counts, or 0.
+
+    Where the loop is unstable it is infinity, minus infinity where the least is the worst.
+    """
+    if figure == "not_completed":
+        return float(point.state != COMPLETED)
+    if figure == "criteria_failed":
+        return None if point.passed is None else float(not point.passed)
     value: float | str | None = point.figures.get(figure)
-    return math.inf if isinstance(value, str) else value
+    if isinstance(value, str):
+        return -math.inf if figure in LEAST_IS_WORST else math.inf
+    return value
 
 
 def _finite(value: float | None) -> float | None:
-    return None if value == math.inf else value
+    return None if value is None or math.isinf(value) else value
 
 
 def worst_of(figure: str) -> str:
@@ -161,6 +268,33 @@ def spreadings(points: Sequence[StoredPoint], names: Sequence[str]) -> list[Spre
     for name in names:
         values = [v for point in points if (v := number_of(point, name)) is not None]
         if values:
-            told = (_finite(of(values)) for of in (min, median, fmean, max))
-            found.append(Spreading(name, len(values), values.count(math.inf), *told))
+            told = {
+                shown: _finite(PICKS[shown](values))
+                for shown in ("least", "p5", "median", "mean", "p95", "largest", "deviation")
+            }
+            unstable = sum(map(math.isinf, values))
+            found.append(Spreading(name, len(values), len(points) - len(values), unstable, **told))
     return found
+
+
+def shares(points: Sequence[StoredPoint]) -> list[Share]:
+    """Return SHARES over all rows that are computed, each with its Wilson interval at CONFIDENCE."""
+    found = []
+    for name in SHARES:
+        values = [v for point in points if (v := number_of(point, name)) is not None]
+        count, of = round(sum(values)), len(values)
+        low, high = _wilson(count, of) if of else (None, None)
+        percent = 100.0 * count / of if of else None
+        found.append(Share(name, count, of, len(points) - of, percent, low, high))
+    return found
+
+
+def _wilson(count: int, of: int) -> tuple[float, float]:
+    """Return the Wilson score interval [%] of ``count`` in ``of`` runs (Wilson 1927)."""
+    z = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
+    share, weight = count / of, z * z / of
+    middle = (share + 0.5 * weight) / (1.0 + weight)
+    half = z / (1.0 + weight) * math.sqrt(share * (1.0 - share) / of + 0.25 * weight / of)
+    low = 0.0 if count == 0 else middle - half
+    high = 1.0 if count == of else middle + half
+    return 100.0 * low, 100.0 * high

@@ -47,7 +47,7 @@ def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, v
     assert viewer.get(f"/api/studies/{study['id']}", params={"pick": "median"}).status_code == 422
     by_place = {(row["values"]["lam_q"], row["values"]["lam_S"]): row["figures"] for row in found["rows"]}
     assert drawn["cells"] == [[by_place[q, S]["min_tension_N"] for q in (0.5, 0.8)] for S in (0.5, 0.7, 0.9)]
-    assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q"]
+    assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q_true"]
 
 
 def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator: httpx.Client) -> None:

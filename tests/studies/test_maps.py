@@ -4,14 +4,27 @@ import math
 from dataclasses import fields
 from pathlib import Path
 
+import matplotlib
+import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from backend.experiments.results.measures import FIGURES
 from backend.experiments.settings import SettingError
 from backend.reading import Angles
 from backend.reports import study_map
 from backend.storage.studies import StoredPoint
-from backend.studies.maps import LEAST_IS_WORST, NEITHER_IS_WORST, PICKS, WORST, axis_labels, map_of, spreadings
+from backend.studies.loop_figures import LOOP_FIGURES
+from backend.studies.maps import (
+    LEAST_IS_WORST,
+    NEITHER_IS_WORST,
+    PICKS,
+    WORST,
+    axis_labels,
+    map_of,
+    shares,
+    spreadings,
+)
 from backend.studies.point import UNSTABLE, PointResult
 from backend.studies.runner import as_stored
 
@@ -33,23 +46,29 @@ def runs_of(figure: str, *values: float | None) -> list[StoredPoint]:
         ("bandwidth_q_Hz", WORST, "least", 2.0),
         ("overshoot_q_percent", WORST, "largest", 9.0),
         ("M_s_q", WORST, "largest", 9.0),
+        ("phase_margin_q_true", WORST, "least", 2.0),
         ("stiffness_felt", WORST, "mean", 5.0),
         ("min_tension_N", "mean", "mean", 5.0),
         ("min_tension_N", "largest", "largest", 9.0),
+        ("min_tension_N", "median", "median", 4.0),
+        ("min_tension_N", "p95", "p95", 8.5),
+        ("min_tension_N", "deviation", "deviation", math.sqrt(13.0)),
     ],
 )
 def test_a_cell_shows_the_worst_run_unless_another_is_picked(figure: str, pick: str, shown: str, value: float) -> None:
     drawn = map_of(runs_of(figure, 4.0, 9.0, None, 2.0), AXES, "lam_q", "lam_S", figure, pick)
     assert (drawn.pick, drawn.cells) == (shown, ((None, value), (None, None)))
+    assert (drawn.counts, drawn.runs) == (((0, 3), (0, 0)), ((0, 4), (0, 0)))
 
 
 def test_what_is_no_pick_is_refused() -> None:
-    with pytest.raises(SettingError, match="choose one of worst, mean, least, largest"):
-        map_of([], AXES, "lam_q", "lam_S", "M_s_q", "median")
+    with pytest.raises(SettingError) as refused:
+        map_of([], AXES, "lam_q", "lam_S", "M_s_q", "spread")
+    assert refused.value.legal == (WORST, *PICKS)
 
 
 def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
-    known = {item.name for figures in FIGURES.values() for item in fields(figures) if item.metadata}
+    known = {item.name for figures in FIGURES.values() for item in fields(figures) if item.metadata} | set(LOOP_FIGURES)
     assert {*LEAST_IS_WORST, *NEITHER_IS_WORST} <= known
     assert not set(LEAST_IS_WORST) & set(NEITHER_IS_WORST)
     assert WORST not in PICKS
@@ -91,7 +110,92 @@ def test_no_cell_hides_an_unstable_loop_but_that_of_the_least() -> None:
     assert (drawn["least"].cells, drawn["least"].unstable) == (((1.2, 1.3),), ((False, False),))
 
 
+def test_margins_of_an_unstable_loop_are_worse_than_any_other() -> None:
+    rows = [
+        as_stored(PointResult(number, "completed", "", True, {"x": 1, "y": 1}, {"gain_margin_q": margin}))
+        for number, margin in enumerate((3.0, -math.inf, 4.0))
+    ]
+    assert rows[1].figures == {"gain_margin_q": UNSTABLE}
+    drawn = {pick: map_of(rows, XY, "x", "y", "gain_margin_q", pick) for pick in (WORST, "mean", "p5", "largest")}
+    for pick in (WORST, "mean", "p5"):
+        assert (drawn[pick].cells, drawn[pick].unstable) == (((None, None),), ((True, False),))
+    assert drawn["largest"].cells == ((4.0, None),)
+    (spread,) = spreadings(rows, ["gain_margin_q"])
+    assert (spread.unstable, spread.least, spread.median, spread.largest, spread.deviation) == (1, None, 3.0, 4.0, None)
+
+
 def test_a_spread_tells_how_many_loops_are_unstable() -> None:
     (spread,) = spreadings(ROWS, ["M_s_q", "rmse_q"])
-    assert (spread.count, spread.unstable, spread.least, spread.median) == (4, 1, 1.2, 1.35)
-    assert (spread.mean, spread.largest) == (None, None)
+    assert (spread.count, spread.missing, spread.unstable, spread.least, spread.median) == (4, 0, 1, 1.2, 1.35)
+    assert (spread.mean, spread.largest, spread.p95, spread.deviation) == (None, None, None, None)
+    assert spread.p5 == pytest.approx(1.215)
+
+
+def test_a_spread_is_that_of_numpy_and_counts_the_runs_without_a_number() -> None:
+    values = np.random.default_rng(4).normal(8.0, 2.0, 37)
+    (spread,) = spreadings(runs_of("rmse_q", *values, None, None), ["rmse_q"])
+    assert (spread.count, spread.missing, spread.unstable) == (37, 2, 0)
+    assert spread.deviation == pytest.approx(np.std(values, ddof=1))
+    percentiles = (spread.p5, spread.median, spread.p95)
+    assert percentiles == pytest.approx(tuple(np.percentile(values, (5.0, 50.0, 95.0))))
+    (alone,) = spreadings(runs_of("rmse_q", 2.0), ["rmse_q"])
+    assert (alone.p5, alone.p95, alone.deviation, alone.unstable) == (2.0, 2.0, None, 0)
+
+
+def ended(*ends: tuple[str, bool | None]) -> list[StoredPoint]:
+    values = {"lam_q": 0.8, "lam_S": 0.5}
+    return [StoredPoint(number, state, "", passed, values, {}) for number, (state, passed) in enumerate(ends)]
+
+
+def test_shares_are_told_with_their_confidence_interval_and_what_they_leave_out() -> None:
+    runs = ended(*[("completed", True)] * 8, *[("completed", False)] * 7, ("tripped", False), *[("refused", None)] * 2)
+    not_completed, failed = shares(runs)
+    assert (not_completed.name, not_completed.count, not_completed.of, not_completed.left_out) == (
+        "not_completed",
+        3,
+        18,
+        0,
+    )
+    assert (failed.name, failed.count, failed.of, failed.left_out) == ("criteria_failed", 8, 16, 2)
+    for share in (not_completed, failed):
+        interval = binomtest(share.count, share.of).proportion_ci(0.95, "wilson")
+        assert (share.low, share.high) == pytest.approx((100.0 * interval.low, 100.0 * interval.high))
+        assert share.percent == pytest.approx(100.0 * share.count / share.of)
+    none, all_of_them = (shares(ended(*[("completed", passed)] * 5))[1] for passed in (True, False))
+    assert (none.percent, none.low, all_of_them.percent, all_of_them.high) == (0.0, 0.0, 100.0, 100.0)
+    assert none.high == pytest.approx(100.0 * binomtest(0, 5).proportion_ci(0.95, "wilson").high)
+    unjudged = shares(ended(("refused", None)))[1]
+    assert (unjudged.of, unjudged.left_out, unjudged.percent, unjudged.low, unjudged.high) == (0, 1, None, None, None)
+
+
+def test_a_map_of_a_share_has_the_interval_of_each_cell() -> None:
+    runs = ended(("completed", True), ("lost", None), ("tripped", False))
+    drawn = map_of(runs, AXES, "lam_q", "lam_S", "criteria_failed", WORST)
+    assert drawn.pick == "share"
+    assert [cell for row in drawn.cells for cell in row] == [None, 50.0, None, None]
+    assert (drawn.counts[0][1], drawn.runs[0][1]) == (2, 3)
+    interval = binomtest(1, 2).proportion_ci(0.95, "wilson")
+    assert drawn.intervals[0][1] == pytest.approx((100.0 * interval.low, 100.0 * interval.high))
+    assert drawn.intervals[1] == (None, None)
+
+
+def test_colours_tell_apart_what_differs_by_more_than_a_twentieth() -> None:
+    low, high = study_map.colour_range([8.847, 8.856])
+    assert high - low == pytest.approx(0.05 * 8.856)
+    assert (low + high) / 2.0 == pytest.approx(8.8515)
+    assert study_map.colour_range([8.0, 9.0]) == (8.0, 9.0)
+    assert study_map.colour_range([-0.01, 0.02]) == (-0.01, 0.02)
+    for alike in ([0.0], [3.0, 3.0], []):
+        low, high = study_map.colour_range(alike)
+        assert high > low
+
+
+def test_numbers_are_readable_on_any_colour() -> None:
+    """Contrast of text as WCAG 2.1 defines it: 4.5 at least."""
+    for share in np.linspace(0.0, 1.0, 101):
+        colour = matplotlib.colormaps["viridis"](share)
+        ink = 1.0 if study_map.ink_on(colour) == "white" else 0.0
+        parts = np.array(colour[:3])
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        lightest, darkest = sorted((float(linear @ (0.2126, 0.7152, 0.0722)), ink), reverse=True)
+        assert (lightest + 0.05) / (darkest + 0.05) >= 4.5

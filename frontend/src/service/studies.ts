@@ -19,7 +19,7 @@ export const studiesQuery = queryOptions({
 });
 
 /** What a cell of a map is asked to show of several runs. */
-export type MapPick = "worst" | "mean" | "least" | "largest";
+export type MapPick = "worst" | "mean" | "least" | "largest" | "deviation" | "p5" | "median" | "p95";
 
 export function studyQuery(id: number, pick: MapPick = "worst") {
   return queryOptions({

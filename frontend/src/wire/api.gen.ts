@@ -6462,6 +6462,8 @@ export interface components {
         StudyAxis: {
             /** Name */
             name: string;
+            /** Symbol */
+            symbol: string;
             /** Unit */
             unit: string;
             /** Values */
@@ -6477,6 +6479,8 @@ export interface components {
             text: string;
             /** Axes */
             axes: components["schemas"]["StudyAxis"][];
+            /** Shares */
+            shares: components["schemas"]["StudyShare"][];
             /** Figures */
             figures: components["schemas"]["StudyFigure"][];
             /** Maps */
@@ -6487,6 +6491,8 @@ export interface components {
         /**
          * StudyFigure
          * @description How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number.
+         *
+         *     ``deviation`` is the standard deviation (n - 1), null for a single run too; ``p5`` and ``p95`` are percentiles.
          */
         StudyFigure: {
             /** Name */
@@ -6498,18 +6504,29 @@ export interface components {
             /** Count */
             count: number;
             /**
+             * Missing
+             * @description how many computed runs gave no number
+             */
+            missing: number;
+            /**
              * Unstable
-             * @description how many of these are of an unstable loop
+             * @description how many of those that gave one are of an unstable loop
              */
             unstable: number;
             /** Least */
             least: number | null;
+            /** P5 */
+            p5: number | null;
             /** Median */
             median: number | null;
             /** Mean */
             mean: number | null;
+            /** P95 */
+            p95: number | null;
             /** Largest */
             largest: number | null;
+            /** Deviation */
+            deviation: number | null;
         };
         /**
          * StudyList
@@ -6528,7 +6545,7 @@ export interface components {
             figure: string;
             /**
              * Pick
-             * @description what a cell shows of several runs: mean, least or largest, where the worst was asked for that one
+             * @description what a cell shows of several runs; where the worst was asked for, least, largest or mean, which is the worst; of a share always share
              */
             pick: string;
             /** X */
@@ -6542,6 +6559,21 @@ export interface components {
              * @description by the same places, where null stands for an unstable loop
              */
             unstable: boolean[][];
+            /**
+             * Counts
+             * @description by the same places, how many runs gave a number
+             */
+            counts: number[][];
+            /**
+             * Runs
+             * @description by the same places, how many runs are computed
+             */
+            runs: number[][];
+            /**
+             * Intervals
+             * @description by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere
+             */
+            intervals: (number[] | null)[][];
         };
         /**
          * StudyPoint
@@ -6564,6 +6596,46 @@ export interface components {
             figures: {
                 [key: string]: number | "unstable" | null;
             };
+        };
+        /**
+         * StudyShare
+         * @description A share of runs with its 95 % confidence interval (Wilson score), null where there is no run to count.
+         */
+        StudyShare: {
+            /** Name */
+            name: string;
+            /** Label */
+            label: string;
+            /**
+             * Count
+             * @description runs that did not complete, or whose criteria do not all hold
+             */
+            count: number;
+            /**
+             * Of
+             * @description runs of which that is known
+             */
+            of: number;
+            /**
+             * Left Out
+             * @description computed runs of which it is not known: they were not judged
+             */
+            left_out: number;
+            /**
+             * Percent
+             * @description share [%]
+             */
+            percent: number | null;
+            /**
+             * Low
+             * @description lower end of the interval [%]
+             */
+            low: number | null;
+            /**
+             * High
+             * @description upper end of the interval [%]
+             */
+            high: number | null;
         };
         /**
          * StudyText
@@ -20904,8 +20976,8 @@ export interface operations {
     get_study: {
         parameters: {
             query?: {
-                /** @description what a cell of a map shows of several runs */
-                pick?: "worst" | "mean" | "least" | "largest";
+                /** @description what a cell of a map shows of several runs; p5 and p95 are percentiles */
+                pick?: "worst" | "mean" | "least" | "largest" | "deviation" | "p5" | "median" | "p95";
             };
             header?: never;
             path: {

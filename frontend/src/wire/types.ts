@@ -58,6 +58,7 @@ export type Study = Schemas["StudyView"];
 export type StudyDetail = Schemas["StudyDetail"];
 export type StudyFigure = Schemas["StudyFigure"];
 export type StudyMap = Schemas["StudyMap"];
+export type StudyShare = Schemas["StudyShare"];
 export type Problem = Schemas["Problem"];
 export type LiveMessage = Schemas["LiveMessage"];
 export type Layout = Schemas["LayoutMessage"];

@@ -1,7 +1,7 @@
-/** A map as a picture: a cell for each pair of values, its colour between the least and the largest number. */
+/** A map as a picture: a cell for each pair of values, its colour between the numbers at the ends of the scale. */
 
 import { digitsApart, settingValue, short } from "../../samples/format";
-import { type Cells, cellsOf, ticksOf } from "./heatCells";
+import { type Cell, type Cells, cellsOf, ticksOf } from "./heatCells";
 import styles from "./Studies.module.css";
 
 export interface Axis {
@@ -17,6 +17,8 @@ interface HeatMapProps {
   readonly cells: Cells;
   /** Where there is no number because the loop of a run is unstable, by the same places. */
   readonly unstable: readonly (readonly boolean[])[];
+  /** Of which runs each cell is, and of a share its interval, by the same places; "" where there is nothing to say. */
+  readonly notes: readonly (readonly string[])[];
 }
 
 const WIDTH = 420;
@@ -25,11 +27,19 @@ const LEFT = 62;
 const BOTTOM = 40;
 const SCALE = 96;
 const TOP = 8;
+/** Half the distance [px] of a number and the note below it, and the room that both take in a cell. */
+const APART = 7;
+const ROOM_NOTE_X = 62;
+const ROOM_NOTE_Y = 30;
 
-export function HeatMap({ title, x, y, cells, unstable }: HeatMapProps) {
+export function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
   const width = WIDTH - LEFT - SCALE;
   const height = HEIGHT - TOP - BOTTOM;
-  const { least, largest, digits, drawn } = cellsOf(cells, width, height);
+  const { range, digits, drawn } = cellsOf(cells, width, height);
+  const noteOf = ({ row, column }: Cell) => notes[row]?.[column] ?? "";
+  const isNoted = (cell: Cell) =>
+    noteOf(cell) !== "" && cell.width >= ROOM_NOTE_X && cell.height >= ROOM_NOTE_Y;
+  const textAt = (cell: Cell) => cell.top + cell.height / 2 - (isNoted(cell) ? APART : 0);
   const [namesX, namesY] = [namesOf(x), namesOf(y)];
   const atX = (place: number) => LEFT + ((place + 0.5) * width) / x.values.length;
   const atY = (place: number) => TOP + height - ((place + 0.5) * height) / y.values.length;
@@ -57,12 +67,12 @@ export function HeatMap({ title, x, y, cells, unstable }: HeatMapProps) {
                       ? "the loop of a run is unstable"
                       : "no run gave a number"
                     : short(cell.value, digits)
-                }`}</title>
+                }${noteOf(cell) === "" ? "" : ` (${noteOf(cell)})`}`}</title>
               </rect>
               {unstable[cell.row]?.[cell.column] && (
                 <text
                   x={cell.left + cell.width / 2}
-                  y={cell.top + cell.height / 2}
+                  y={textAt(cell)}
                   className={styles.inside}
                   fill="var(--text)"
                 >
@@ -72,11 +82,21 @@ export function HeatMap({ title, x, y, cells, unstable }: HeatMapProps) {
               {cell.text !== "" && (
                 <text
                   x={cell.left + cell.width / 2}
-                  y={cell.top + cell.height / 2}
+                  y={textAt(cell)}
                   className={styles.inside}
                   fill={cell.ink}
                 >
                   {cell.text}
+                </text>
+              )}
+              {isNoted(cell) && (
+                <text
+                  x={cell.left + cell.width / 2}
+                  y={cell.top + cell.height / 2 + APART}
+                  className={styles.note}
+                  fill={cell.ink}
+                >
+                  {noteOf(cell)}
                 </text>
               )}
             </g>
@@ -108,7 +128,7 @@ export function HeatMap({ title, x, y, cells, unstable }: HeatMapProps) {
         >
           {y.label}
         </text>
-        <Scale left={WIDTH - SCALE + 16} height={height} least={least} largest={largest} digits={digits} />
+        {range !== null && <Scale left={WIDTH - SCALE + 16} height={height} range={range} digits={digits} />}
       </svg>
     </figure>
   );
@@ -118,14 +138,12 @@ export function HeatMap({ title, x, y, cells, unstable }: HeatMapProps) {
 function Scale({
   left,
   height,
-  least,
-  largest,
+  range: [low, high],
   digits,
 }: {
   left: number;
   height: number;
-  least: number;
-  largest: number;
+  range: readonly [number, number];
   digits: number;
 }) {
   const steps = Array.from({ length: 24 }, (_, step) => step / 23);
@@ -134,7 +152,6 @@ function Scale({
     12,
     height,
   );
-  if (!Number.isFinite(least)) return null;
   return (
     <g transform={`translate(${left} ${TOP})`}>
       {drawn.map((cell) => (
@@ -147,10 +164,10 @@ function Scale({
         />
       ))}
       <text x={18} y={8} className={styles.tick}>
-        {short(largest, digits)}
+        {short(high, digits)}
       </text>
       <text x={18} y={height} className={styles.tick}>
-        {short(least, digits)}
+        {short(low, digits)}
       </text>
     </g>
   );

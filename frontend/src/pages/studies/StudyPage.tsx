@@ -15,7 +15,7 @@ import page from "../Page.module.css";
 import { MapsCard } from "./MapsCard";
 import styles from "./Studies.module.css";
 import { StudyProgress } from "./StudyProgress";
-import { FiguresCard, RowsCard } from "./StudyTables";
+import { FiguresCard, RowsCard, SharesCard } from "./StudyTables";
 
 export function StudyPage({ id }: { id: number }) {
   const [pick, setPick] = useState<MapPick>("worst");
@@ -30,6 +30,7 @@ export function StudyPage({ id }: { id: number }) {
         <>
           <ProgressCard study={data.study} />
           {data.maps.length > 0 && <MapsCard detail={data} pick={pick} onPick={setPick} />}
+          {data.study.done > 0 && <SharesCard shares={data.shares} />}
           {data.figures.length > 0 && <FiguresCard figures={data.figures} />}
           {data.rows.length > 0 && <RowsCard detail={data} />}
           <Card title="Text">

@@ -7,9 +7,64 @@ import { Explained } from "../../components/Explained";
 import { Unit } from "../../components/Unit";
 import { fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
+import { counted } from "../../samples/words";
 import { useAngles } from "../../service/angles";
-import type { StudyDetail, StudyFigure } from "../../wire/types";
+import type { StudyDetail, StudyFigure, StudyShare } from "../../wire/types";
 import page from "../Page.module.css";
+
+const STATISTICS = [
+  ["least", "Least"],
+  ["p5", "5 %"],
+  ["median", "Median"],
+  ["mean", "Mean"],
+  ["p95", "95 %"],
+  ["largest", "Largest"],
+  ["deviation", "Std. dev."],
+] as const;
+
+export function SharesCard({ shares }: { shares: readonly StudyShare[] }) {
+  return (
+    <Card
+      title="Runs"
+      aside={<span className={page.dim}>with the 95 % confidence interval of each share</span>}
+    >
+      <div className={page.tableScroll}>
+        <Table aria-label="Runs">
+          <Table.Thead>
+            <Table.Tr>
+              <Table.Th>Share</Table.Th>
+              <Table.Th className={page.number}>Runs</Table.Th>
+              <Table.Th className={page.number}>Of</Table.Th>
+              <Table.Th className={page.number}>%</Table.Th>
+              <Table.Th className={page.number}>Interval [%]</Table.Th>
+              <Table.Th className={page.number}>Not judged</Table.Th>
+            </Table.Tr>
+          </Table.Thead>
+          <Table.Tbody>
+            {shares.map(({ name, label, count, of, left_out, percent, low, high }) => (
+              <Table.Tr key={name}>
+                <Table.Td>{label}</Table.Td>
+                <Table.Td className={page.number}>{fixed(count, 0)}</Table.Td>
+                <Table.Td className={page.number}>{fixed(of, 0)}</Table.Td>
+                <Table.Td className={page.number}>
+                  <Shown value={percent} why="no run was judged">
+                    {(known) => fixed(known, 1)}
+                  </Shown>
+                </Table.Td>
+                <Table.Td className={page.number}>
+                  <Shown value={low === null || high === null ? null : [low, high]} why="no run was judged">
+                    {(known) => known.map((end) => fixed(end, 1)).join(" to ")}
+                  </Shown>
+                </Table.Td>
+                <Table.Td className={page.number}>{fixed(left_out, 0)}</Table.Td>
+              </Table.Tr>
+            ))}
+          </Table.Tbody>
+        </Table>
+      </div>
+    </Card>
+  );
+}
 
 export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
   const angles = useAngles();
@@ -22,26 +77,37 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
               <Table.Th>Figure</Table.Th>
               <Table.Th>Unit</Table.Th>
               <Table.Th className={page.number}>Runs</Table.Th>
-              <Table.Th className={page.number}>Least</Table.Th>
-              <Table.Th className={page.number}>Median</Table.Th>
-              <Table.Th className={page.number}>Mean</Table.Th>
-              <Table.Th className={page.number}>Largest</Table.Th>
+              {STATISTICS.map(([which, label]) => (
+                <Table.Th key={which} className={page.number}>
+                  {label}
+                </Table.Th>
+              ))}
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
-            {figures.map(({ name, label, unit, count, least, median, mean, largest }) => (
-              <Table.Tr key={name}>
+            {figures.map((figure) => (
+              <Table.Tr key={figure.name}>
                 <Table.Td>
-                  <Explained of={`figure:${name}`}>{label}</Explained>
+                  <Explained of={`figure:${figure.name}`}>{figure.label}</Explained>
                 </Table.Td>
                 <Table.Td>
-                  <Unit unit={unit} />
+                  <Unit unit={figure.unit} />
                 </Table.Td>
-                <Table.Td className={page.number}>{fixed(count, 0)}</Table.Td>
-                {Object.entries({ least, median, mean, largest }).map(([which, value]) => (
+                <Table.Td className={page.number}>
+                  {fixed(figure.count, 0)}
+                  {figure.missing > 0 && ` of ${fixed(figure.count + figure.missing, 0)}`}
+                </Table.Td>
+                {STATISTICS.map(([which]) => (
                   <Table.Td key={which} className={page.number}>
-                    <Shown value={value} why="not measured">
-                      {(known) => short(known * readingOf(unit, angles).factor)}
+                    <Shown
+                      value={figure[which]}
+                      why={
+                        figure.unstable > 0
+                          ? `unstable loop in ${counted(figure.unstable, "run")}`
+                          : "one run only"
+                      }
+                    >
+                      {(known) => short(known * readingOf(figure.unit, angles).factor)}
                     </Shown>
                   </Table.Td>
                 ))}
@@ -57,6 +123,7 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
 export function RowsCard({ detail }: { detail: StudyDetail }) {
   const { rows, study } = detail;
   const varied = Object.keys(rows[0]?.values ?? {});
+  const symbols = new Map(detail.axes.map(({ name, symbol }) => [name, symbol]));
   const first = `the first ${fixed(rows.length, 0)} of ${fixed(study.done, 0)}`;
   return (
     <Card
@@ -70,7 +137,7 @@ export function RowsCard({ detail }: { detail: StudyDetail }) {
               <Table.Th className={page.number}>Run</Table.Th>
               {varied.map((name) => (
                 <Table.Th key={name} className={page.number}>
-                  {name}
+                  {symbols.get(name) ?? name}
                 </Table.Th>
               ))}
               <Table.Th>End</Table.Th>

@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
-import { cellsOf, colourOf, ticksOf } from "./heatCells";
+import { cellsOf, colourOf, colourRange, inkOf, ticksOf } from "./heatCells";
 
 test("the least number is darkest, the largest lightest, and rows begin at the bottom", () => {
-  const { least, largest, drawn } = cellsOf(
+  const { range, drawn } = cellsOf(
     [
       [1, 2],
       [3, null],
@@ -10,7 +10,7 @@ test("the least number is darkest, the largest lightest, and rows begin at the b
     200,
     100,
   );
-  expect([least, largest]).toEqual([1, 3]);
+  expect(range).toEqual([1, 3]);
   expect(drawn.map(({ colour }) => colour)).toEqual([colourOf(0), colourOf(0.5), colourOf(1), null]);
   expect(drawn.map(({ left, top }) => [left, top])).toEqual([
     [0, 50],
@@ -24,6 +24,28 @@ test("the least number is darkest, the largest lightest, and rows begin at the b
 test("a map of one number has a colour, and one of none has none", () => {
   expect(cellsOf([[4, 4]], 100, 100).drawn[0]?.colour).toBe(colourOf(0.5));
   expect(cellsOf([[null]], 100, 100).drawn[0]?.colour).toBeNull();
+  expect(cellsOf([[null]], 100, 100).range).toBeNull();
+});
+
+test("numbers that differ by less than a twentieth do not take all colours", () => {
+  const [low, high] = colourRange([8.847, 8.856]);
+  expect(high - low).toBeCloseTo(0.05 * 8.856, 9);
+  expect((low + high) / 2).toBeCloseTo(8.8515, 9);
+  expect(colourRange([8, 9])).toEqual([8, 9]);
+  expect(colourRange([-0.01, 0.02])).toEqual([-0.01, 0.02]);
+  expect(colourRange([0, 0])).toEqual([-0.5, 0.5]);
+});
+
+test("numbers have a contrast of 4.5 at least to the colour they stand on", () => {
+  for (let share = 0; share <= 1; share += 0.01) {
+    const parts = (colourOf(share).match(/\d+/g) ?? []).map((part) => {
+      const value = Number(part) / 255;
+      return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+    });
+    const ground = 0.2126 * (parts[0] ?? 0) + 0.7152 * (parts[1] ?? 0) + 0.0722 * (parts[2] ?? 0);
+    const text = inkOf(share) === "#ffffff" ? 1 : 0;
+    expect((Math.max(ground, text) + 0.05) / (Math.min(ground, text) + 0.05)).toBeGreaterThanOrEqual(4.5);
+  }
 });
 
 test("the ends of the colours are those of the scale", () => {

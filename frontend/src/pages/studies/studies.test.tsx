@@ -11,9 +11,10 @@ vi.hoisted(() => vi.stubGlobal("fetch", () => Promise.reject(new TypeError("no w
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { MapPick } from "../../service/studies";
-import type { StudyDetail } from "../../wire/types";
+import type { StudyDetail, StudyMap } from "../../wire/types";
 import { MapsCard } from "./MapsCard";
 import StudiesPage from "./StudiesPage";
+import { FiguresCard, SharesCard } from "./StudyTables";
 
 afterEach(cleanup);
 
@@ -37,17 +38,23 @@ function show(content: ReactNode) {
   );
 }
 
+/** Runs of the cells of a map, all of which were computed. */
+function counts(...counted: number[][]): Pick<StudyMap, "counts" | "runs" | "intervals"> {
+  return { counts: counted, runs: counted, intervals: counted.map((row) => row.map(() => null)) };
+}
+
 function detail(points: number): StudyDetail {
   const figure = (name: string, label: string, unit: string) => ({
     ...{ name, label, unit, count: points },
-    ...{ unstable: 0, least: 1, median: 1, mean: 1, largest: 1 },
+    ...{ missing: 0, unstable: 0, least: 1, p5: 1, median: 1, mean: 1, p95: 1, largest: 1, deviation: 0 },
   });
   return {
     study: { id: 1, points } as StudyDetail["study"],
     text: "",
+    shares: [],
     axes: [
-      { name: "lam_q", unit: "s", values: [10.0051, 10.0053] },
-      { name: "lam_S", unit: "s", values: [0.5, 0.7] },
+      { name: "lam_q", symbol: "λ_q", unit: "s", values: [10.0051, 10.0053] },
+      { name: "lam_S", symbol: "λ_S", unit: "s", values: [0.5, 0.7] },
     ],
     figures: [figure("min_tension_N", "Smallest tension", "N"), figure("M_s_q", "Sensitivity peak", "1")],
     maps: [
@@ -64,6 +71,7 @@ function detail(points: number): StudyDetail {
           [false, false],
           [false, false],
         ],
+        ...counts([1, 1], [1, 0]),
       },
       {
         figure: "M_s_q",
@@ -78,6 +86,7 @@ function detail(points: number): StudyDetail {
           [false, false],
           [false, false],
         ],
+        ...counts([1, 1], [1, 0]),
       },
     ],
     rows: [],
@@ -123,6 +132,112 @@ it("hides no unstable loop", () => {
   expect(titles()).toEqual(["Smallest tension [N]; ∞: a loop is unstable"]);
   expect(screen.getByText("∞")).toBeTruthy();
   expect(screen.getByText(/0\.7: the loop of a run is unstable/)).toBeTruthy();
+});
+
+it("says how many runs gave no number, and between what a share lies", () => {
+  const found = detail(32);
+  const [first] = found.maps;
+  if (first === undefined) throw new Error("a map is missing");
+  const few = {
+    ...first,
+    counts: [
+      [8, 7],
+      [8, 0],
+    ],
+    runs: [
+      [8, 8],
+      [8, 8],
+    ],
+  };
+  const share = {
+    ...{
+      ...first,
+      figure: "not_completed",
+      pick: "share",
+      cells: [
+        [25, 0],
+        [0, 0],
+      ],
+    },
+    ...{
+      counts: [
+        [8, 8],
+        [8, 8],
+      ],
+      runs: [
+        [8, 8],
+        [8, 8],
+      ],
+    },
+    intervals: [
+      [[7.1, 59], null],
+      [null, null],
+    ] as StudyMap["intervals"],
+  };
+  const shares = [
+    {
+      name: "not_completed",
+      label: "Runs not completed",
+      count: 2,
+      of: 32,
+      left_out: 0,
+      percent: 6.2,
+      low: 1,
+      high: 20,
+    },
+  ];
+  show(<MapsCard detail={{ ...found, maps: [few, share], shares }} pick="worst" onPick={() => {}} />);
+  expect(titles()).toEqual([
+    "Smallest tension [N]: the least of up to 8 runs; 9 of 32 runs without a number",
+    "Runs not completed [%]: the share of up to 8 runs",
+  ]);
+  const told = Array.from(document.querySelectorAll("svg text"), ({ textContent }) => textContent);
+  expect(told).toContain("n = 7 of 8");
+  expect(told).toContain("7.1 to 59, n = 8");
+  expect(told).toContain("λ_q [s]");
+});
+
+it("shows how runs ended as shares with their interval, and why a statistic is missing", () => {
+  const [first] = detail(32).figures;
+  if (first === undefined) throw new Error("a figure is missing");
+  show(
+    <>
+      <SharesCard
+        shares={[
+          {
+            name: "not_completed",
+            label: "Runs not completed",
+            count: 3,
+            of: 18,
+            left_out: 0,
+            percent: 16.7,
+            low: 5.8,
+            high: 39.2,
+          },
+          {
+            name: "criteria_failed",
+            label: "Criteria",
+            count: 0,
+            of: 0,
+            left_out: 18,
+            percent: null,
+            low: null,
+            high: null,
+          },
+        ]}
+      />
+      <FiguresCard figures={[{ ...first, count: 15, missing: 3, unstable: 2, p95: null, deviation: null }]} />
+    </>,
+  );
+  const cells = (name: string) =>
+    Array.from(
+      screen.getByRole("table", { name }).querySelectorAll("tbody td"),
+      ({ textContent }) => textContent,
+    );
+  expect(cells("Runs").slice(1, 6)).toEqual(["3", "18", "16.7", "5.8 to 39.2", "0"]);
+  expect(cells("Runs").slice(7)).toEqual(["0", "0", "–", "–", "18"]);
+  expect(cells("Figures").slice(2)).toEqual(["15 of 18", "1", "1", "1", "1", "–", "1", "–"]);
+  expect(screen.getAllByLabelText("unstable loop in 2 runs")).toHaveLength(2);
 });
 
 it("tells cells and the places of an axis apart", () => {
