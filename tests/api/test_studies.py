@@ -36,15 +36,21 @@ def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, v
     until(reached(operator, study["id"], "done"))
     found = of(viewer, study["id"])
     assert found["study"]["ends"] == {"completed": 6}
+    not_completed = found["shares"][0]
+    assert (not_completed["name"], not_completed["count"], not_completed["of"]) == ("not_completed", 0, 6)
     assert [(axis["name"], axis["unit"], axis["values"]) for axis in found["axes"]] == [
         ("lam_q", "s", [0.5, 0.8]),
         ("lam_S", "s", [0.5, 0.7, 0.9]),
     ]
     drawn = next(one for one in found["maps"] if one["figure"] == "min_tension_N")
     assert (drawn["x"], drawn["y"], drawn["pick"]) == ("lam_q", "lam_S", "least")
+    assert drawn["counts"] == drawn["runs"] == [[1, 1]] * 3
+    assert [axis["symbol"] for axis in found["axes"]] == ["λ_q", "λ_S"]
+    share = next(one for one in found["maps"] if one["figure"] == "not_completed")
+    assert (share["pick"], share["cells"][0][0], share["intervals"][0][0][0]) == ("share", 0.0, 0.0)
     asked = viewer.get(f"/api/studies/{study['id']}", params={"pick": "mean"}).raise_for_status().json()
     assert {one["pick"] for one in asked["maps"]} == {"mean"}
-    assert viewer.get(f"/api/studies/{study['id']}", params={"pick": "median"}).status_code == 422
+    assert viewer.get(f"/api/studies/{study['id']}", params={"pick": "spread"}).status_code == 422
     by_place = {(row["values"]["lam_q"], row["values"]["lam_S"]): row["figures"] for row in found["rows"]}
     assert drawn["cells"] == [[by_place[q, S]["min_tension_N"] for q in (0.5, 0.8)] for S in (0.5, 0.7, 0.9)]
     assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q_true"]
