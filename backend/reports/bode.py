@@ -30,6 +30,8 @@ NOTES = (
     "Each line of a multisine or a sequence is measured on its last period, Y/U of the discrete Fourier transform over "
     "whole periods, which is the least-squares fit of a sine; of a sweep all of it, in bands of 12 %. A line is not "
     f"measured where it differs by more than {100.0 * UNLIKE:g} % from one period to the next, or where a limit acted.",
+    "Bandwidth and resonance are relative to the gain 1 at rest, which integral action gives. Between two lines, and "
+    "between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic.",
     "Predicted is what the plant, linearised about the references with its identified numbers, voltages held over a "
     "period, and the loops as they run give with the gains in use. With a plan its model and voltages are in it, as "
     "long as the voltage that the references ask for is within the budget. Friction is not.",

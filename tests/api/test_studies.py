@@ -49,7 +49,7 @@ def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, v
     share = next(one for one in found["maps"] if one["figure"] == "not_completed")
     assert (share["pick"], share["cells"][0][0], share["intervals"][0][0][0]) == ("share", 0.0, 0.0)
     asked = viewer.get(f"/api/studies/{study['id']}", params={"pick": "mean"}).raise_for_status().json()
-    assert {one["pick"] for one in asked["maps"]} == {"mean"}
+    assert {one["pick"] for one in asked["maps"]} == {"mean", "share"}
     assert viewer.get(f"/api/studies/{study['id']}", params={"pick": "spread"}).status_code == 422
     by_place = {(row["values"]["lam_q"], row["values"]["lam_S"]): row["figures"] for row in found["rows"]}
     assert drawn["cells"] == [[by_place[q, S]["min_tension_N"] for q in (0.5, 0.8)] for S in (0.5, 0.7, 0.9)]

@@ -6,7 +6,15 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from backend.experiments.results.metrics import NoSamplesError
-from backend.experiments.results.response import Response, bandwidth, response_figures, responses
+from backend.experiments.results.response import (
+    LEAST_LOW_GAIN,
+    Response,
+    bandwidth,
+    lag_at,
+    resonance,
+    response_figures,
+    responses,
+)
 from backend.experiments.results.windows import excitations
 from backend.loop.program import Program
 from backend.loop.program_arrays import player_of
@@ -72,14 +80,8 @@ def test_a_first_order_lag_is_found_line_by_line() -> None:
 def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     figures = response_figures(columns_of(program, lag_q=lag_s), program)
-    # −3 dB of the lowest line, which lies a little below the gain at rest; between lines it is interpolated
-    low = 2.0 * np.pi * 0.1 * lag_s
-    assert figures.bandwidth_q_Hz is not None
-    expected = np.sqrt(2.0 * (1.0 + low**2) - 1.0) / (2.0 * np.pi * lag_s)
-    assert figures.bandwidth_q_Hz == pytest.approx(expected, rel=0.02)
-    assert figures.lag_q_deg == pytest.approx(
-        np.degrees(np.arctan(2 * np.pi * lag_s * figures.bandwidth_q_Hz)), rel=0.02
-    )
+    assert figures.bandwidth_q_Hz == pytest.approx(1.0 / (2.0 * np.pi * lag_s), rel=0.003)
+    assert figures.lag_q_deg == pytest.approx(45.0, abs=0.3)
     assert figures.resonance_q_dB == 0.0
     assert (figures.min_tension_N, figures.peak_voltage_V) == (18.0, 3.0)
     assert figures.bandwidth_S_Hz is None
@@ -139,7 +141,38 @@ def test_an_excitation_right_after_a_sine_is_one_of_its_own_reference() -> None:
     assert [one.signal for one in excitations(program)] == ["S"]
 
 
-def test_bandwidth_between_two_lines_is_where_a_straight_line_in_the_bode_plot_crosses() -> None:
-    found = Response("q", np.array([1.0, 2.0, 4.0]), np.array([1.0, 0.9, 0.45], dtype=np.complex128))
-    # 0.9 to 0.45 is one octave per octave: 0.7071/0.9 of it
-    assert bandwidth(found) == pytest.approx(2.0 * 0.9 * np.sqrt(2.0))
+def lags(f: Array, lag_s: float, count: int) -> NDArray[np.complex128]:
+    return np.asarray(1.0 / (1.0 + 2j * np.pi * f * lag_s) ** count)
+
+
+@pytest.mark.parametrize(("count", "within"), [(1, 0.001), (2, 0.011), (4, 0.02)])
+def test_the_bandwidth_does_not_hang_on_where_the_lines_are(count: int, within: float) -> None:
+    """From lines far below the bandwidth to a lowest one at which the gain is 0.6: equal lags, in closed form."""
+    lag_s = 0.5
+    exact = np.sqrt(2.0 ** (1.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
+    highest = np.sqrt(LEAST_LOW_GAIN ** (-2.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
+    for lowest in np.geomspace(0.02 * exact, 0.999 * highest, 40):
+        f = lowest * np.arange(1, 81)
+        found, reason = bandwidth(Response("q", f, lags(f, lag_s, count)))
+        assert reason == ""
+        assert found == pytest.approx(exact, rel=within)
+        two_thirds = 0.6 * exact
+        phase = -np.degrees(count * np.arctan(2.0 * np.pi * two_thirds * lag_s))
+        assert -lag_at(Response("q", f, lags(f, lag_s, count)), two_thirds) == pytest.approx(phase, rel=0.05)
+
+
+def test_a_bandwidth_far_below_the_lowest_line_is_not_measured() -> None:
+    f = np.array([0.5, 1.0, 1.5])
+    found, reason = bandwidth(Response("q", f, lags(f, 0.5, 2)))
+    assert found is None
+    assert reason.startswith("its gain is 0.29 already at 0.5 Hz, the lowest line")
+
+
+def test_the_resonance_is_that_over_the_gain_at_rest() -> None:
+    f = np.linspace(0.05, 3.0, 400)
+    s = 2j * np.pi * f
+    peaked = Response("q", f, np.asarray(1.0 / ((s / 6.0) ** 2 + 0.4 * s / 6.0 + 1.0)))
+    assert resonance(peaked) == pytest.approx(-20.0 * np.log10(0.4 * np.sqrt(1.0 - 0.2**2)), abs=0.001)
+    assert resonance(Response("q", f, lags(f, 0.5, 2))) == 0.0
+    # The lowest line lies above the resonance already: it is the largest of all lines, not 0 dB by definition.
+    assert resonance(Response("q", f[150:], peaked.H[150:])) == pytest.approx(20.0 * np.log10(abs(peaked.H[150])))

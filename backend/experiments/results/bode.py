@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from backend.experiments.results.in_force import InForce, NotPredictedError
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.predicted_response import Predicted, predicted
-from backend.experiments.results.response import LEAST_SHARE, Response, banded, bandwidth, lag_at, why_not
+from backend.experiments.results.response import LEAST_SHARE, Response, banded, bandwidth, lag_at, resonance, why_not
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import Excited, excitations
 from backend.faults import Limit
@@ -73,7 +73,7 @@ class Lines:
 class BodeFigures(Whole):
     """Figures of both responses. ``reasons`` tells by name which could not be measured and why."""
 
-    bandwidth_q_Hz: float | None = figure("Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707 of its lowest line")
+    bandwidth_q_Hz: float | None = figure("Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1")
     bandwidth_q_predicted_Hz: float | None = figure(
         "Hz", "Bandwidth of q, predicted", "the same of the response that models and gains in use let expect"
     )
@@ -83,7 +83,7 @@ class BodeFigures(Whole):
         "largest difference of both gains at the measured lines up to the predicted bandwidth",
     )
     phase_off_q_deg: float | None = figure("°", "Phase of q off its prediction", "the same of the phase")
-    resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at the lowest line")
+    resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1")
     lag_q_deg: float | None = figure("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
     unlike_q_percent: float | None = figure(
         "%", "Repeatability of q", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
@@ -91,7 +91,7 @@ class BodeFigures(Whole):
     residual_q_percent: float | None = figure(
         "%", "Residual of q", "root mean square of q beside its lines over that at them, last period: friction, noise"
     )
-    bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707 of its lowest line")
+    bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1")
     bandwidth_S_predicted_Hz: float | None = figure(
         "Hz", "Bandwidth of S, predicted", "the same of the response that models and gains in use let expect"
     )
@@ -101,7 +101,7 @@ class BodeFigures(Whole):
         "largest difference of both gains at the measured lines up to the predicted bandwidth",
     )
     phase_off_S_deg: float | None = figure("°", "Phase of S off its prediction", "the same of the phase")
-    resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at the lowest line")
+    resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1")
     lag_S_deg: float | None = figure("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
     unlike_S_percent: float | None = figure(
         "%", "Repeatability of S", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
@@ -155,7 +155,7 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     if lines.predicted is None:
         missing |= dict.fromkeys((_EXPECTED, _GAIN_OFF, _PHASE_OFF), lines.unpredicted)
     else:
-        values[_EXPECTED] = lines.predicted.bandwidth(float(lines.f[0]))
+        values[_EXPECTED] = lines.predicted.bandwidth()
         if values[_EXPECTED] is None:
             missing[_EXPECTED] = "it is expected to stay above −3 dB wherever a response can be sampled"
     kept = lines.measured
@@ -163,18 +163,22 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     if bad:  # all is told by its lowest line
         return values, dict.fromkeys((_WIDTH, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL), bad) | missing
     response = lines.response
-    values[_PEAK] = 20.0 * float(np.log10(response.gain.max()))
-    values[_WIDTH] = edge = bandwidth(response)
+    values[_PEAK] = resonance(response)
+    edge, reason = bandwidth(response)
+    values[_WIDTH] = edge
     if edge is None:
-        reason = f"it is still above −3 dB at {response.f[-1]:.3g} Hz, the highest line: excite it higher"
         missing |= {_WIDTH: reason, _LAG: reason}
     else:
         values[_LAG] = lag_at(response, edge)
     if lines.expected is not None:
         within = response.f <= (values[_EXPECTED] or np.inf)  # beyond it friction is what is left
         off = (response.H / lines.expected[kept])[within]
-        values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
-        values[_PHASE_OFF] = float(np.degrees(np.abs(np.angle(off))).max())
+        if off.size:
+            values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
+            values[_PHASE_OFF] = float(np.degrees(np.abs(np.angle(off))).max())
+        else:
+            reason = f"no line lies below the predicted bandwidth, the lowest is {response.f[0]:.3g} Hz"
+            missing |= {_GAIN_OFF: f"{reason}: take a longer period", _PHASE_OFF: f"{reason}: take a longer period"}
     known = lines.unlike[kept & np.isfinite(lines.unlike)]
     if known.size:
         values[_UNLIKE] = 100.0 * float(known.max())

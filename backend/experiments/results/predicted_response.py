@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.controllers import cascade
 from backend.experiments.results.in_force import InForce, NotPredictedError
-from backend.experiments.results.response import MINUS_3_DB
+from backend.experiments.results.response import Response, bandwidth
 from backend.experiments.results.windows import Excited
 from backend.tuning.followed_plan import planned_response
 from backend.tuning.linear_model import decoupling
@@ -17,8 +17,8 @@ from plant.interface import T_s
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-FASTEST_HZ = 100.0
-"""Up to here a predicted bandwidth is looked for: a tenth of the sampling."""
+SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
+"""Between these a predicted bandwidth is looked for; the faster is a tenth of the sampling."""
 
 _GRID = 2000
 
@@ -42,12 +42,11 @@ class Predicted:
         output, to = (OUTPUTS.q, INPUTS.q_ref) if self.signal == "q" else (OUTPUTS.S, INPUTS.S_ref)
         return np.asarray(H[:, output, to])
 
-    def bandwidth(self, lowest: float) -> float | None:
-        """Where the gain falls to −3 dB of that at ``lowest`` [Hz], as it is measured; None where it does not."""
-        f = np.geomspace(lowest, FASTEST_HZ, _GRID)
-        gain = np.abs(self.response(f))
-        below = np.flatnonzero(gain < MINUS_3_DB * gain[0])
-        return float(f[below[0]]) if below.size else None
+    def bandwidth(self) -> float | None:
+        """Where the gain falls to −3 dB of that at rest [Hz], as it is measured; None where it does not."""
+        f = np.geomspace(SLOWEST_HZ, FASTEST_HZ, _GRID)
+        found, _ = bandwidth(Response(self.signal, f, self.response(f)))
+        return found
 
 
 def predicted(in_force: InForce, excited: Excited, references: Array) -> Predicted:

@@ -29,7 +29,14 @@ LEAST_GAIN = 0.05
 BAND = 1.12
 """Lines of a sweep or a sequence are taken together within bands of this ratio of frequencies."""
 
+LEAST_LOW_GAIN = 0.6
+"""Least gain of the lowest line from which a bandwidth below it is interpolated towards the gain 1 at rest.
+
+There the bandwidth is within 1.1 % for loops of two equal lags, within 2 % for four (tests/experiments/test_response.py).
+"""
+
 MINUS_3_DB = 2.0**-0.5
+"""Gain at the bandwidth. At rest the gain is 1, because integral action leaves no error there."""
 
 
 @dataclass(frozen=True)
@@ -42,20 +49,18 @@ class Response:
 
     @property
     def gain(self) -> Array:
-        """Gain of each line over that of the lowest, which is exactly 1."""
-        size: Array = np.abs(self.H)
-        gain: Array = size / size[0]
-        return gain
+        """Gain of each line, (n,); that at rest is 1."""
+        return np.asarray(np.abs(self.H))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseFigures(Whole):
     """Figures of both responses. ``reasons`` tells by name which could not be measured and why."""
 
-    bandwidth_q_Hz: float | None = figure("Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707 of its lowest line")
-    bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707 of its lowest line")
-    resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at the lowest line")
-    resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at the lowest line")
+    bandwidth_q_Hz: float | None = figure("Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1")
+    bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1")
+    resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1")
+    resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1")
     lag_q_deg: float | None = figure("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
     lag_S_deg: float | None = figure("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
     reasons: Mapping[str, str] = field(default_factory=dict)
@@ -82,13 +87,11 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
             values |= dict.fromkeys(names)
             reasons |= dict.fromkeys(names, unmeasurable)
             continue
-        gain = response.gain
-        values[names[1]] = 20.0 * float(np.log10(gain.max()))
-        edge = bandwidth(response)
+        values[names[1]] = resonance(response)
+        edge, reason = bandwidth(response)
         values[names[0]] = edge
         values[names[2]] = None if edge is None else lag_at(response, edge)
         if edge is None:
-            reason = f"it is still above −3 dB at {response.f[-1]:.3g} Hz, the highest line: excite it higher"
             reasons |= {names[0]: reason, names[2]: reason}
     return ResponseFigures(**whole(columns), **values, reasons=reasons)
 
@@ -110,21 +113,38 @@ def responses(columns: Columns, program: Program) -> tuple[Response, ...]:
     return tuple(_response(columns, one) for one in excitations(program) if one.window.stop <= size)
 
 
-def bandwidth(response: Response) -> float | None:
-    """Return where the gain first falls to −3 dB of the lowest line [Hz], between two lines by the logarithm."""
-    gain = response.gain
+def bandwidth(response: Response) -> tuple[float | None, str]:
+    """Return where the gain first falls to −3 dB of that at rest [Hz], or None and why that is not measured.
+
+    Between two lines, and between rest and the lowest one, 1/|H|² is interpolated over f² by a monotone cubic (Fritsch
+    and Carlson 1980): it is even and smooth in f, and for loops without zeros a polynomial in f².
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    f, gain = response.f, response.gain
     below = np.flatnonzero(gain < MINUS_3_DB)
     if below.size == 0:
-        return None
+        return None, f"it is still above −3 dB at {f[-1]:.3g} Hz, the highest line: excite it higher"
     k = int(below[0])
-    share = np.log(gain[k - 1] / MINUS_3_DB) / np.log(gain[k - 1] / gain[k])
-    return float(response.f[k - 1] * (response.f[k] / response.f[k - 1]) ** share)
+    if k == 0 and gain[0] < LEAST_LOW_GAIN:
+        return None, f"its gain is {gain[0]:.2g} already at {f[0]:.3g} Hz, the lowest line: take a longer period"
+    used = slice(0, k + 2 if k + 1 < f.size and gain[k + 1] > 0.0 else k + 1)
+    x, inverse = np.append(0.0, f[used] ** 2), np.append(1.0, gain[used] ** -2)
+    crossings = PchipInterpolator(x, inverse).solve(MINUS_3_DB**-2, extrapolate=False)
+    return float(np.sqrt(crossings[(crossings >= x[k]) & (crossings <= x[k + 1])][0])), ""
+
+
+def resonance(response: Response) -> float:
+    """Return the largest gain of the lines over that at rest [dB]; 0 where none is larger."""
+    return 20.0 * float(np.log10(max(1.0, response.gain.max())))
 
 
 def lag_at(response: Response, f: float) -> float:
-    """Return how far the signal is behind its reference at ``f`` [Hz], in degrees."""
-    phase = np.unwrap(np.angle(response.H))
-    return -float(np.degrees(np.interp(np.log(f), np.log(response.f), phase)))
+    """Return how far the signal is behind its reference at ``f`` [Hz], in degrees; at rest it is not."""
+    from scipy.interpolate import PchipInterpolator
+
+    phase = np.append(0.0, np.unwrap(np.angle(response.H)))
+    return -float(np.degrees(PchipInterpolator(np.append(0.0, response.f), phase)(f)))
 
 
 def _response(columns: Columns, excited: Excited) -> Response:

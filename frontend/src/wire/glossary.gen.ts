@@ -1173,9 +1173,9 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_q_Hz",
     "term": "Bandwidth of q",
-    "meaning": "where |q/q_ref| falls to 0.707 of its lowest line",
+    "meaning": "where |q/q_ref| falls to 0.707; at rest it is 1",
     "unit": "Hz",
-    "equation": "f with |G(f)| = |G(f_1)|/√2, G = q/q_ref",
+    "equation": "f with |G(f)| = 1/√2, G = q/q_ref",
     "source": "docs/experiments.md"
   },
   "figure:bandwidth_q_predicted_Hz": {
@@ -1208,9 +1208,9 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "resonance_q_dB",
     "term": "Resonance of q",
-    "meaning": "largest |q/q_ref| over that at the lowest line",
+    "meaning": "largest |q/q_ref| over that at rest, which is 1",
     "unit": "dB",
-    "equation": "20 log₁₀ (max |G|/|G(f_1)|), G = q/q_ref",
+    "equation": "20 log₁₀ max(1, |G|), G = q/q_ref",
     "source": "docs/experiments.md"
   },
   "figure:lag_q_deg": {
@@ -1242,9 +1242,9 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_S_Hz",
     "term": "Bandwidth of S",
-    "meaning": "where |S/S_ref| falls to 0.707 of its lowest line",
+    "meaning": "where |S/S_ref| falls to 0.707; at rest it is 1",
     "unit": "Hz",
-    "equation": "f with |G(f)| = |G(f_1)|/√2, G = S/S_ref",
+    "equation": "f with |G(f)| = 1/√2, G = S/S_ref",
     "source": "docs/experiments.md"
   },
   "figure:bandwidth_S_predicted_Hz": {
@@ -1277,9 +1277,9 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "resonance_S_dB",
     "term": "Resonance of S",
-    "meaning": "largest |S/S_ref| over that at the lowest line",
+    "meaning": "largest |S/S_ref| over that at rest, which is 1",
     "unit": "dB",
-    "equation": "20 log₁₀ (max |G|/|G(f_1)|), G = S/S_ref",
+    "equation": "20 log₁₀ max(1, |G|), G = S/S_ref",
     "source": "docs/experiments.md"
   },
   "figure:lag_S_deg": {
