@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.documents.run_settings import KeptLoop
+from backend.documents.run_settings import LAMBDA, TIME_OPTIMAL, KeptLoop
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
@@ -45,9 +45,9 @@ def played(parameters: str, **tuning: Any) -> Played:
     return play_in_memory(load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank"))
 
 
-@pytest.mark.parametrize("u_plan", [0.0, 8.5])
-def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(u_plan: float) -> None:
-    metrics = played("ideal", u_plan=u_plan, lam_q=0.42).metrics
+@pytest.mark.parametrize("motion", [LAMBDA, TIME_OPTIMAL])
+def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(motion: str) -> None:
+    metrics = played("ideal", motion=motion, lam_q=0.42).metrics
     for signal in ("q", "S"):
         gain, phase = metrics.value_of(f"gain_off_{signal}_dB"), metrics.value_of(f"phase_off_{signal}_deg")
         assert gain is not None
@@ -56,7 +56,7 @@ def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(u_plan: float
         assert phase < 0.1
     width, expected = metrics.value_of("bandwidth_q_Hz"), metrics.value_of("bandwidth_q_predicted_Hz")
     assert expected is not None
-    if u_plan:
+    if motion == TIME_OPTIMAL:
         assert width is None
         assert expected > 20.0
     else:
@@ -88,7 +88,7 @@ def test_the_bandwidth_does_not_hang_on_the_period_of_the_excitation(period_s: f
     lead_in = "{do: step, q_ref: 0.0, S_ref: 11.0, duration_s: 4}"
     multisine = f"{{do: multisine, q_amplitude: 0.1, period_s: {period_s}, lines: 12, periods: 2}}"
     plan = plan_of(with_parts(lead_in, multisine, more="measures: [bode]\n"))
-    metrics = play_in_memory(IDEAL, plan, LoopSettings(u_plan=0.0), lambda _: pytest.fail("no bank")).metrics
+    metrics = play_in_memory(IDEAL, plan, LoopSettings(), lambda _: pytest.fail("no bank")).metrics
     assert metrics.value_of("bandwidth_q_Hz") == pytest.approx(truth, rel=0.01)
     assert metrics.value_of("bandwidth_q_predicted_Hz") == pytest.approx(truth, rel=0.005)
     assert metrics.value_of("resonance_q_dB") == 0.0
@@ -171,7 +171,7 @@ def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> No
 
 def test_a_plan_on_its_way_is_no_limit_and_one_that_is_asked_for_too_much_predicts_nothing() -> None:
     for amplitude, words in ((0.02, ""), (1.0, "the excitation asks the plan for")):
-        in_force = made(LEAD_IN, MULTISINE.replace("0.1", str(amplitude)), tuning=TuningChoice(u_plan=8.5))
+        in_force = made(LEAD_IN, MULTISINE.replace("0.1", str(amplitude)), tuning=TuningChoice(motion=TIME_OPTIMAL))
         columns = seen(in_force)
         columns["limits"][:] = float(Limit.GOVERNOR)
         told = figures(in_force, columns)

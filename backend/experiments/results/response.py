@@ -32,7 +32,7 @@ BAND = 1.12
 LEAST_LOW_GAIN = 0.6
 """Least gain of the lowest line from which a bandwidth below it is interpolated towards the gain 1 at rest.
 
-There the bandwidth is within 1.1 % for loops of two equal lags, within 2 % for four (tests/experiments/test_response.py).
+There the bandwidth is within 1.1 % for loops of two equal lags, within 2 % for four.
 """
 
 MINUS_3_DB = 2.0**-0.5
