@@ -67,7 +67,7 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     assert ended.stdout.splitlines()[0] == (
         "tuning: λ_q 0.7 s (in force), λ_S 0.42 s (in force), λ_motor 0.0854 s (in force), b 1 (set), "
         "gains from geometry (set), switching between entries (in force), "
-        "references slowed down by the governor (in force)"
+        "lambda motion (in force)"
     )
     with closing(open_database(tmp_path)) as database:
         with database.reading() as session:

@@ -40,6 +40,7 @@ OWN: Values = {
     "lam_motor": 0.09,
     "b": 0.25,
     "interpolate": True,
+    "motion": "time-optimal",
     "u_plan": 7.5,
     "k_ext": 0.0,
 }
@@ -60,7 +61,8 @@ CHANGED: Values = {
     "b": 1.0,
     "bank": 0.0,
     "interpolate": False,
-    "u_plan": 0.0,
+    "motion": "lambda",
+    "u_plan": 6.5,
     "k_ext": 0.4,
 }
 """Every field of a form at another value than what is in force or usual."""

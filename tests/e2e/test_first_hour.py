@@ -164,7 +164,7 @@ def tune(operator: Operator, keys: Keys) -> None:
     keys.use("Save", region="Changes of the tuning")
     operator.wait(lambda: get(operator, "/api/tuning/saved")["who"] is not None)
     saved, tuning = get(operator, "/api/tuning/saved"), operator.state()["tuning"]
-    assert all(saved[name] == tuning[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "u_plan"))
+    assert all(saved[name] == tuning[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "motion", "u_plan"))
 
 
 def is_raised(operator: Operator, box: str, name: str, before: float) -> bool:

@@ -69,7 +69,7 @@ def put_back(service: Service) -> None:
         if script.get("/api/state").raise_for_status().json()["trial"] is not None:
             script.delete("/api/tuning/trial").raise_for_status()
         saved = script.get("/api/tuning/saved").raise_for_status().json()
-        parts = {name: saved[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "interpolate", "u_plan")}
+        parts = {name: saved[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "interpolate", "motion", "u_plan")}
         script.put("/api/tuning", json=parts).raise_for_status()
         script.delete("/api/control").raise_for_status()
 

@@ -47,9 +47,11 @@ def words_of(tuning: Values) -> str:
     """A tuning as the form of an identification, which has no fields for it, tells it."""
     models = "gains from geometry" if tuning["bank"] == 0 else "bank forms v1"
     between = ", interpolating between entries" if tuning["interpolate"] else ""
-    plan = f", plan of {tuning['u_plan']:g} V" if tuning["u_plan"] else ""
+    motion = "lambda motion"
+    if tuning["motion"] == "time-optimal":
+        motion = f"time-optimal motion within {tuning['u_plan']:g} V"
     parts = (f"λ_{name} {tuning[f'lam_{name}']} s" for name in ("q", "S", "motor"))
-    return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}{plan}"
+    return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}, {motion}"
 
 
 def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from backend.documents.run_settings import MOTIONS, TIME_OPTIMAL
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -86,9 +87,9 @@ def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> N
     assert figures.pushed_static_ratio == step.peak_q / step.static
 
 
-@pytest.mark.parametrize("u_plan", [0.0, 8.5])
-def test_on_the_ideal_plant_peaks_are_those_expected_with_a_plan_and_without(u_plan: float) -> None:
-    played = play_in_memory(IDEAL, plan_of(PUSHED), LoopSettings(u_plan=u_plan), lambda _: pytest.fail("no bank"))
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_on_the_ideal_plant_peaks_are_those_expected_in_both_motions(motion: str) -> None:
+    played = play_in_memory(IDEAL, plan_of(PUSHED), LoopSettings(motion=motion), lambda _: pytest.fail("no bank"))
     assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
     assert 1.0 < (played.metrics.value_of("pushed_static_ratio") or 0.0) < 2.0
 
@@ -97,11 +98,11 @@ def test_on_the_ideal_plant_peaks_are_those_expected_with_a_plan_and_without(u_p
 def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_with: float) -> None:
     """A computed run learns first; the program then changes k_ext on its way. The second push is as the first one."""
     text = with_parts(HELD, STEP, REST, "{do: tuning, k_ext: 0.4}", STEP, REST, more="measures: [pushes]\n")
-    settings = LoopSettings(lam_q=1.0, u_plan=8.5, k_ext=begun_with)
+    settings = LoopSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
     played = play_in_memory(IDEAL, plan_of(text), settings, lambda _: pytest.fail("no bank"))
     assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
-    choice = TuningChoice(lam_q=1.0, u_plan=8.5, k_ext=begun_with)
+    choice = TuningChoice(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
     pushes = pushes_seen(columns(plan), plan.program(), of(plan, choice))
     left = [float(abs(one.expected[900])) for one in pushes if one.expected is not None]
     assert len(left) == 2

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from backend.documents.bank_entry import ENTRY, EntryModel
+from backend.documents.run_settings import LAMBDA, MOTIONS, TIME_OPTIMAL
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
@@ -72,7 +73,9 @@ def tables_of(report: Report, drawn: str) -> list[Table]:
 def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
     database: Database, bank: int, name: str
 ) -> None:
-    source = played(database, name, bank=bank, lam_q=0.7, lam_S=0.7, u_plan=8.5 if name == "hold_at_rest" else 0.0)
+    source = played(
+        database, name, bank=bank, lam_q=0.7, lam_S=0.7, motion=TIME_OPTIMAL if name == "hold_at_rest" else LAMBDA
+    )
     report = build_report(source)
     table = tables_of(report, SHOWN[name])[0]
     assert len(table.rows) == ROWS[name]
@@ -102,8 +105,8 @@ def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank:
 
 
 def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
-    """As in the paper and by a plan: the one falls off, the other follows."""
-    sources = [played(database, "frequency_response", u_plan=u_plan) for u_plan in (0.0, 8.5)]
+    """In lambda motion the response falls off at the last line; in time-optimal motion it follows."""
+    sources = [played(database, "frequency_response", motion=motion) for motion in MOTIONS]
     paper, planned = (lines_of(source) for source in sources)
     assert [one.signal for one in paper] == [one.signal for one in planned] == ["q", "S"]
     assert np.abs(paper[0].H[-1]) < 0.2

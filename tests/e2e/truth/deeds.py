@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 from playwright.sync_api import Locator, Page
 
+from backend.documents.run_settings import MOTIONS
 from tests.e2e.truth.moment import State
 from tests.e2e.truth.shown import Shown
 
 Value = frozenset({409, 422})
 """Refused for what was asked: it cannot be reached, or the joint is not at rest, which no state tells beforehand."""
 Never: frozenset[int] = frozenset()
+VOLTAGE_LIMIT = "Voltage limit of time-optimal motion [V]"
 
 
 @dataclass
@@ -139,6 +141,19 @@ def _wall(scene: Scene) -> None:
     scene.press("Put up")
 
 
+def _choose_motion(scene: Scene) -> None:
+    """Choose the motion that is not the active one, by mouse or by arrow."""
+    present = scene.state["tuning"]["motion"]
+    other = next(one for one in MOTIONS if one != present)
+    choice = scene.main.get_by_role("radiogroup", name="Motion", exact=True)
+    if scene.chance.random() < 0.5:
+        scene.say(f"{other} by key")
+        choice.get_by_role("radio", name=present, exact=True).press("ArrowRight")
+    else:
+        scene.say(other)
+        choice.get_by_text(other, exact=True).click()
+
+
 ON_OPERATE = (
     pressing("Pretension", "operate", 5),
     pressing("Run", "operate", 8),
@@ -154,9 +169,9 @@ ON_OPERATE = (
     typing("λ_q value [s]", 2, lambda s: s["tuning"]["lam_q_min"] + 1e-3, lambda s: s["tuning"]["lam_q_max"], 3),
     typing("λ_S value [s]", 1, lambda s: s["tuning"]["lam_S_min"] + 1e-3, lambda s: s["tuning"]["lam_S_max"], 3),
     *(pressing(f"{verb} λ_q", "operate", 0.5, Value) for verb in ("Decrease", "Increase", "Reset")),
-    switching("Follow a plan", 2),
+    Deed("Motion", "operate", 2.5, lambda scene: scene.shown.offers("lambda", "References"), _choose_motion, Value),
     typing(
-        "Budget of the plan [V]",
+        VOLTAGE_LIMIT,
         1.5,
         lambda s: s["tuning"]["u_plan_min"],
         lambda s: s["tuning"]["u_plan_max"] - 0.05,

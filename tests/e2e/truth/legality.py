@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from backend.experiments.banks.tuning_choice import NAMES
 from backend.loop.hand_push import PUSHED_IN
 from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
@@ -50,8 +51,7 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
     sweeping = bool(touch["sweep"] and touch["sweep"]["under_way"])
     learned, armed = bool(touch["learned"]), touch["contact_N"] > 0.0
     run, own = state["mode"] == "run", may_retune(state)
-    parts = ("lam_q", "lam_S", "lam_motor", "b", "interpolate", "u_plan", "k_ext")
-    differs = any(saved[name] != tuning[name] for name in parts)
+    differs = any(saved[name] != tuning[name] for name in NAMES if name != "bank")
     changes = "Changes of the tuning"
     offered = {("Mode", name): mode in legal_modes(state) for name, mode in MOVES.items()}
     offered |= {
@@ -94,8 +94,9 @@ def boxes_on_operate(state: State) -> dict[str, bool]:
         "S_ref": may_move(state),
         "λ_q": own,
         "λ_S": own,
-        "Follow a plan": own,
-        "Budget of the plan": own,
+        "lambda": own,
+        "time-optimal": own,
+        "Voltage limit": own,
         "Reject pushes": own and (rejects or may_reject(state)),
         "Share of pushes": own,
     }

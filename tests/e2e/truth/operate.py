@@ -1,15 +1,19 @@
 """The page Operate beside the service: curves, references, tuning, wall, push, touch, and what is offered."""
 
 import math
+from urllib.parse import urlencode
 
+from backend.documents.run_settings import MOTIONS, TIME_OPTIMAL
+from backend.experiments.banks.tuning_choice import NAMES
 from backend.sample import UNIT_OF
+from tests.e2e.truth.deeds import VOLTAGE_LIMIT
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.legality import boxes_on_operate, compared, may_move, offered_on_operate
 from tests.e2e.truth.moment import Moment, State
 
 _TO_SHOWN = {("rad", "deg"): 180.0 / math.pi, ("rad/s", "deg/s"): 180.0 / math.pi, ("m", "mm"): 1e3, ("s", "ms"): 1e3}
-_ROWS = ("λq", "λS", "λmotor", "b", "entries", "Uplan", "kext")
-_PARTS = ("lam_q", "lam_S", "lam_motor", "b", "interpolate", "u_plan", "k_ext")
+_ROWS = ("λq", "λS", "λmotor", "b", "entries", "motion", "Uplan", "kext")
+_PARTS = tuple(name for name in NAMES if name != "bank")
 
 
 def operate(moment: Moment) -> Findings:
@@ -72,11 +76,7 @@ def _tuning(found: Findings, moment: Moment) -> None:
     margins = moment.get(f"/api/tuning/motor?lam_motor={tuning['lam_motor']!r}")
     words, values = motor_loop(tuning["lam_motor"], margins)
     found.sentence("margins of the motor loop", shown.told.get("Motor loop"), words, *values)
-    plan, budget = shown.box("Follow a plan"), shown.box("Budget of the plan [V]")
-    found.same("whether a plan is followed", plan and plan.value, str(tuning["u_plan"] > 0.0).lower())
-    found.same("whether there is a budget", budget is not None, tuning["u_plan"] > 0.0)
-    if budget is not None:
-        found.figure("budget of the plan [V]", budget.value, tuning["u_plan"])
+    _motion(found, moment)
     rejects, share = shown.box("Reject pushes"), shown.box("Share of pushes that is fed forward")
     found.same("whether pushes are rejected", rejects and rejects.value, str(tuning["k_ext"] > 0.0).lower())
     found.same("whether there is a share", share is not None, tuning["k_ext"] > 0.0)
@@ -101,6 +101,24 @@ def _tuning(found: Findings, moment: Moment) -> None:
         found.sentence(f"forecast of a step, {key}", shown.told.get(name), words, *values)
 
 
+def _motion(found: Findings, moment: Moment) -> None:
+    """Compare the chosen motion, its voltage limit and the bounds of that."""
+    shown, tuning = moment.shown, moment.state["tuning"]
+    for motion in MOTIONS:
+        choice = shown.box(motion, "References")
+        found.same(
+            f"whether {motion} motion is chosen", choice and choice.value, str(tuning["motion"] == motion).lower()
+        )
+    limit, is_limited = shown.box(VOLTAGE_LIMIT), tuning["motion"] == TIME_OPTIMAL
+    found.same("whether there is a voltage limit", limit is not None, is_limited)
+    if limit is not None:
+        found.figure("voltage limit of the motion [V]", limit.value, tuning["u_plan"])
+    hint = shown.all["refusals"].get("refusal-of-u_plan", "")
+    if " V. " in hint:  # no refusal
+        bounds = (tuning["u_plan_min"], tuning["u_plan_max"])
+        found.sentence("bounds of the voltage limit", hint.partition(" V. ")[0], "{n} to {n}", *bounds)
+
+
 def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
     """The margins of the motor loop as a sentence with its values."""
     up, down, phase = told["gain_margin"], told["gain_reduction_margin"], told["phase_margin_deg"]
@@ -118,7 +136,7 @@ def _preview_of(moment: Moment) -> str:
     references, limits = moment.state["references"], moment.state["limits"]
     step = 0.01 if references["in_force"] else 0.5
     S = min(max(round(round(references["S_ref"] / step) * step, 2), limits["S_min"]), limits["S_max"])
-    return "/api/tuning/preview?" + "&".join(f"{name}={value}" for name, value in {**wanted, "S": S}.items())
+    return f"/api/tuning/preview?{urlencode({**wanted, 'S': S})}"
 
 
 def _staged(moment: Moment) -> dict[str, float]:
@@ -168,11 +186,13 @@ def _changes(found: Findings, moment: Moment) -> None:
         )
 
 
-def _part(found: Findings, what: str, text: str, name: str, told: float | bool) -> None:
+def _part(found: Findings, what: str, text: str, name: str, told: float | bool | str) -> None:
     if name == "interpolate":
         found.same(what, text, "interpolating" if told else "switching")
     elif name == "u_plan":
-        found.sentence(what, text, "governor" if told == 0 else "{n} V", *([] if told == 0 else [told]))
+        found.sentence(what, text, "{n} V", float(told))
+    elif name == "motion":
+        found.same(what, text, told)
     elif name == "k_ext" and told == 0:
         found.same(what, text, "none")
     else:

@@ -1,0 +1,134 @@
+"""The log beside the state: what changed between two states is in the log, and the log's last word is the state.
+
+A moment is seen as state, log, state, so that each value of the log agrees with one of the two states around it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from backend.experiments.banks.tuning_choice import DECLARED, part_in_words
+from tests.e2e.truth.findings import Findings
+from tests.e2e.truth.moment import Around, State
+
+LINES = 200
+"""Lines of the log that are read after an action: more than one action and what ends by itself can leave."""
+
+PARTS = tuple(setting for setting in DECLARED if setting.name not in ("bank",))
+
+Line = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Account:
+    """The log, newest line first, between two looks at the state."""
+
+    before: State
+    lines: Sequence[Line]
+    after: State
+
+    @property
+    def states(self) -> tuple[State, State]:
+        return self.before, self.after
+
+
+def account_of(around: Around) -> Account:
+    """Read state, log and state."""
+    before = around.state()
+    lines = around.script.get(f"/api/log?limit={LINES}").raise_for_status().json()["entries"]
+    return Account(before, lines, around.state())
+
+
+def unlogged(earlier: Account, now: Account) -> Findings:
+    """Return what changed since ``earlier`` and is not in the log, or is in the log otherwise."""
+    found, new = Findings(), _new_lines(earlier.lines, now.lines)
+    if len(new) == LINES:
+        found.append(f"log: more than {LINES} lines since the action before")
+    if now.after["link"]["starts"] == earlier.before["link"]["starts"]:
+        _mode(found, earlier, now, new)
+        _tuning(found, earlier, now, new)
+    _told_if_changed(found, "holder of control", _holder, earlier, now, new, ("control ",))
+    _told_if_changed(found, "wall", lambda state: state["wall"], earlier, now, new, ("wall ", "by the program: "))
+    _told_if_changed(
+        found, "fault", lambda state: state["fault"] and state["fault"]["message"], earlier, now, new, None
+    )
+    return found
+
+
+def _new_lines(old: Sequence[Line], now: Sequence[Line]) -> list[Line]:
+    """Return the lines that were not there before; a line is known by all but what people add to it later."""
+    known = {_key(line) for line in old}
+    return [line for line in now if _key(line) not in known]
+
+
+def _key(line: Line) -> tuple[object, ...]:
+    return line["at"], line["kind"], line["text"], line["event"]
+
+
+def _mode(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) -> None:
+    """Compare the mode with the last change of mode that the log has."""
+    modes = {state["mode"] for state in now.states}
+    last = next((line["text"] for line in new if line["kind"] == "mode" and " → " in line["text"]), None)
+    if last is not None:
+        if last.rpartition(" → ")[2] not in modes:
+            found.append(f"mode: the last change in the log is {last!r}, the service says {sorted(modes)}")
+    elif not modes & {state["mode"] for state in earlier.states}:
+        found.append(f"mode: {earlier.after['mode']} became {now.after['mode']}, of which the log has no line")
+
+
+def _tuning(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) -> None:
+    """Compare each part of the tuning with the last change of it that the log has."""
+    for part in PARTS:
+        values = {part_in_words(part.name, state["tuning"][part.name]) for state in now.states}
+        last = next(_changes(new, part.symbol), None)
+        if last is not None:
+            if last not in values:
+                found.append(f"{part.name}: the log's last value is {last!r}, the service says {sorted(values)}")
+            continue
+        before = {part_in_words(part.name, state["tuning"][part.name]) for state in earlier.states}
+        if not values & before and not _is_told_otherwise(part.name, new):
+            found.append(f"{part.name}: {sorted(before)} became {sorted(values)}, of which the log has no line")
+
+
+def _changes(lines: Sequence[Line], symbol: str) -> Iterator[str]:
+    """Yield the values that a part of the tuning took, newest first, as ``TuningChoice.differences`` writes them."""
+    units = {setting.symbol: "" if setting.unit == "1" else f" {setting.unit}" for setting in PARTS}
+    for line in lines:
+        for one in reversed(line["text"].rpartition(": ")[2].split(", ")):
+            if one.startswith(f"{symbol} ") and " → " in one:
+                yield one.rpartition(" → ")[2].removesuffix(units[symbol])
+
+
+def _is_told_otherwise(name: str, new: Sequence[Line]) -> bool:
+    """Whether a change has a line without its values: a program's own changes, and a rejection that ends by itself."""
+    begins = ["by the program: ", "as before the program: "]
+    if name == "k_ext":
+        begins.append("pushes are not rejected any more")
+    return any(line["text"].startswith(tuple(begins)) for line in new)
+
+
+def _told_if_changed(
+    found: Findings,
+    what: str,
+    of: Callable[[State], object],
+    earlier: Account,
+    now: Account,
+    new: Sequence[Line],
+    begins: tuple[str, ...] | None,
+) -> None:
+    """Find a line for a change; ``begins`` None: any line of the kind "fault"."""
+    before, after = [of(state) for state in earlier.states], [of(state) for state in now.states]
+    if any(one in before for one in after):
+        return
+    told = [line for line in new if (line["kind"] == "fault" if begins is None else begins_with(line, begins))]
+    if not told:
+        found.append(f"{what}: {before[-1]!r} became {after[-1]!r}, of which the log has no line")
+
+
+def begins_with(line: Line, begins: tuple[str, ...]) -> bool:
+    text: str = line["text"]
+    return text.startswith((*begins, "no wall"))
+
+
+def _holder(state: State) -> object:
+    return state["holder"] and (state["holder"]["name"], state["holder"]["page"], state["holder"]["epoch"])
