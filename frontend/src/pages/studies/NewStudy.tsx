@@ -14,6 +14,7 @@ const EXAMPLE = `format: 1
 name: lambda_map
 title: Tracking over both λ, on plants that differ
 experiment: tracking
+settings: {motion: lambda}
 axes:
   - {over: lam_q, first: 0.4, last: 1.0, count: 5}
   - {over: lam_S, first: 0.4, last: 1.0, count: 5}

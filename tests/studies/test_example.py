@@ -1,0 +1,36 @@
+"""The example that the page Studies begins with shows what it says: the time of a step grows with λ."""
+
+import re
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from backend.archive.studies import Studies
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.storage import open_database, studies
+from backend.studies.point import run_point
+from backend.studies.stored import design_of
+from plant.parameters import load_parameters
+
+PAGE = Path(__file__).parents[2] / "frontend/src/pages/studies/NewStudy.tsx"
+
+
+def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(tmp_path: Path) -> None:
+    found = re.search(r"const EXAMPLE = `(.*?)`", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert found is not None
+    active = TuningChoice(motion="time-optimal").document()
+    with closing(open_database(tmp_path)) as database:
+        study = Studies(database).begin(found.group(1), "Ana", load_parameters("lab"), active).id
+        with database.reading() as session:
+            design = design_of(studies.get(session, study))
+    first, last = design.point(0), design.point(len(design) - 1)
+    slow, fast = last.settings["lam_q"], first.settings["lam_q"]
+    rows = [run_point(design.base, point) for point in (first, last)]
+    assert [row.state for row in rows] == ["completed", "completed"]
+    reach = [row.figures["rise_q_s"] for row in rows]
+    assert reach[0] is not None
+    assert reach[1] is not None
+    # The largest steps are held back by the governor at the smaller λ: their rise times differ by less than λ.
+    assert reach[1] / reach[0] > 0.7 * float(slow) / float(fast)
+    assert float(slow) / float(fast) == pytest.approx(2.5)
