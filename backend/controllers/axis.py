@@ -37,12 +37,13 @@ class Lagged(NamedTuple):
 class Goal(NamedTuple):
     """Where an axis is sent [rad], how fast that moves [rad/s], 0 where it has jumped, and where it will stand [rad].
 
-    ``end`` nan: nobody has announced one.
+    ``end`` nan: nobody has announced one. ``moved`` [rad]: since the tick before.
     """
 
     theta: float
     rate: float
     end: float = math.nan
+    moved: float = 0.0
 
 
 @compiled
@@ -108,7 +109,7 @@ def toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
     u = _toward(K, T, U, axis, goal)
     if goal.rate == 0.0 or math.isnan(goal.end):
         return u
-    to_end = _toward(K, T, U, axis, Goal(goal.end, 0.0, math.nan))
+    to_end = _toward(K, T, U, axis, Goal(goal.end, 0.0, math.nan, 0.0))
     return min(u, to_end) if goal.rate > 0.0 else max(u, to_end)
 
 

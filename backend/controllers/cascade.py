@@ -42,7 +42,8 @@ class State(NamedTuple):
 
     With a plan (``follows``) the loops count from the model: ``position`` and ``stiffness`` give what is added to its
     equilibrium. ``clipped_s`` [s]: for how long voltage has been clipped; ``reserve``: share of the budget in use.
-    ``alone``: the motor loops as they are for who takes them over, without a model.
+    ``alone``: the motor loops as they are for who takes them over, without a model. ``resting``: all integrators rest;
+    ``arrived``: they have, once, since the references have stood and the joint was not pushed away.
     """
 
     governor: governor.State
@@ -62,6 +63,8 @@ class State(NamedTuple):
     reserve: float
     alone: motors.State
     rejection: rejection.State
+    resting: bool
+    arrived: bool
 
 
 class Output(NamedTuple):
@@ -98,16 +101,18 @@ def step(
     follows = tuning.following.budget > 0.0 or (state.follows and not plan.stands(tuning.following.model, state.plan))
     tau_ext = tau_ext if position_loop and S > 0.0 else math.nan
     if follows != state.follows:
-        state = _changed(tuning, state, S, m, tau_ext)
+        state = _changed(tuning, state, S, position_loop, m)
     is_at = plan.now(d, state.plan)
     if follows:
         budget = tuning.following.budget * state.reserve
         by, way = plan.step(d, tuning.following.model, budget, state.plan, is_at, r)
         at = following.planned(is_at, by)
+        stands = not by.moving
     else:
         reference, governed = governor.step(d, tuning.omega_max, state.governor, r.q, r.S)
         way = state.plan
         at = following.governed(reference, governed)
+        stands = reference.q_ref == state.governor.q_ref and reference.S_ref == state.governor.S_ref
     r_q, r_S = at.reference.q_ref - at.q, at.reference.S_ref - at.S
     y_q, y_S, y_A, y_B = m.q - at.q, S - at.S, m.theta_A - at.theta_A, m.theta_B - at.theta_B
 
@@ -122,11 +127,16 @@ def step(
     stiffness = i_p.bumpless(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
     inner = motors.bumpless(state.motor_gains, tuning.motors, state.motors, y_A, y_B)
 
-    resting = position_loop and follows and not at.moving and following.unseen(tuning.following, r_q - y_q, r_S - y_S)
-    unseen_q = math.inf if resting else tuning.following.unseen_q
-    unseen_S = math.inf if resting else tuning.following.unseen_S
-    more_q, position = i_p.step(gains_q, position, r_q, y_q - pushed.q, state.correction_q, unseen_q)
-    more_S, stiffness = i_p.step(gains_S, stiffness, r_S, y_S, state.correction_S, unseen_S)
+    if position_loop:
+        small = following.unseen(tuning.following, r_q - y_q, r_S - y_S)
+    else:
+        q_e = at.q_e if follows else at.reference.q_ref
+        small = following.unseen_open(tuning.following, q_e - decoupler.equilibrium(d, m.theta_A, m.theta_B), r_S - y_S)
+    resting = stands and small
+    arrived = resting or (stands and state.arrived and following.near(tuning.following, r_q - y_q, r_S - y_S))
+    dead = following.dead_zones(tuning.following, resting, follows or arrived)
+    more_q, position = i_p.step(gains_q, position, r_q, y_q - pushed.q, state.correction_q, dead.q)
+    more_S, stiffness = i_p.step(gains_S, stiffness, r_S, y_S, state.correction_S, dead.S)
     q_c, S_c = at.q_e + more_q + pushed.q_e, at.S_e + more_S
     if not position_loop:
         q_c = at.q_e if follows else at.reference.q_ref
@@ -190,44 +200,66 @@ def step(
         reserve,
         alone,
         answered,
+        resting,
+        arrived,
     )
 
 
 @compiled
-def _changed(tuning: Tuning, state: State, S: float, m: Measurement, tau_ext: float) -> State:
-    """State that goes on by the other of plan and governor, with the same voltages."""
+def _changed(tuning: Tuning, state: State, S: float, position_loop: bool, m: Measurement) -> State:
+    """State that goes on by the other of plan and governor, with the same voltages and, at rest, where it stands."""
     d, q, S_loop = tuning.decoupler, state.position_gains, state.stiffness_gains
     if state.follows:
         at = plan.now(d, state.plan)
         u_A, u_B = plan.voltages(d, tuning.following.model, state.plan, at)
         return _with(
             state,
-            governor.State(at.q, at.S),
+            governor.State(at.q if position_loop else at.q_e, at.S),
             i_p.at_rest(q, at.q, m.q, at.q_e + state.position.integral - q.k_p * (m.q - at.q)),
             i_p.at_rest(S_loop, at.S, S, at.S + state.stiffness.integral - S_loop.k_p * (S - at.S)),
             following.absolute(state.motor_gains, state.motors, at, u_A, u_B, m),
             state.plan,
             False,
-            state.rejection,
         )
     A, B = state.motor_gains.A, state.motor_gains.B
-    omega_A, omega_B = (m.theta_A - state.motors.A.y_f) / A.t_f, (m.theta_B - state.motors.B.y_f) / B.t_f
-    way = plan.begin(d, tuning.following.model, m.q, m.theta_A, m.theta_B, omega_A, omega_B)
+    omega_A, omega_B = _standing(_speed(A, state.motors.A, m.theta_A), _speed(B, state.motors.B, m.theta_B))
+    q_e = decoupler.equilibrium(d, m.theta_A, m.theta_B)
+    # Without position loop the equilibrium is what is commanded, and the joint of the model stands there. A model that
+    # begins at rest is where it is sent already.
+    q_m, S_m = m.q if position_loop else q_e, S
+    if state.resting:
+        q_m, S_m = state.governor.q_ref, state.governor.S_ref
+    way = plan.begin(d, tuning.following.model, q_m, S_m, omega_A, omega_B)
     at, model = plan.now(d, way), tuning.following.model
-    # The loops' references were ahead of motors that moved; from here on the model's voltages move them.
+    answered = rejection.answer(state.rejection, S)
+    # The loops' references were ahead of motors that moved; from here on the model's voltages move them. What the
+    # motors are off from the model's, as under a push, the outer loops go on giving.
     return _with(
         state,
         state.governor,
-        i_p.at_rest(q, 0.0, 0.0, 0.0),
-        i_p.at_rest(S_loop, 0.0, 0.0, 0.0),
+        i_p.at_rest(q, 0.0, m.q - at.q - answered.q, q_e - at.q_e - answered.q_e),
+        i_p.at_rest(S_loop, 0.0, S - at.S, S - at.S),
         motors.State(
             i_pd.carried(A, state.motors.A, m.theta_A, -at.theta_A, -omega_A, -omega_A / model.K_A),
             i_pd.carried(B, state.motors.B, m.theta_B, -at.theta_B, -omega_B, -omega_B / model.K_B),
         ),
         way,
         True,
-        rejection.unanswered(tuning.rejection, tau_ext),  # the plan goes to where there is no push
     )
+
+
+@compiled
+def _standing(omega_A: float, omega_B: float) -> tuple[float, float]:
+    """Speeds of both motors [rad/s]; zero where what is read of them is no more than a count that has just changed."""
+    if max(abs(omega_A), abs(omega_B)) < plan.STANDS:
+        return 0.0, 0.0
+    return omega_A, omega_B
+
+
+@compiled
+def _speed(gains: i_pd.Gains, state: i_pd.State, theta: float) -> float:
+    """Speed of a motor [rad/s], from its loop's filter."""
+    return (theta - state.y_f) / gains.t_f
 
 
 @compiled
@@ -239,7 +271,6 @@ def _with(
     inner: motors.State,
     way: plan.State,
     follows: bool,
-    answered: rejection.State,
 ) -> State:
     return State(
         reference,
@@ -258,7 +289,9 @@ def _with(
         0.0,
         1.0,
         inner,
-        answered,
+        state.rejection,
+        state.resting,
+        state.arrived,
     )
 
 
@@ -270,18 +303,23 @@ def take_over(
     theta_A_ref: float,
     theta_B_ref: float,
     m: Measurement,
+    q_ref: float,
 ) -> State:
     """State that continues motor loops already running towards theta_A_ref, theta_B_ref [rad], without a bump.
 
-    The references begin where the joint is: q_ref = q, S_ref = S.
+    The references begin at ``q_ref`` [rad] and S_ref = S. Motors that stand are left where they stand.
     """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
+    speed_A, speed_B = _speed(motor_gains.A, inner.A, m.theta_A), _speed(motor_gains.B, inner.B, m.theta_B)
+    stands = _standing(speed_A, speed_B) == (0.0, 0.0)
+    if stands:
+        theta_A_ref, theta_B_ref = m.theta_A, m.theta_B
     active = scheduling.select(tuning.schedule, -1.0, S)
     gains_q, gains_S = scheduling.gains_at(tuning.schedule, active)
     return State(
-        governor.State(m.q, S),
-        i_p.at_rest(gains_q, m.q, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),
+        governor.State(q_ref, S),
+        i_p.at_rest(gains_q, q_ref, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),
         i_p.at_rest(gains_S, S, S, decoupler.stiffness(d, theta_A_ref, theta_B_ref)),
         envelope.State(m.F_A - m.F_B),
         inner,
@@ -291,10 +329,12 @@ def take_over(
         active,
         0.0,
         0.0,
-        plan.begin(d, tuning.following.model, m.q, m.theta_A, m.theta_B, 0.0, 0.0),
+        plan.begin(d, tuning.following.model, m.q, S, 0.0, 0.0),
         False,
         0.0,
         1.0,
         inner,
         rejection.IDLE,
+        stands,
+        stands,
     )

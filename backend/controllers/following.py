@@ -1,5 +1,6 @@
 """What the loops of the cascade follow: references as they are, or a model that a plan moves and what is left of it."""
 
+import math
 from typing import NamedTuple
 
 from backend.controllers import governor, i_pd, motors, plan
@@ -17,17 +18,33 @@ NEARLY = 1.2
 is read half a count off wherever the joint is, and a little more by one of the two."""
 
 
+LEFT_Q, LEFT_S = 4.0, 20.0
+"""A joint that is off by so many times what is left alone has been pushed away, and comes back by the linear loops;
+what hunts against stiction is nearer."""
+
+OPEN = 0.2
+"""With the position loop open the motors alone position the joint: rest is granted within so much of ``unseen_q``."""
+
+
 class Following(NamedTuple):
     """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
 
-    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone. While both are
-    nearly within, and the references stand, all integrators rest.
+    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone; with the governor from
+    when the joint has arrived, so that it gets there by the linear loops alone. While both are nearly within, and the
+    references stand, all integrators rest.
     """
 
     budget: float
     model: plan.Model
     unseen_q: float
     unseen_S: float
+
+
+class DeadZones(NamedTuple):
+    """Errors that the outer integrators leave alone in a tick, of position [rad] and stiffness [N·m/rad]."""
+
+    q: float
+    S: float
 
 
 class Followed(NamedTuple):
@@ -69,6 +86,18 @@ def unseen(f: Following, e_q: float, e_S: float) -> bool:
 
 
 @compiled
+def near(f: Following, e_q: float, e_S: float) -> bool:
+    """Whether errors of position [rad] and stiffness [N·m/rad] are those of a joint that has not been pushed away."""
+    return abs(e_q) <= LEFT_Q * f.unseen_q and abs(e_S) <= LEFT_S * f.unseen_S
+
+
+@compiled
+def unseen_open(f: Following, e_q: float, e_S: float) -> bool:
+    """As ``unseen``, for an error of the equilibrium [rad] where the position loop is open."""
+    return abs(e_q) <= OPEN * f.unseen_q and abs(e_S) <= f.unseen_S
+
+
+@compiled
 def patient(clipped_s: float, reserve: float, clipped: bool, moving: bool) -> tuple[float, float]:
     """For how long voltage has been clipped on the way [s], and the share of the budget in use after this tick."""
     clipped_s = clipped_s + T_s if clipped and moving else 0.0
@@ -85,3 +114,13 @@ def absolute(
         i_pd.carried(gains.A, inner.A, m.theta_A - at.theta_A, at.theta_A, at.omega_A, u_A),
         i_pd.carried(gains.B, inner.B, m.theta_B - at.theta_B, at.theta_B, at.omega_B, u_B),
     )
+
+
+@compiled
+def dead_zones(f: Following, resting: bool, arrived: bool) -> DeadZones:
+    """Dead zones of the outer integrators: everything at rest, nothing on the way."""
+    if resting:
+        return DeadZones(math.inf, math.inf)
+    if arrived:
+        return DeadZones(f.unseen_q, f.unseen_S)
+    return DeadZones(0.0, 0.0)

@@ -71,14 +71,18 @@ def _stopped(V: float, T: float, axis: Axis, most: float) -> Goal:
     V = max(BRAKING * V, LEAST_RAD_S)
     landing = 0.5 * V / T * LANDING_S**2
     way = min(braking_distance(V, T, abs(axis.omega)) + landing, most)
-    return Goal(axis.theta + math.copysign(way, axis.omega), 0.0, math.nan)
+    return Goal(axis.theta + math.copysign(way, axis.omega), 0.0, math.nan, 0.0)
 
 
 @compiled
 def _goal(before: Goal, theta: float, end: float, V: float) -> Goal:
-    """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped."""
-    moved = theta - before.theta
-    return Goal(theta, moved / T_s if abs(moved) <= V * T_s else 0.0, end)
+    """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped.
+
+    So has one that begins to move, as a small step cannot be told from a ramp in its first tick.
+    """
+    moved, reach = theta - before.theta, V * T_s
+    moves = 0.0 < abs(before.moved) <= reach and abs(moved) <= reach
+    return Goal(theta, moved / T_s if moves else 0.0, end, moved)
 
 
 @compiled

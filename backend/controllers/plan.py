@@ -35,6 +35,13 @@ NEAR = 0.05
 STANDING = 1e-3
 """An axis so near its target [rad] has arrived."""
 
+GENTLE = 0.2
+"""A move of both axes together [rad] from which on the whole budget is used, 0.02 rad of the joint; of a smaller one
+the share (move/GENTLE)²: one count of the joint's encoder is no reason for a kick of 8 V."""
+
+GENTLE_LEAST_V = 0.05
+"""The smallest move is made with this [V]."""
+
 STANDS = 0.05
 """A model whose axes are so slow [rad/s], and driven no faster, stands."""
 
@@ -109,18 +116,22 @@ class Driven(NamedTuple):
 
 
 @compiled
-def begin(
-    d: Decoupler, model: Model, q: float, theta_A: float, theta_B: float, omega_A: float, omega_B: float
-) -> State:
-    """Return a model that stands where the actuator is [rad], moves as it does [rad/s], and is sent nowhere else."""
+def begin(d: Decoupler, model: Model, q: float, S: float, omega_A: float, omega_B: float) -> State:
+    """Return a model at ``q`` [rad] and ``S`` [N·m/rad] whose motors move at ``omega`` [rad/s], sent nowhere else.
+
+    Its motors are where they hold its joint, moving or at rest. What the actuator's motors are off from there, because
+    of a push or of springs that are not as identified, is left to the loops: so nothing has to move.
+    """
+    q_dot = d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
+    q_e = q + model.B_j * q_dot / S
+    theta_A, theta_B = decoupler.motor_positions(d, q_e, S)
     difference = Axis(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
     common = Axis(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
-    q_dot = d.r_m / d.r_j * difference.omega
-    F_A, F_B = _tensions(d, decoupler.equilibrium(d, theta_A, theta_B), decoupler.stiffness(d, theta_A, theta_B), q)
+    F_A, F_B = _tensions(d, q_e, S, q)
     K = min(model.K_A, model.K_B)
     return State(
-        Goal(difference.theta, 0.0, math.nan),
-        Goal(common.theta, 0.0, math.nan),
+        Goal(difference.theta, 0.0, math.nan, 0.0),
+        Goal(common.theta, 0.0, math.nan, 0.0),
         difference,
         common,
         _filled(difference.omega / K),
@@ -168,9 +179,9 @@ def step(d: Decoupler, model: Model, budget: float, state: State, at: Now, r: Re
         if state.asked != 0.0:
             goal_d, goal_c, share = soonest_stand(K, T, allowed, state.d, state.c, goal_d, goal_c)
     elif budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
-        share, allowed = shared(K, T, budget, state, goal_d, goal_c)
+        share, allowed = shared(K, T, _usable(budget, state, goal_d, goal_c), budget, state, goal_d, goal_c)
     elif distance < STANDING:
-        allowed = budget
+        allowed = min(allowed, budget)
     held_d, held_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
     free = max(allowed - held_d - held_c, 0.0)
     most_d = held_d + share * free
@@ -241,16 +252,28 @@ def voltages(d: Decoupler, model: Model, state: State, at: Now) -> tuple[float, 
 
 
 @compiled
-def shared(K: float, T: float, budget: float, state: State, goal_d: Goal, goal_c: Goal) -> tuple[float, float]:
+def _usable(budget: float, state: State, goal_d: Goal, goal_c: Goal) -> float:
+    """Voltage [V] of the budget that a move of this length is made with; all of it for goals that move."""
+    if goal_d.rate != 0.0 or goal_c.rate != 0.0:
+        return budget
+    share = (abs(goal_d.theta - state.d.theta) + abs(goal_c.theta - state.c.theta)) / GENTLE
+    return min(max(budget * share * share, GENTLE_LEAST_V), budget)
+
+
+@compiled
+def shared(
+    K: float, T: float, usable: float, budget: float, state: State, goal_d: Goal, goal_c: Goal
+) -> tuple[float, float]:
     """Share of the budget for the difference axis with which both axes arrive together, and what is allowed [V].
 
     Each keeps what it takes to stop where it was or is sent, whichever is farther, the common axis first: beyond lie
-    solid springs. So more than a budget that has just become less may be allowed for a while.
+    solid springs. So more than is ``usable`` of the ``budget`` [V], or than a budget that has just become less, may be
+    allowed for a while.
     """
     most = max(budget, state.allowed)
     needs_c = _needed(K, T, state.c, state.goal_c, goal_c, most)
     needs_d = _needed(K, T, state.d, state.goal_d, goal_d, most - needs_c)
-    allowed = max(budget, needs_c + needs_d)
+    allowed = max(usable, needs_c + needs_d)
     low, high = needs_d / allowed, 1.0 - needs_c / allowed
     far_d, far_c = goal_d.theta - state.d.theta, goal_c.theta - state.c.theta
     w_d, w_c = state.d.omega - goal_d.rate, state.c.omega - goal_c.rate

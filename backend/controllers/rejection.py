@@ -77,13 +77,6 @@ def changed(r: Rejection, state: State, tau_ext: float) -> State:
 
 
 @compiled
-def unanswered(r: Rejection, tau_ext: float) -> State:
-    """Return a state that takes nothing of the push [N·m] that is there for balanced: as if it began now."""
-    begun = changed(r, IDLE, tau_ext)
-    return State(begun.k_ext, begun.tau, 0.0, 0.0, 0.0, 0.0)
-
-
-@compiled
 def step(r: Rejection, state: State, tau_ext: float) -> State:
     """Take the torque of a tick [N·m], its bias taken off."""
     if state.k_ext == 0.0:

@@ -210,4 +210,4 @@ def giving_way(
         Segment(T_s * span, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall, touch=touch)
         for span, S_ref in ((min(STAND_TICKS, ticks), as_it_is), (max(ticks - STAND_TICKS, 0), bounds.S_min))
     )
-    return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, parts))
+    return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, parts), gives_way=True)

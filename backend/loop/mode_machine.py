@@ -297,4 +297,4 @@ class ModeMachine:
         if isinstance(self.motion, Trial):  # which way it turns is not known: to brake could be to drive on
             self._enter(now, Mode.OFF, None, cause)
             return
-        self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), now.m), cause)
+        self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), now.m, self.tunings.gains.u_max), cause)

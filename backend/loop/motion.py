@@ -52,6 +52,13 @@ class Motion:
             self._cell.field("target").put(target)
 
 
+def _held(carry: Carry, m: Measurement, u_max: float) -> tuple[float, float]:
+    """Voltages [V] that the motor loops would go on with."""
+    references = carry.theta_A_ref, carry.theta_B_ref
+    held, _ = motors.step(carry.gains, carry.state, *references, m.theta_A, m.theta_B, u_max)
+    return held.u_A, held.u_B
+
+
 class Rest(Motion):
     """None: zero volts."""
 
@@ -82,8 +89,8 @@ class Travel(Motion):
 class Braking(Motion):
     """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
 
-    def __init__(self, carry: Carry, m: Measurement) -> None:
-        super().__init__(carry, soft_stop.begin(m))
+    def __init__(self, carry: Carry, m: Measurement, u_max: float) -> None:
+        super().__init__(carry, soft_stop.begin(*_held(carry, m, u_max), m))
 
 
 class ForceHold(Motion):
@@ -109,10 +116,14 @@ class Tracking(Motion):
         bounds: Bounds,
         position_loop: bool,
         program: Program | None = None,
+        *,
+        gives_way: bool = False,
     ) -> None:
-        here = tracking.here(tuning, m, bounds)
+        """Begin where nothing has to move; a joint that ``gives_way`` is to rest where it is now."""
+        here = tracking.here(tuning, m, bounds, position_loop=position_loop or gives_way)
         player = player_of(() if program is None else program.segments, here)
-        law = cascade.take_over(tuning, carry.state, carry.gains, carry.theta_A_ref, carry.theta_B_ref, m)
+        references = carry.theta_A_ref, carry.theta_B_ref
+        law = cascade.take_over(tuning, carry.state, carry.gains, *references, m, here.q_ref)
         super().__init__(carry, tracking.State(law, position_loop, program is not None, player), here)
 
 
@@ -150,9 +161,7 @@ class Baseline(Motion):
     ) -> None:
         """Raise TuningError where the law has no gains for these λ."""
         here = tracking.here(tuning, m, bounds)
-        references = carry.theta_A_ref, carry.theta_B_ref
-        held, _ = motors.step(carry.gains, carry.state, *references, m.theta_A, m.theta_B, tuning.u_max)
-        kind, own, law = BASELINES[program.law](parameters, lambdas, (held.u_A, held.u_B), m)
+        kind, own, law = BASELINES[program.law](parameters, lambdas, _held(carry, m, tuning.u_max), m)
         super().__init__(carry, kind(own, law, player_of(program.segments, here)), here)
 
 

@@ -80,12 +80,12 @@ def acting(y: cascade.Output) -> int:
     )
 
 
-def begin(tuning: cascade.Tuning, carry: Carry, m: Measurement) -> cascade.State:
-    """Take over the motor loops without a bump."""
-    return cascade.take_over(tuning, carry.state, carry.gains, carry.theta_A_ref, carry.theta_B_ref, m)
+def here(tuning: cascade.Tuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True) -> Target:
+    """Return references with which nothing has to move, as far as references may go.
 
-
-def here(tuning: cascade.Tuning, m: Measurement, bounds: Bounds) -> Target:
-    """Return references where the joint is, as far as references may go."""
-    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
-    return Target(min(max(m.q, bounds.q_min), bounds.q_max), min(max(S, bounds.S_min), bounds.S_max), 0.0)
+    Without position loop q_ref is the equilibrium of the motors [rad], and not where a push holds the joint.
+    """
+    d = tuning.decoupler
+    q = m.q if position_loop else decoupler.equilibrium(d, m.theta_A, m.theta_B)
+    S = decoupler.stiffness(d, m.theta_A, m.theta_B)
+    return Target(min(max(q, bounds.q_min), bounds.q_max), min(max(S, bounds.S_min), bounds.S_max), 0.0)

@@ -221,7 +221,7 @@ def at_rest(rig: Rig, tuning: cascade.Tuning, q_ref: float, S_ref: float) -> tup
     x, u_A, u_B = rest_state(rig, theta_A, theta_B)
     m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
     inner = motors.at_rest(tuning.motors, theta_A, theta_B, u_A, u_B)
-    return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m)
+    return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m, x.q)
 
 
 def empty_arrays(ticks: int) -> tuple[Array, Array]:

@@ -55,10 +55,12 @@ def knowledge(parameters: PlantParameters) -> Knowledge:
 
 
 def following(known: Knowledge, u_plan: float) -> Following:
-    """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper."""
-    if u_plan == 0.0:
-        return Following(0.0, known.model, 0.0, 0.0)
-    return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, UNSEEN_S)
+    """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper.
+
+    The paper's law is linear throughout where the joint's encoder has no counts: nothing rests there.
+    """
+    unseen_S = UNSEEN_S if u_plan > 0.0 or known.q_count > 0.0 else 0.0
+    return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, unseen_S)
 
 
 def rejection(known: Knowledge, inner: motors.Gains, k_ext: float) -> Rejection:

@@ -139,22 +139,6 @@ def test_a_sine_is_followed(name: str) -> None:
     assert errors[False] > 0.3  # the paper's law lags
 
 
-def test_at_rest_nothing_hunts() -> None:
-    """Twenty seconds after a move, on friction, counts and noise."""
-    lab = load_parameters("lab")
-    swing = {}
-    for budget in (0.0, usual_budget(lab)):
-        tuning = cascade_tuning(lab, LAMBDAS, u_plan=budget)
-        ticks = AT, 25_000
-        found = run(lab, tuning, np.repeat([-0.7, 0.3], ticks), np.repeat([12.0, 10.0], ticks))
-        rest = slice(AT + 5000, None)
-        swing[budget > 0.0] = float(np.ptp(found.u_A[rest])), float(np.ptp(found.S[rest]))
-        assert np.max(np.abs(found.q[rest] - 0.3)) <= COUNT if budget else True
-    assert swing[True][0] <= 0.15
-    assert swing[True][1] <= 0.005
-    assert swing[True][0] < 0.5 * swing[False][0]
-
-
 def without_and_with(
     before: cascade.Tuning, after: cascade.Tuning, at: int
 ) -> tuple[Array, Array, cascade.State, cascade.State, cascade.State]:

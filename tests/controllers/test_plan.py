@@ -78,8 +78,7 @@ def test_an_axis_behind_the_electrical_lag_turns_as_integrated_by_somebody_else(
 
 
 def standing(q: float, stiffness: float) -> plan.State:
-    theta_A, theta_B = decoupler.motor_positions(D, q, stiffness)
-    return plan.begin(D, MODEL, q, theta_A, theta_B, 0.0, 0.0)
+    return plan.begin(D, MODEL, q, stiffness, 0.0, 0.0)
 
 
 def step(state: plan.State, q_ref: float, S_ref: float, budget: float = BUDGET) -> tuple[plan.Driven, plan.State]:
@@ -93,7 +92,7 @@ def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: 
     start = np.array([plan.now(D, state).theta_A, plan.now(D, state).theta_B])
     far = (goal - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
     goals = axis.Goal(state.d.theta + far[0], 0.0), axis.Goal(state.c.theta + far[1], 0.0)
-    share, allowed = plan.shared(K, T, BUDGET, state, *goals)
+    share, allowed = plan.shared(K, T, BUDGET, BUDGET, state, *goals)
     assert allowed == BUDGET
     least = max(
         axis.duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
