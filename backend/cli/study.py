@@ -15,7 +15,7 @@ from backend.cli.place import DataFolder, ParameterSet, StationName, database_of
 from backend.reading import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.messages.study import StudyDetail, StudyView
+    from backend.messages.study import StudyDetail, StudyFigure, StudyView
     from backend.studies.crew import Crew
     from backend.studies.maps import Map
     from backend.studies.point import Base
@@ -244,8 +244,6 @@ def _say(found: "StudyDetail", *, as_json: bool) -> None:
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
-    from backend.studies.point import UNSTABLE
-
     study = found.study
     ends = ", ".join(f"{count} {state}" for state, count in study.ends.items())
     out.print(f"study {study.id}, {study.title}: {study.state}, {study.done} of {study.points} runs", highlight=False)
@@ -260,33 +258,31 @@ def _say(found: "StudyDetail", *, as_json: bool) -> None:
             f"(95 % confidence interval {share.low:.1f} to {share.high:.1f} %){left}",
             highlight=False,
         )
-    print_table(
-        ("figure", "runs", "least", "5 %", "median", "mean", "95 %", "largest", "std. dev.", "unit"),
-        [
-            (
-                item.name,
-                f"{item.count} of {item.count + item.missing}",
-                *(
-                    read(value, item.unit, angles()) if value is not None else UNSTABLE if item.unstable else "one run"
-                    for value in (
-                        item.least,
-                        item.p5,
-                        item.median,
-                        item.mean,
-                        item.p95,
-                        item.largest,
-                        item.deviation,
-                    )
-                ),
-                reading_of(item.unit, angles()).unit,
-            )
-            for item in found.figures
-        ],
-    )
+    print_table(("figure", "runs", "mean", "std. dev.", "unit"), [_mean(item) for item in found.figures])
+    print_table(("figure", "least", "5 %", "median", "95 %", "largest"), [_percentiles(item) for item in found.figures])
     if found.rows:
         names = list(found.rows[0].values)
         rows = [(row.number, *(row.values.get(name) for name in names), row.state, row.detail) for row in found.rows]
         print_table(("run", *names, "end", "detail"), rows)
+
+
+def _mean(item: "StudyFigure") -> tuple[object, ...]:
+    runs = f"{item.count} of {item.count + item.missing}"
+    unit = reading_of(item.unit, angles()).unit
+    return item.name, runs, _statistic(item, item.mean), _statistic(item, item.deviation), unit
+
+
+def _percentiles(item: "StudyFigure") -> tuple[object, ...]:
+    values = (item.least, item.p5, item.median, item.p95, item.largest)
+    return item.name, *(_statistic(item, value) for value in values)
+
+
+def _statistic(item: "StudyFigure", value: float | None) -> float | str:
+    from backend.studies.point import UNSTABLE
+
+    if value is None:
+        return UNSTABLE if item.unstable else "one run"
+    return read(value, item.unit, angles())
 
 
 def _left(study: "StudyView") -> str:

@@ -30,6 +30,7 @@ def draw_map(
     """
     table = np.array([[np.nan if value is None else value for value in row] for row in cells], np.float64)
     with figure(1, height_in=4.2) as (drawn, axes):
+        axes.grid(visible=False)  # its lines would cross the numbers
         low, high = colour_range(table[np.isfinite(table)].tolist())
         image = axes.imshow(table, origin="lower", aspect="auto", cmap="viridis", vmin=low, vmax=high)
         for axis, (name, values) in ((axes.xaxis, x), (axes.yaxis, y)):
