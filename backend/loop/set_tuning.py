@@ -31,9 +31,9 @@ class SetTuning:
     """Replace all gains at once, bumpless: the motor voltages do not jump.
 
     The service computes gains from models and λ; the loop only applies them. ``interpolate`` chooses between gain
-    scheduling and switching with hysteresis when there is more than one entry. ``u_plan`` [V] is the budget of the plan
-    that the references are followed by, 0 for the governor of the paper. ``k_ext`` [1]: share of the outside force that
-    is rejected by feed-forward, where its bias was learned.
+    scheduling and switching with hysteresis when there is more than one entry. ``u_plan`` [V] is the voltage limit of
+    time-optimal motion, 0 for lambda motion. ``k_ext`` [1]: share of the outside force that is rejected by
+    feed-forward, where its bias was learned.
     """
 
     lam_q: float

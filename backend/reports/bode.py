@@ -33,8 +33,8 @@ NOTES = (
     "Bandwidth and resonance are relative to the gain 1 at rest, which integral action gives. Between two lines, and "
     "between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic.",
     "Predicted is what the plant, linearised about the references with its identified numbers, voltages held over a "
-    "period, and the loops as they run give with the gains in use. With a plan its model and voltages are in it, as "
-    "long as the voltage that the references ask for is within the budget. Friction is not.",
+    "period, and the loops as they run give with the gains in use. In time-optimal motion the trajectory is in it, "
+    "as long as the voltage that the references ask for is within its limit. Friction is not.",
 )
 
 

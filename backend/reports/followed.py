@@ -1,4 +1,4 @@
-"""Beside a run whose references a plan has followed: what the paper's law would have made of them."""
+"""Beside a run in time-optimal motion: what lambda motion, the paper's law, would have made of its references."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 UNITS = {"q": "rad", "S": "N·m/rad"}
 
 GOVERNOR = (
-    "Beside it stands what the same references would have become with the governor of the paper in place of the plan, "
+    "For comparison: the same references with the governor of the paper (lambda motion) in place of the trajectory, "
     "all else alike: simulated with the run's own parameters, gains, push and seed, from rest at its first references. "
-    "It is no measurement. The plan takes the lags of the loops off the way of a reference; λ says, as ever, how "
-    "what is left of model and actuator is corrected (docs/decisions/0046)."
+    "It is no measurement. With the trajectory the lags of the loops do not delay a reference; λ sets how deviations "
+    "of the actuator from its model are corrected (docs/decisions/0046)."
 )
 
 

@@ -14,8 +14,9 @@ NOTES = (
     "A stretch is held where the references stand as before it and nothing pushes or loads. Readings are what the "
     "encoders tell: a joint that stands between two counts may show either, so half a count is granted where they have "
     "counts. Motors are told to move in a tick in which the count of either changed.",
-    "Against stiction an integrator hunts for a count forever; with a plan the outer integrators leave alone what is "
-    "less than a count of the joint and 0.01 N·m/rad. The paper's law has no such zone.",
+    "Against stiction an integrator hunts for a count forever. Once the joint has arrived, the outer integrators "
+    "ignore errors below half a count of the joint and 0.01 N·m/rad, in both motions. The law as printed in the paper "
+    "does not.",
 )
 
 

@@ -27,7 +27,7 @@ from plant.interface import T_s
 NOTES = (
     "Deviations count from the tenth of a second before each push. Expected is what the plant, linearised with its "
     "identified numbers, and the loops as they run give under the same force with the gains in use; friction is not in "
-    "it. A plan changes nothing about it: the loops that answer a push are the same.",
+    "it. It is the same in both motions: the loops that answer a push are the same.",
     "Static is r_j F/S: so far the joint gives way to a constant force where the position loop is open. A step in "
     "closed loop exceeds it by the joint's swing, and is then brought back by the integral; an impulse is over before.",
 )

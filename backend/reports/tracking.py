@@ -119,8 +119,8 @@ def _what_shapes_a_step(law: PapersLaw | None) -> str:
             "stay within their voltage."
         )
     return (
-        "A plan moves a model of motors and joint, and its voltages the motors: a step takes what the motors need "
-        "within the plan's budget, and λ corrects what is left."
+        "A trajectory moves a model of motors and joint, and its voltages drive the motors: a step takes the time that "
+        "the motors need within the voltage limit, and λ sets how deviations from the model are corrected."
     )
 
 

@@ -177,7 +177,7 @@ class Previewer:
         return plan_range(self._parameters)
 
     def require_safe(self, lambdas: Lambdas, u_plan: float = 0.0) -> None:
-        """Raise OutOfRangeError unless both λ and the budget of the plan [V] lie in the offered range."""
+        """Raise OutOfRangeError unless both λ and the trajectory's voltage limit [V] are offered."""
         require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
         remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"

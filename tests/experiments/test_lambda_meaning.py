@@ -64,7 +64,8 @@ def test_the_motions_are_compared_on_the_same_steps() -> None:
     played = play("ideal", plan, LoopSettings())
     assert not [item.name for item in played.criteria if item.passed is not True]
     by_phase = {
-        name: [step.reach_s for step in played.metrics.steps if step.phase == name] for name in ("by_lambda", "time_optimal")
+        name: [step.reach_s for step in played.metrics.steps if step.phase == name]
+        for name in ("by_lambda", "time_optimal")
     }
     assert len(by_phase["by_lambda"]) == len(by_phase["time_optimal"]) == 8
     for slow, fast in zip(*by_phase.values(), strict=True):

@@ -240,7 +240,7 @@ def _limits(columns: Columns, window: slice, planned: bool) -> str:
     """Return which limit acted in a stretch and for how long, "" where none did: what it did is no linear response."""
     flags = np.asarray(columns["limits"][window]).astype(int)
     for limit, words in _ACTED.items():
-        if limit is Limit.GOVERNOR and planned:  # there it says that the plan is on its way
+        if limit is Limit.GOVERNOR and planned:  # there it says that the trajectory moves
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))
         if ticks:
