@@ -8,7 +8,8 @@ export const TUNING = {
   lam_motor: 0.0854,
   b: 0,
   interpolate: false,
-  u_plan: 0,
+  motion: "lambda",
+  u_plan: 8.5,
   k_ext: 0,
   bank: null,
 };

@@ -24,7 +24,8 @@ const GEOMETRY = {
   lam_motor: 0.0854,
   b: 0,
   interpolate: false,
-  u_plan: 0,
+  motion: "lambda",
+  u_plan: 8.5,
   bank: null,
 };
 const CHOSEN = {
@@ -33,10 +34,20 @@ const CHOSEN = {
   lam_motor: 0.09,
   b: 0.25,
   interpolate: true,
-  u_plan: 8.5,
+  motion: "time-optimal",
+  u_plan: 6,
   bank: BANK,
 };
-const LENT = { lam_q: 1.5, lam_S: 1.2, lam_motor: 0.0854, b: 1, interpolate: false, u_plan: 0, bank: null };
+const LENT = {
+  lam_q: 1.5,
+  lam_S: 1.2,
+  lam_motor: 0.0854,
+  b: 1,
+  interpolate: false,
+  motion: "lambda",
+  u_plan: 8.5,
+  bank: null,
+};
 
 type Tuned = typeof GEOMETRY | typeof CHOSEN;
 
@@ -61,7 +72,8 @@ const KIND: ExperimentKind = {
     setting("b", 0),
     setting("bank", 0),
     setting("interpolate", false),
-    setting("u_plan", 0, "V"),
+    { ...setting("motion", "lambda"), choices: ["lambda", "time-optimal"] },
+    setting("u_plan", 8.5, "V"),
     setting("seed", 0),
   ],
 };
@@ -126,6 +138,7 @@ function standing(): Record<string, unknown> {
     b: number("What b is"),
     bank: number("Models that the gains come from"),
     interpolate: (screen.getByRole("switch", { name: /^What interpolate is/ }) as HTMLInputElement).checked,
+    motion: (screen.getByLabelText("What motion is") as HTMLSelectElement).value,
     u_plan: number("What u_plan is [V]"),
     seed: number("What seed is"),
   };
@@ -156,6 +169,7 @@ it("says of each of its fields what it is for and what is accepted, without a fu
     lam_S: "0 … 100 s",
     lam_motor: "0.05 … 0.2 s", // what the state offers now, in place of what was declared
     interpolate: "",
+    motion: "lambda, time-optimal",
     u_plan: "0 … 100 V",
   };
   expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 … 100"]]));

@@ -44,6 +44,7 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
       <div className={styles.row}>
         <Explained of="setting:tuning.motion">Motion</Explained>
         <SegmentedControl
+          className={styles.motions}
           size="xs"
           aria-label="Motion"
           data={[...MOTIONS]}
@@ -54,14 +55,17 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
             if (chosen !== undefined) choose.mutate({ motion: chosen });
           }}
         />
-        {motion === "time-optimal" && (
+      </div>
+      {motion === "time-optimal" && (
+        <div className={styles.limitRow}>
+          <Explained of="setting:tuning.u_plan">Voltage limit</Explained>
           <ValueBox
             label="Voltage limit of time-optimal motion [V]"
             unit="V"
             value={limit.value}
             decimals={DECIMALS}
             step={STEP_V}
-            width={84}
+            width={124}
             disabled={disabled}
             onCommit={limit.commit}
             onProblem={setProblem}
@@ -69,8 +73,8 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
             entry={fieldEntry("tuning.u_plan", angles, { minimum: u_plan_min, maximum: u_plan_max })}
             refused={refused}
           />
-        )}
-      </div>
+        </div>
+      )}
       <Refusal
         id="refusal-of-u_plan"
         error={refusal}

@@ -15,8 +15,26 @@ import { LiveStore } from "../../live/store";
 import type { Tuning } from "../../wire/types";
 import { TuningChanges } from "./TuningChanges";
 
-const SAVED = { lam_q: 0.5, lam_S: 0.42, lam_motor: 0.0854, b: 0, interpolate: false, u_plan: 0, k_ext: 0 };
-const OTHER = { lam_q: 0.6, lam_S: 0.5, lam_motor: 0.09, b: 1, interpolate: true, u_plan: 8.5, k_ext: 0.7 };
+const SAVED = {
+  lam_q: 0.5,
+  lam_S: 0.42,
+  lam_motor: 0.0854,
+  b: 0,
+  interpolate: false,
+  motion: "lambda",
+  u_plan: 8.5,
+  k_ext: 0,
+};
+const OTHER = {
+  lam_q: 0.6,
+  lam_S: 0.5,
+  lam_motor: 0.09,
+  b: 1,
+  interpolate: true,
+  motion: "time-optimal",
+  u_plan: 6,
+  k_ext: 0.7,
+};
 type Part = keyof typeof SAVED;
 
 const NOTHING = { staging: false, values: {}, turn() {}, stage() {}, discard() {} };
