@@ -78,6 +78,7 @@ OTHERS = (
     "frequency_response",
     "hold_at_rest",
     "impact",
+    "motion_comparison",
 )
 IDENTIFICATIONS = ("actuator", "motor", "spring")
 LASTING: dict[str, Values] = {

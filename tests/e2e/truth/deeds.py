@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from playwright.sync_api import Locator, Page
 
 from backend.documents.run_settings import MOTIONS
-from tests.e2e.truth.moment import State
+from tests.e2e.truth.moment import Around, State
 from tests.e2e.truth.shown import Shown
 
 Value = frozenset({409, 422})
@@ -25,6 +25,7 @@ class Scene:
     shown: Shown
     state: State
     chance: random.Random
+    around: Around
     said: list[str] = field(default_factory=list)
 
     def say(self, words: str) -> None:

@@ -2,9 +2,15 @@
 
 from collections.abc import Callable
 
+from backend.documents.run_settings import MOTIONS
 from tests.e2e.truth.deeds import Deed, Scene, Value, pressing
+from tests.e2e.truth.legality import may_retune
 
 WAYS = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
+
+_TRACKING = "Tracking of position and stiffness"
+DRY_RUN_TIMEOUT_MS = 180_000
+"""The first dry run of a service starts the process that plays it."""
 
 
 def always(_scene: Scene) -> bool:
@@ -21,17 +27,77 @@ def _offers_queue(scene: Scene) -> bool:
 
 
 def _short(scene: Scene) -> None:
-    _fill(scene, "Tracking of position and stiffness", {"q_duration_s": "2", "S_duration_s": "2"})
+    _fill(scene, _TRACKING, {"q_duration_s": "2", "S_duration_s": "2"})
+
+
+def _set_loop(scene: Scene) -> None:
+    """Give the experiment a tuning of its own in some of the parts that the form offers."""
+    tuning, chance = scene.state["own_tuning"] or scene.state["tuning"], scene.chance
+    values: dict[str, str | bool] = {
+        "lam_motor": f"{chance.uniform(scene.state['tuning']['lam_motor_min'] + 1e-3, 0.15):.4f}",
+        "b": f"{chance.uniform(0.0, 1.0):.2f}",
+        "interpolate": not tuning["interpolate"],
+        "motion": next(one for one in MOTIONS if one != tuning["motion"]),
+        "u_plan": f"{chance.uniform(scene.state['tuning']['u_plan_min'] + 0.05, 8.0):.1f}",
+    }
+    chosen = {name: values[name] for name in chance.sample(sorted(values), chance.randint(0, len(values)))}
+    scene.say(f"settings of the loop {chosen}")
+    form = scene.main.locator(f"form[aria-label='{_TRACKING}']")
+    for folded in form.locator("details:not([open]) > summary").all():
+        folded.click()
+    for name, value in chosen.items():
+        box = form.locator(f"[name={name}]")
+        if isinstance(value, bool):
+            box.set_checked(value)
+        elif name == "motion":
+            box.select_option(value)
+        else:
+            box.fill(value)
+
+
+def _dry_run(scene: Scene) -> None:
+    """Play the experiment dry and wait for the result, which is compared with the answer of the service then."""
+    _short(scene)
+    _set_loop(scene)
+    with scene.page.expect_response("**/api/experiments/dry-run", timeout=DRY_RUN_TIMEOUT_MS) as answer:
+        scene.press("Dry run")
+    if answer.value.ok:
+        scene.around.dry_run = answer.value.json()
+
+
+def _retune_by_script(scene: Scene) -> None:
+    """Change parts of the operator's tuning that no page offers, by a script that gives up control afterwards."""
+    chance, tuning = scene.chance, scene.state["tuning"]
+    values = {
+        "lam_motor": round(chance.uniform(tuning["lam_motor_min"] + 1e-3, 0.12), 4),
+        "b": round(chance.uniform(0.0, 1.0), 2),
+        "interpolate": not tuning["interpolate"],
+    }
+    chosen = {name: values[name] for name in chance.sample(sorted(values), chance.randint(1, len(values)))}
+    answer = scene.around.script.put("/api/tuning", json=chosen)
+    scene.say(f"{chosen}: {answer.status_code}")
+    if scene.around.state()["holder"] is not None:
+        scene.around.script.delete("/api/control")
+
+
+def _nobody_tunes(scene: Scene) -> bool:
+    return scene.state["holder"] is None and may_retune(scene.state)
+
+
+def _undo_version(scene: Scene) -> None:
+    scene.press(next(one.name for one in scene.shown.buttons if one.name.startswith("Undo version")))
 
 
 def _experiment(scene: Scene) -> None:
     _short(scene)
+    _set_loop(scene)
     name = next(one.name for one in scene.shown.buttons if one.name.startswith("Start tracking"))
     scene.press(name)
 
 
 def _queue(scene: Scene) -> None:
     _short(scene)
+    _set_loop(scene)
     scene.press("Add to queue")
 
 
@@ -118,6 +184,11 @@ ELSEWHERE = (
     pressing("Abort softly", "experiments", 3),
     pressing("Abort softly", "identify", 1),
     Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
+    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value),
+    pressing("Close dry run", "experiments", 0.5),
+    pressing("Apply to the parameters", "identify", 3, Value),
+    Deed("undo a version of the parameters", "identify", 1.5, _offers("Undo version"), _undo_version, Value),
+    Deed("retune by a script", None, 2, _nobody_tunes, _retune_by_script, Value),
     Deed("activate a bank", "banks", 3, _offers("Activate "), _activate, Value),  # its models may allow other λ
     pressing("Back to geometry", "banks", 1, Value),
     pressing("Undo change", "banks", 1),

@@ -1,11 +1,15 @@
 """The other pages beside the service: what runs, the queue, identifications, banks, runs, the log, the chain."""
 
+import math
 from datetime import datetime
 
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
 from tests.e2e.truth.legality import compared, legal_modes, may_retune, may_start, may_undo
-from tests.e2e.truth.moment import Moment
+from tests.e2e.truth.moment import Moment, State
+from tests.e2e.truth.operate import angles_of
+
+_ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
 
 def running(moment: Moment) -> Findings:
@@ -66,9 +70,72 @@ def experiments(moment: Moment) -> Findings:
             ("Queue", f"Move experiment {item['id']} ahead"): place > 0,
             ("Queue", f"Remove experiment {item['id']} from the queue"): True,
         })  # fmt: skip
+    _dry_run(found, moment)
     start = next((one for one in shown.buttons if one.name.startswith("Start ") and one.region != "Queue"), None)
     found.same("whether an experiment can be started", start and start.enabled, free)
     return found
+
+
+def _dry_run(found: Findings, moment: Moment) -> None:
+    """Compare the result of a dry run with what the service answered."""
+    shown, told = moment.shown, moment.dry_run
+    text = shown.all["dry_run"]
+    if text is None or "being played" in text:
+        return
+    if told is None:
+        found.append(f"dry run: shown {text[:80]!r}, none was answered")
+        return
+    factors = _ANGLE_FACTORS if angles_of(moment) == "deg" else {}
+    found.holds("end of the dry run", text, _end(told["status"]))
+    if not any(unit in told["verdict"] for unit in (" rad", " deg")):
+        found.holds("verdict of the dry run", text, told["verdict"])
+    for kind, names in (("Criteria", "criteria"), ("Metrics", "metrics")):
+        rows, figures = shown.tables.get(f"{kind} of the dry run", []), told[names]
+        found.same(f"number of {names} of the dry run", len(rows), len(figures))
+        for row, one in zip(rows, figures, strict=False):
+            what = f"{one['name']} of the dry run"
+            if one["value"] is None:
+                found.same(what, row[1], "not measured")
+            else:
+                found.figure(what, row[1], one["value"] * factors.get(one["unit"], 1.0))
+            if names == "criteria":
+                word = {True: "pass", False: "fail", None: "not measured"}[one["passed"]]
+                found.same(f"result of {what}", row[3].startswith(word), True)
+
+
+def _parameters(found: Findings, moment: Moment) -> None:
+    """Compare the versions of the parameters, and what applying the shown identification would change."""
+    told, tables = moment.get("/api/parameters"), moment.shown.tables
+    rows = tables.get("Versions of the parameters", [])
+    for place, name in ((0, "number"), (2, "who"), (4, "digest")):
+        words = [str(one[name] or "nobody") if name == "who" else str(one[name])[:12] for one in told["versions"]]
+        found.same(f"{name} of the versions of the parameters", [row[place] for row in rows], words)
+    newest = told["versions"][0]
+    _parameter_changes(found, tables.get("Parameters that changed", []), newest["changes"] if newest["number"] else [])
+    offers = _first_estimate(moment)
+    if "Parameters that would change" in tables and offers is not None:
+        proposal = moment.get(f"/api/parameters?estimate={offers}")["proposal"]
+        _parameter_changes(found, tables["Parameters that would change"], proposal["changes"])
+    off = moment.state["mode"] == "off"
+    for button in moment.shown.buttons:
+        if button.name == "Apply to the parameters" or button.name.startswith("Undo version"):
+            found.same(f"whether {button.name!r} can be pressed", button.enabled, off)
+
+
+def _parameter_changes(found: Findings, rows: list[list[str]], changes: list[State]) -> None:
+    found.same("number of parameters that change", len(rows), len(changes))
+    for row, one in zip(rows, changes, strict=False):
+        for place, name in ((1, "before"), (2, "after")):
+            if one[name] is not None:
+                found.figure(f"{one['name']} {one['side']} {name}", row[place], one[name])
+
+
+def _first_estimate(moment: Moment) -> int | None:
+    """Return the estimate of the identification that the page shows: the one of its address, else the newest."""
+    told = moment.get("/api/identifications")["identifications"]
+    address = moment.shown.all["hash"].rpartition("/")[2]
+    number = int(address) if address.isdigit() else told[0]["id"] if told else None
+    return next((one["estimate"] for one in told if one["id"] == number), None)
 
 
 def identify(moment: Moment) -> Findings:
@@ -81,6 +148,7 @@ def identify(moment: Moment) -> Findings:
         box = shown.box(f"Use run {one['id']}")
         may = one["kind"] == "actuator" and one["usable"]
         found.same(f"whether run {one['id']} can be used for a bank", bool(box and box.enabled), may)
+    _parameters(found, moment)
     start = shown.button("Start identification")
     leaves = "would leave the range" in " ".join(shown.told.values())  # as the forecast of what stands in the form says
     if not leaves:

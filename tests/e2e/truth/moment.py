@@ -29,6 +29,7 @@ class Moment:
     def __init__(self, shown: Shown, state: State, around: "Around", rows: NDArray[np.float64], took_s: float) -> None:
         self.shown, self.state, self._around, self._rows, self._took_s = shown, state, around, rows, took_s
         self._asked: dict[str, Any] = around.asked
+        self.dry_run = around.dry_run
 
     def get(self, path: str) -> Any:
         """What the service answers to a GET, asked once for each reading of the page."""
@@ -75,6 +76,7 @@ class Around:
         self.script = client_with(service, "token")
         self.timings: deque[tuple[float, dict[str, Any]]] = deque()
         self.asked: dict[str, Any] = {}
+        self.dry_run: State | None = None
         self._loop = Loop(service.pid)
         self._starts = 0
 

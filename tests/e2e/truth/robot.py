@@ -7,18 +7,21 @@ seed does the same deeds as long as page and loop come to the same states.
 import json
 import random
 import secrets
+import time
 from collections.abc import Callable
 from contextlib import closing
 
 from playwright.sync_api import Browser, Error, Response, expect
 
+from tests.api.conftest import until_state
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.service import Service
 from tests.e2e.sharing import sign_in_at
-from tests.e2e.truth.checked import settled
+from tests.e2e.truth.checked import SETTLED_S, settled
 from tests.e2e.truth.deeds import ON_OPERATE, Deed, Scene
 from tests.e2e.truth.deeds_elsewhere import ELSEWHERE
+from tests.e2e.truth.logged import Account, account_of, unlogged
 from tests.e2e.truth.moment import Around, State
 
 DEEDS = (*ON_OPERATE, *ELSEWHERE)
@@ -46,6 +49,7 @@ class Robot:
         sign_in_at(self.page, service, "operate")
         self.around = Around(self.page, service)
         self._trail: list[str] = []
+        self._logged: Account
         self._refused: list[Response] = []
         self.page.on("response", self._hear)
 
@@ -56,6 +60,8 @@ class Robot:
     def work(self, count: int) -> None:
         """Do so many deeds. Raises UntrueError."""
         _give_banks(self.around)
+        _identify_motors(self.around)
+        self._logged = account_of(self.around)
         self._check("beginning")
         for number in range(1, count + 1):
             self._step(number)
@@ -65,12 +71,12 @@ class Robot:
 
     def _step(self, number: int) -> None:
         before, _ = self.around.look()
-        scene = Scene(self.page, before.shown, before.state, self._chance)
+        scene = Scene(self.page, before.shown, before.state, self._chance, self.around)
         deed = self._chosen(scene)
         if deed.place is not None and deed.place != scene.shown.place:
             self._go(deed.place)
             before, _ = self.around.look()
-            scene = Scene(self.page, before.shown, before.state, self._chance)
+            scene = Scene(self.page, before.shown, before.state, self._chance, self.around)
             if not deed.offered(scene):  # what was trusted in is not offered there now: something else is done
                 deed = self._chosen(scene, elsewhere=False)
         self._refused.clear()
@@ -85,6 +91,7 @@ class Robot:
         said = f"{words} on {scene.shown.place}: {', '.join(scene.said)}"
         self._trail.append(f"{said} (mode {scene.state['mode']})")
         self._check(said)
+        self._check_log(said)
         self._look_at_refusals(deed, scene.state)
 
     def _chosen(self, scene: Scene, *, elsewhere: bool = True) -> Deed:
@@ -104,6 +111,15 @@ class Robot:
         found = settled(self.around)
         if found:
             raise UntrueError(self._told(f"after {after}:\n" + "\n".join(f"  {one}" for one in found)))
+
+    def _check_log(self, after: str) -> None:
+        """Compare the log with the state; what happened last may be on its way to the log."""
+        deadline = time.monotonic() + SETTLED_S
+        while found := unlogged(self._logged, now := account_of(self.around)):
+            if time.monotonic() > deadline:
+                raise UntrueError(self._told(f"after {after}:\n" + "\n".join(f"  {one}" for one in found)))
+            self.page.wait_for_timeout(_BETWEEN_DEEDS_MS)
+        self._logged = now
 
     def _look_at_refusals(self, deed: Deed, before: State) -> None:
         after = self.around.state()
@@ -158,6 +174,18 @@ def _give_banks(around: Around) -> None:
         entries = [{"S_nominal": S, "tension_N": F, **_ENTRY} for S, F in points]
         bank = {"format": "sinew-bank", "version": 1, "name": name, "entries": entries}
         around.script.post("/api/banks/file", json=bank).raise_for_status()
+
+
+def _identify_motors(around: Around) -> None:
+    """Identify the motors once, so that there is something to apply; the actuator is off afterwards."""
+    script = around.script
+    script.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    until_state(script, lambda state: state["pretension_done"], "the pretension is not reached")
+    settings = {"levels": 2, "step_s": 0.3, "settle_s": 0.5}
+    script.post("/api/identifications", json={"kind": "motor", **settings}).raise_for_status()
+    until_state(script, lambda state: state["task"] is None, "the identification does not end")
+    script.post("/api/mode", json={"mode": "off"}).raise_for_status()
+    script.delete("/api/control").raise_for_status()
 
 
 def fresh_seed() -> int:

@@ -54,6 +54,7 @@ _READ = """() => {
         facts: Object.fromEntries(all("main dl").flatMap(one => [...one.querySelectorAll("dt")].map(
             term => [words(term), words(term.nextElementSibling)]))),
         metrics: [...document.querySelectorAll("header [aria-label='Loop timing'] > span")].map(words),
+        dry_run: all("main section[aria-label='Dry run']").map(words)[0] ?? null,
         badge: badge === null ? null : [words(badge), label(badge)],
         images: all("header [role=img]").map(nameOf),
         link: document.querySelector("[role=status][aria-label=Link]")?.dataset.health ?? null,
