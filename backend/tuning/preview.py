@@ -32,7 +32,7 @@ from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
 from backend.tuning.motor_loop import common_range, motor_lambda, motor_robustness
 from backend.tuning.plan_budget import plan_range, require_budget
-from backend.tuning.push_forecast import PushForecast, push_forecast
+from backend.tuning.push_forecast import PUSH_N, PushForecast, push_forecast
 from backend.tuning.remembered import remembered
 from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
 from backend.tuning.sampled_loop import Sampled, held_plant
@@ -199,14 +199,16 @@ class Previewer:
         u_plan: float = 0.0,
         shares: Sequence[float] = (0.0,),
         steps: Steps | None = None,
+        F_push: float = PUSH_N,
         printed: bool = False,
         each: Callable[[Callable[[Job], object], Iterable[Job]], Iterable[object]] = map,
     ) -> Preview:
         """Preview at S [N·m/rad], by default that of the first point, in the motion that ``u_plan`` [V] says.
 
         ``entry``: the one in use at present, −1 for the one nearest to S; ``shares`` [1]: of a push, fed forward
-        against it; ``steps``: by default those of ``steps_at``; ``printed``: with what the printed formula would do;
-        ``each``: ``map``, or one that does several at a time: compiled simulations let other threads go on.
+        against it; ``steps``: by default those of ``steps_at``; ``F_push`` [N]; ``printed``: with what the printed
+        formula would do; ``each``: ``map``, or one that does several at a time, as compiled simulations let other
+        threads go on.
         Raises TuningError for a λ that has no gains.
         """
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
@@ -228,7 +230,9 @@ class Previewer:
 
         def pushed(share: float) -> PushForecast:
             rejecting = tuning._replace(rejection=rejection(known, tuning.motors, share))
-            return push_forecast(self._parameters, rejecting, S, lambdas.lam_q, entry=active, rig=rig, held=held)
+            return push_forecast(
+                self._parameters, rejecting, S, lambdas.lam_q, F_push, entry=active, rig=rig, held=held
+            )
 
         def printed_loop(number: int) -> Printed:
             as_printed = self._printed_gains(lambdas)[round(active)][number]

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from functools import partial
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, Locator, Route, expect
 
@@ -250,6 +251,57 @@ def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> No
     forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
     expect(forecast).to_contain_text(re.compile(r"peak \d+\.\d of 10 V, tension ≥ \d+\.\d N"))
     printed.uncheck()
+
+
+PREVIEWS = re.compile(r"/api/tuning/preview\?")
+
+
+@pytest.mark.parametrize("motion", ["lambda", "time-optimal"])
+def test_a_preview_of_an_earlier_value_is_grey_until_its_own_is_there(
+    tuning: Operator, service: Service, motion: str
+) -> None:
+    """Said to assistive technology too; then each number is the service's for the value in hand."""
+    page, held = tuning.page, list[Route]()
+    with client_with(service, "token") as script:
+        script.put("/api/tuning", json={"motion": motion, "u_plan": 8.5}).raise_for_status()
+    shown_parts = {
+        "loop": page.get_by_role("group", name="Preview of λ_q", exact=True),
+        "step": page.get_by_role("status", name="Forecast of a 60° step", exact=True),
+        "push": page.get_by_role("status", name="Forecast of a push", exact=True),
+    }
+    trajectory = " on its trajectory" if motion == "time-optimal" else ""
+    expect(shown_parts["step"]).to_contain_text(f"N·m/rad{trajectory}: 90 %", timeout=MOTION_TIMEOUT_MS)
+    for part in shown_parts.values():
+        expect(part).to_have_attribute("aria-busy", "false")
+    before = {name: part.inner_text() for name, part in shown_parts.items()}
+
+    page.get_by_role("switch", name="Stage changes").check()
+    page.route(PREVIEWS, lambda route: held.append(route))
+    tuning.enter("λ_q value [s]", 1.3)
+    tuning.wait(lambda: len(held) > 0)
+    for name, part in shown_parts.items():
+        expect(part).to_have_attribute("aria-busy", "true")
+        expect(part).to_have_css("opacity", "0.45")
+        assert part.inner_text().startswith(before[name])
+    page.unroute(PREVIEWS)
+    for route in held:
+        route.continue_()
+    for part in shown_parts.values():
+        expect(part).to_have_attribute("aria-busy", "false", timeout=MOTION_TIMEOUT_MS)
+        expect(part).to_have_css("opacity", "1")
+    query = httpx.URL(held[-1].request.url).params
+    assert query["lam_q"] == "1.3"
+    with client_with(service, "token") as script:
+        told = script.get("/api/tuning/preview", params=query).raise_for_status().json()
+    push, step = told["pushed"]["without"], told["step_q"]
+    time_s = push["back_s"] if trajectory else step["rise_s"]
+    expect(shown_parts["loop"]).to_contain_text(re.compile(rf"{told['position']['M_s']:.2f}.*{time_s:.2f}", re.S))
+    expect(shown_parts["step"]).to_contain_text(
+        f"90 % after {step['rise_s']:.2f} s, within 2 % after {step['settling_s']:.2f} s"
+    )
+    expect(shown_parts["step"]).to_contain_text(f"tension ≥ {step['F_min_N']:.1f} N")
+    expect(shown_parts["push"]).to_contain_text(f"after {push['back_s']:.2f} s")
+    page.get_by_role("switch", name="Stage changes").uncheck()
 
 
 WRITTEN_ANEW = """() => new Promise((resolve) => {

@@ -1,0 +1,258 @@
+"""A tuning as previewed, and as the whole loop runs it on the simulator: figures of both, and how far they differ.
+
+What is measured comes from the samples of ``Headless``: pretension, modes, encoders, references and pushes as an
+operator commands them. Nothing of the preview's own simulation is in it.
+"""
+
+import math
+from collections.abc import Coroutine, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from backend.loop.commands import Accepted, Command, Push, SetMode, SetReferences
+from backend.loop.headless import Headless
+from backend.loop.mode import Mode
+from backend.loop.ring import Ring
+from backend.loop.tuned import tuning_for
+from backend.sample import INDEX
+from backend.tuning.closed_loop import Array
+from backend.tuning.gains import motor_loops
+from backend.tuning.models import Lambdas, PointModel, designed_point
+from backend.tuning.preview import Previewer, Steps
+from backend.tuning.push_forecast import NEAR_RAD, PUSH_N
+from backend.tuning.step_forecast import BAND
+from plant.interface import T_s
+from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+
+NOMINAL = (8.24, 10.55, 12.43, 14.06)
+"""Stiffness at 10, 20, 30, 40 N (method section 1)."""
+
+JOINT_COUNT, MOTOR_COUNT = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
+"""Of the paper's encoders [rad]; ``ideal`` has none, and is held to these all the same."""
+
+S_COUNT = 0.721 * MOTOR_COUNT
+"""What one motor count is worth in S [N·m/rad] (method section 4: 0.721 N·m/rad per rad)."""
+
+LEFT_ALONE_S = 0.01
+"""Error of S that the loop of ``lab`` leaves alone at rest [N·m/rad], on either side: what a count is to the joint."""
+
+RELATIVE, COUNTS = {"ideal": 0.03, "lab": 0.06}, {"ideal": 1, "lab": 2}
+"""What a preview may be off: a share of what is measured, or so many counts."""
+
+_PUSHED_S = 5.0
+"""A push is ordered again so often [s]: one lasts for 10 s at most."""
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A tuning and what is commanded under it; ``points`` empty for gains from geometry."""
+
+    name: str
+    u_plan: float
+    lambdas: Lambdas
+    points: tuple[PointModel, ...]
+    interpolate: bool
+    q: tuple[float, float]
+    S: tuple[float, float]
+    F_push: float
+
+
+def cases(seed: int, count: int) -> Iterator[Case]:
+    """Yield cases over what an operator is offered: both sets and motions in turn, all else at random."""
+    random = np.random.default_rng(seed)
+    ranges: dict[tuple[str, bool, float], tuple[float, float]] = {}
+    for number in range(count):
+        name, planned = ("ideal", "lab")[number % 2], number % 4 >= 2
+        parameters = load_parameters(name)
+        points = bank(parameters) if random.random() < 0.5 else ()
+        b = float(random.choice([0.0, 0.0, 0.5, 1.0]))
+        if (name, bool(points), b) not in ranges:
+            ranges[name, bool(points), b] = Previewer(parameters, points, b=b).safe_range()
+        lam_q, lam_S = (
+            float(np.exp(random.uniform(np.log(low), np.log(3.0)))) for low in ranges[name, bool(points), b]
+        )
+        q = [float(x) for x in random.uniform(-1.3, 1.3, 2)]
+        while abs(q[1] - q[0]) < 0.1:
+            q[1] = float(random.uniform(-1.3, 1.3))
+        S = [float(x) for x in random.uniform(8.0, 15.0, 2)]
+        while abs(S[1] - S[0]) < 0.5:
+            S[1] = float(random.uniform(8.0, 15.0))
+        yield Case(
+            name,
+            float(random.uniform(4.0, 9.0)) if planned else 0.0,
+            Lambdas(lam_q, lam_S, b=b),
+            points,
+            bool(random.random() < 0.5),
+            (q[0], q[1]),
+            (S[0], S[1]),
+            float(random.choice([-PUSH_N, PUSH_N])),
+        )
+
+
+def bank(parameters: PlantParameters) -> tuple[PointModel, ...]:
+    """Models at four tensions, as identifications with friction find them: slower where it is tighter."""
+    at = designed_point(parameters)
+    return tuple(
+        PointModel(S, at.K_q, at.T_q * (1.0 + 0.03 * place), at.K_S, at.T_S * (1.0 + 0.02 * place))
+        for place, S in enumerate(NOMINAL)
+    )
+
+
+class Bench:
+    """The loop on the simulator, its samples kept."""
+
+    def __init__(self, case: Case) -> None:
+        self._rows: list[Array] = []
+        self._read = 0
+        parameters = load_parameters(case.name)
+        tuning = tuning_for(parameters, case.lambdas, case.points, None, case.interpolate, case.u_plan)
+        self._loop = Headless(Simulator(parameters, seed=1), parameters, tuning, self._keep)
+        self.send(SetMode(Mode.PRETENSION))
+        for _ in range(300):
+            self.advance(0.1)
+            if self._loop._loop.pretension_done:
+                break
+        self.send(SetMode(Mode.RUN, 1))
+
+    def _keep(self, ring: Ring) -> None:
+        first, rows, missed = ring.read(self._read, 1 << 30)
+        assert missed == 0
+        self._read = first + len(rows)
+        self._rows.append(rows)
+
+    def send(self, command: Command) -> None:
+        answer = _finished(self._loop.send(command))
+        assert isinstance(answer, Accepted), answer
+
+    def advance(self, seconds: float) -> dict[str, Array]:
+        """Step for so many seconds [s] and return the samples by name."""
+        self._rows = []
+        _finished(self._loop.advance(seconds))
+        rows = np.concatenate(self._rows)
+        return {name: rows[:, INDEX[name]] for name in ("q", "S", "u_A", "u_B", "F_A", "F_B")}
+
+    def pushed(self, F_push: float, seconds: float) -> Array:
+        """Hold a push [N] and return the joint [rad]."""
+        q = []
+        while seconds > 0.0:
+            self.send(Push(F_push, min(2.0 * _PUSHED_S, seconds)))
+            q.append(self.advance(min(_PUSHED_S, seconds))["q"])
+            seconds -= _PUSHED_S
+        return np.concatenate(q)
+
+    def close(self) -> None:
+        self._loop.close()
+
+
+def _finished(work: Coroutine[Any, Any, _T]) -> _T:
+    """Run what only waits for others of its event loop, without one."""
+    while True:
+        try:
+            work.send(None)
+        except StopIteration as end:
+            return cast(_T, end.value)
+
+
+def differences(case: Case) -> dict[str, float]:
+    """How far each previewed figure is off, 1 being what is allowed, by name."""
+    parameters, lambdas = load_parameters(case.name), case.lambdas
+    previewer = Previewer(parameters, case.points, b=lambdas.b)
+    previewer.require_safe(lambdas, case.u_plan)
+    q0, S0 = case.q[0], case.S[0]
+    preview = previewer.preview(
+        lambdas,
+        S0,
+        interpolate=case.interpolate,
+        u_plan=case.u_plan,
+        steps=Steps(case.q, case.S),
+        F_push=case.F_push,
+    )
+    relative, counts = RELATIVE[case.name], COUNTS[case.name]
+    loop = motor_loops(parameters, lambdas.lam_motor).A
+    volts = counts * (loop.k_p + loop.k_d / loop.t_f) * MOTOR_COUNT
+    newtons = counts * _steepest(parameters) * parameters.geometry.r_j * JOINT_COUNT
+    held_V = _held_by_friction(parameters, max(case.S))
+    bench = Bench(case)
+    rest = 4.0 + 16.0 * max(lambdas.lam_q, lambdas.lam_S)  # the slowest pole of a loop is −1/(2 λ)
+    bench.send(SetReferences(q0, S0))
+    bench.advance(rest)
+    found: dict[str, float] = {}
+    for signal, told, count, size in (
+        ("q", preview.step_q, JOINT_COUNT, case.q[1] - q0),
+        ("S", preview.step_S, S_COUNT if case.name == "ideal" else LEFT_ALONE_S, case.S[1] - S0),
+    ):
+        bench.send(SetReferences(*((case.q[1], S0) if signal == "q" else (q0, case.S[1]))))
+        lam = lambdas.lam_q if signal == "q" else lambdas.lam_S
+        run = bench.advance(2.0 + (3.0 if case.u_plan else 9.0) * lam)
+        y = (run[signal] - told.start) / size
+        step_counts = counts * count / abs(size)
+        overshoot = 100.0 * max(y.max() - 1.0, 0.0)
+        voltage = max(float(np.abs(run[u]).max()) for u in ("u_A", "u_B"))
+        tension = min(float(run[F].min()) for F in ("F_A", "F_B"))
+        t90_s = float(np.argmax(y >= 0.9)) * T_s if (y >= 0.9).any() else math.nan
+        found |= {
+            f"t90 {signal}": _off(told.t90_s, t90_s, relative * t90_s),
+            f"settling {signal}": _time_off(told.settling_s, np.abs(y - 1.0), BAND, step_counts, relative),
+            f"overshoot {signal}": _off(
+                told.overshoot_percent, overshoot, max(relative * overshoot, 100.0 * step_counts)
+            ),
+            f"voltage {signal}": _off(
+                told.peak_voltage, voltage, max(relative * voltage, volts) + (held_V if signal == "S" else 0.0)
+            ),
+            f"tension {signal}": _off(told.least_tension, tension, max(relative * tension, newtons)),
+        }
+        bench.send(SetReferences(q0, S0))
+        bench.advance(rest)
+    bench.send(SetReferences(0.0, S0))
+    bench.advance(rest)
+    off = np.abs(bench.pushed(case.F_push, 2.0 + 9.0 * lambdas.lam_q))
+    bench.close()
+    told_push, give = preview.pushes[0], float(off.max())
+    found["give"] = _off(told_push.give, give, max(relative * give, counts * JOINT_COUNT))
+    found["back"] = _time_off(told_push.back_s, off, NEAR_RAD, counts * JOINT_COUNT, relative)
+    return found
+
+
+def _off(told: float, measured: float, allowed: float) -> float:
+    if math.isnan(told) or math.isnan(measured):
+        return 0.0 if math.isnan(told) and math.isnan(measured) else math.inf
+    return abs(told - measured) / allowed
+
+
+def _time_off(told: float, away: Array, band: float, count: float, relative: float) -> float:
+    """How far the time until ``away`` (ticks,) stays within ``band`` is off, with a count more or less of band."""
+    soonest, latest = _since(away, band + count), _since(away, band - count)
+    if math.isnan(told):
+        return 0.0 if math.isnan(latest) else math.inf
+    if math.isnan(soonest):
+        return math.inf
+    middle = min(max(told, soonest), told if math.isnan(latest) else latest)
+    return abs(told - middle) / (relative * middle) if middle > 0.0 else told / T_s
+
+
+def _since(away: Array, band: float) -> float:
+    """From when on ``away`` stays within ``band`` [s]; nan where it does not."""
+    outside = np.flatnonzero(~(away <= band + 1e-9))
+    last = int(outside[-1]) + 1 if outside.size else 0
+    return last * T_s if last < away.size else math.nan
+
+
+def _steepest(parameters: PlantParameters) -> float:
+    """Slope of the spring at 10 N [N/m], where the least tensions are."""
+    _, k1, k2 = parameters.identified.k[:3]
+    return math.sqrt(k1**2 + 4.0 * k2 * (10.0 - parameters.identified.k[0]))
+
+
+def _held_by_friction(parameters: PlantParameters, S: float) -> float:
+    """Voltage [V] by which a motor at rest may be off at S [N·m/rad], either way: that of its Coulomb friction.
+
+    A slow step of S asks for little more than the voltage at rest, and that depends on how the motors came there.
+    """
+    geometry, motor, (k0, k1, k2) = parameters.geometry, parameters.motor, parameters.identified.k[:3]
+    x = (S / (2.0 * geometry.r_j**2) - k1) / (2.0 * k2)
+    return (motor.c0 + motor.c1 * geometry.r_m * (k0 + k1 * x + k2 * x**2)) / motor.K_t
