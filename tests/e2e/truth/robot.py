@@ -13,7 +13,6 @@ from contextlib import closing
 
 from playwright.sync_api import Browser, Error, Response, expect
 
-from tests.api.conftest import until_state
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.service import Service
@@ -31,6 +30,8 @@ _CAUSES = ("mode", "task", "trial", "own_tuning", "pretension_done", "fault", "h
 """Where one of these has changed by itself, what was offered before may rightly be refused."""
 
 _BETWEEN_DEEDS_MS = 300
+_BEGINNING_S = 600.0
+"""A busy machine takes so long to load what evaluates the first identification."""
 
 
 class UntrueError(AssertionError):
@@ -180,12 +181,19 @@ def _identify_motors(around: Around) -> None:
     """Identify the motors once, so that there is something to apply; the actuator is off afterwards."""
     script = around.script
     script.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
-    until_state(script, lambda state: state["pretension_done"], "the pretension is not reached")
+    _wait_until(around, lambda state: bool(state["pretension_done"]))
     settings = {"levels": 2, "step_s": 0.3, "settle_s": 0.5}
     script.post("/api/identifications", json={"kind": "motor", **settings}).raise_for_status()
-    until_state(script, lambda state: state["task"] is None, "the identification does not end")
+    _wait_until(around, lambda state: state["task"] is None)
     script.post("/api/mode", json={"mode": "off"}).raise_for_status()
     script.delete("/api/control").raise_for_status()
+
+
+def _wait_until(around: Around, reached: Callable[[State], bool]) -> None:
+    deadline = time.monotonic() + _BEGINNING_S
+    while not reached(around.state()):
+        assert time.monotonic() < deadline, "what the robot begins with was not reached"
+        around.page.wait_for_timeout(_BETWEEN_DEEDS_MS)
 
 
 def fresh_seed() -> int:
