@@ -2,7 +2,7 @@
 # make test   installs what the tests need (a browser too) and runs what each change has to pass, in lanes: tests/lanes.py
 # Further: check, format, test-thorough (all tests, for a version), test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
 # mutate (whether the tests notice when something is computed wrongly; an hour),
-# screenshots, lock (the newest packages that pyproject.toml allows, with their hashes). Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
+# figures (the tables of the documents, computed anew), screenshots, lock (the newest packages that pyproject.toml allows, with their hashes). Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
 # ARGS goes to sinew serve, pytest, the soak or the mutants; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 EXAMPLES ?= 120
 SEED ?= 1
 
-.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate screenshots lock install install-dev install-newest frontend packages
+.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate figures screenshots lock install install-dev install-newest frontend packages
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -61,6 +61,9 @@ soak: install-dev frontend
 
 mutate: install-dev
 	$(BIN)/python -m tests.mutate $(ARGS)
+
+figures: install-dev
+	$(BIN)/python -m tests.docs.figures --write $(ARGS)
 
 screenshots: install-dev frontend
 	.ci/provide browser

@@ -12,8 +12,8 @@ from backend.identification.load_friction import (
 )
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
-from tests.bench.fidelity import default_plan
-from tests.bench.fidelity_runs import Bench
+from tests.docs.figures.identification_page import default_plan
+from tests.docs.figures.identification_runs import Bench
 
 R_M = 0.0075
 C0, C1, K_T, J, B, OFFSET_V = 0.031, 0.27, 0.42, 0.019, 0.08, 0.15

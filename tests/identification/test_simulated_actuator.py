@@ -22,8 +22,8 @@ from backend.tuning.linear_model import decoupled_model, one_motor_point
 from backend.tuning.models import LAM_MOTOR
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
-from tests.bench.fidelity import default_plan, paper_plan
-from tests.bench.fidelity_runs import Bench
+from tests.docs.figures.identification_page import default_plan, paper_plan
+from tests.docs.figures.identification_runs import Bench
 
 OMEGA = np.geomspace(0.05, 5.0, 30)
 SUM_OF_LAGS_S = 0.342

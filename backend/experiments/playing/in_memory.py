@@ -41,12 +41,13 @@ _AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class Played:
-    """How it ended, ``end_state`` an ``EndState`` value, and what was measured and judged."""
+    """How it ended, ``end_state`` an ``EndState`` value, what was recorded, measured and judged."""
 
     end_state: str
     end_detail: str
     metrics: Metrics
     criteria: tuple[Criterion, ...]
+    columns: Columns
 
 
 def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: LoopSettings, bank_of: BankOf) -> Played:
@@ -75,8 +76,8 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
     try:
         metrics, criteria = composed_result(columns, in_force, outline, 0)
     except NoSamplesError as error:
-        return Played(state.value, f"{detail}: {error}" if detail else str(error), outline, ())
-    return Played(state.value, detail, metrics, criteria)
+        return Played(state.value, f"{detail}: {error}" if detail else str(error), outline, (), columns)
+    return Played(state.value, detail, metrics, criteria, columns)
 
 
 async def _played(loop: Headless, program: Program, tuning: SetTuning) -> None:

@@ -1,0 +1,96 @@
+"""The table of docs/fidelity.md on what the outside force reads with nobody there, after learning over S."""
+
+import asyncio
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from backend.controllers import touch
+from backend.sample import INDEX
+from backend.storage import open_database
+from plant.interface import T_s
+from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+from tests.api.stepped_service import Parts, stepped
+from tests.api.test_swept_bias import Truth, zeros_off
+from tests.api.test_touch import at_rest
+from tests.api.test_touch_sweep import BEGIN, WHO, sweep_of
+from tests.docs.figures.places import Computation, Found, Table
+
+PAGE = "docs/fidelity.md"
+SEEDS = range(6)
+STIFFNESSES = np.linspace(8.1, 14.9, 20)
+
+OUTSIDE = Table(
+    PAGE,
+    "outside force",
+    ("", "learned, at S = 8 and 15", "bias, rms and largest", "shown, rms and largest"),
+)
+UNLIKE = "`lab` with a cubic and a tabulated spring, zeros found from load cells ten times as noisy"
+
+
+def computations() -> Iterator[Computation]:
+    """Return those of the page, one for each plant."""
+    for plant, name in (("lab", "`lab`"), ("lab-stick", "`lab-stick`"), ("unlike springs", UNLIKE)):
+        yield Computation(f"outside force, {plant}", (OUTSIDE,), partial(row, name))
+
+
+def row(name: str) -> Found:
+    """Return what was learned and how far it is off, over all seeds."""
+    parameters = zeros_off() if name == UNLIKE else load_parameters(name.strip("`"))
+    learned, off, shown = zip(*(swept(parameters, seed) for seed in SEEDS), strict=True)
+    return {OUTSIDE: [[name, _learned(np.array(learned)), _largest(np.array(off)), _largest(np.array(shown))]]}
+
+
+def _learned(ends: np.ndarray) -> str:
+    """Return what was learned at both ends of S, (seeds, 2) [N]: the mean, or the range where seeds differ."""
+    low, high = (f"{end.mean():.2f}" if np.ptp(end) < 0.1 else f"{end.min():.2f} to {end.max():.2f}" for end in ends.T)
+    return f"{low} and {high} N"
+
+
+def _largest(error: np.ndarray) -> str:
+    return f"{np.sqrt(np.mean(error**2)):.3f}, {np.abs(error).max():.3f} N"
+
+
+def swept(parameters: PlantParameters, seed: int) -> tuple[tuple[float, float], list[float], list[float]]:
+    """Return what a sweep learned at the least and the largest S [N], then of each of STIFFNESSES two errors [N].
+
+    Of the bias that was learned against the springs, and of what the outside force reads at rest against zero.
+    """
+    plant = Simulator(parameters, seed)
+    off: list[float] = []
+    shown: list[float] = []
+
+    async def learn(parts: Parts) -> tuple[float, float]:
+        await at_rest(parts, 10.4)
+        await parts.actuator.touching.order(BEGIN, WHO)
+        while sweep_of(parts).under_way:
+            await asyncio.sleep(0)
+        assert not sweep_of(parts).why, sweep_of(parts).why
+        await parts.supervisor.advance(0.01)
+        points = parts.present.state().touch.learned
+        bias = np.array([(point.S, point.F) for point in points])
+        truth = Truth(parameters, plant)
+        for S in STIFFNESSES:
+            await parts.actuator.set_references(0.2, float(S), WHO)
+            await parts.supervisor.advance(4.0)
+            ring = parts.supervisor.ring
+            newest = ring.newest()
+            assert newest is not None
+            off.append(touch.bias_at(bias, float(newest[INDEX["S"]])) - await truth.at_rest(parts))
+            count = round(1.0 / T_s)
+            _, rows, _ = ring.read(ring.count - count, count)
+            shown.append(float(rows[:, INDEX["F_ext_hat"]].mean()))
+        return points[0].F, points[-1].F
+
+    with tempfile.TemporaryDirectory() as folder:
+        database = open_database(Path(folder))
+        try:
+            ends = stepped(database, replace(parameters), learn, plant)
+        finally:
+            database.close()
+    return ends, off, shown
