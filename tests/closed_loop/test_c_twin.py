@@ -20,6 +20,8 @@ from tests.bench.c_twin import CTwin
 def test_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     parameters = load_parameters(name)
     tuning = cascade_tuning(parameters, Lambdas())._replace(u_max=4.0)
+    # The twin has the paper's law alone: no dead zones at rest (decision 0053).
+    tuning = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
     q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], 800), np.repeat([10.0, 10.0, 14.0], 800)
     rig = closed_loop.rig_of(parameters)
     x, controller = closed_loop.at_rest(rig, tuning, -1.0, 10.0)

@@ -142,7 +142,8 @@ def test_with_the_position_loop_open_it_does_nothing_and_closing_it_is_smooth() 
     (u, off), (u_rejected, off_rejected) = closed[0.0], closed[1.0]
     assert abs(u_rejected[0] - u[0]) < 1e-9
     assert np.max(np.abs(np.diff(u_rejected - u))) < 0.02
-    assert abs(off_rejected) < 0.25 * abs(off)
+    # Run begins with the references where the joint is, so there is nothing to bring back (decision 0053).
+    assert max(abs(off), abs(off_rejected)) < 1e-4
 
 
 def test_it_gives_way_to_a_contact_as_ever() -> None:

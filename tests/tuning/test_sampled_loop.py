@@ -159,7 +159,8 @@ def measured_response(parameters: PlantParameters, tuning: cascade.Tuning, signa
     ticks, before = period * max(round(3000 / period), 2), -(-8000 // period) * period
     phase = 2.0 * np.pi * np.arange(before + ticks) / period
     size, still = {"q": 0.004, "S": 0.02}[signal], np.zeros(phase.size)
-    wave = size * np.sin(phase)
+    # No two samples in a row are alike: a reference that stands for a tick goes on as a small step (decision 0053).
+    wave = size * np.sin(phase + 0.001)
     q_ref, S_ref = (wave, S + still) if signal == "q" else (still, S + wave)
     run = closed_loop.run(parameters, tuning, q_ref, S_ref)
     line = np.exp(-1j * phase)[before:]
