@@ -25,7 +25,18 @@ from tests.identification.closed_loop_records import (
 )
 
 CONTROLLER = Controller(K_P, K_I)
-SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent", "friction", "grade", "verdict"]
+SUMMARY = [
+    "parameters",
+    "std_errors",
+    "method",
+    "fit_percent",
+    "spread_percent",
+    "friction",
+    "input_offset",
+    "hint",
+    "grade",
+    "verdict",
+]
 CASES = [pytest.param("first", FIRST, id="first"), pytest.param("third", THIRD, id="third")]
 
 
