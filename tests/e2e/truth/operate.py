@@ -140,13 +140,9 @@ def _preview_of(moment: Moment) -> str:
 
 
 def _staged(moment: Moment) -> dict[str, float]:
-    """The λ that are staged, which the page alone knows; one at the end of its range is that end, not what it reads."""
-    tuning, staged = moment.state["tuning"], dict[str, float]()
-    for row, name in zip(moment.shown.tables.get("Saved, in force and staged", []), _PARTS, strict=False):
-        if row[3] != "–":
-            ends = [tuning[f"{name}_min"], tuning[f"{name}_max"]]
-            staged[name] = next((end for end in ends if f"{end:.3f}" == row[3]), float(row[3]))
-    return staged
+    """Return the λ that are staged, which the page alone has; the table says them to three decimals only."""
+    kept: dict[str, float] = moment.shown.all["staged"]
+    return {name: float(value) for name, value in kept.items()}
 
 
 def _previews(found: Findings, moment: Moment) -> None:
@@ -168,6 +164,7 @@ def _changes(found: Findings, moment: Moment) -> None:
         for column, told in ((1, saved), (2, tuning)):
             _part(found, f"{name} {'saved' if column == 1 else 'in force'}", row[column], name, told[name])
     staged = {name: row[3] for row, name in zip(table, _PARTS, strict=False) if row[3] != "–"}
+    found.same("staged λ", staged, {name: f"{value:.3f}" for name, value in _staged(moment).items()})
     for symbol, name in (("λ_q", "lam_q"), ("λ_S", "lam_S")):
         box, slider = shown.box(f"{symbol} value [s]"), shown.slider(symbol)
         texts = {"box": box.value if box else None, "slider": slider.value if slider else None}

@@ -55,6 +55,7 @@ _READ = """() => {
             term => [words(term), words(term.nextElementSibling)]))),
         metrics: [...document.querySelectorAll("header [aria-label='Loop timing'] > span")].map(words),
         dry_run: all("main section[aria-label='Dry run']").map(words)[0] ?? null,
+        staged: JSON.parse(localStorage.getItem("sinew-staged-tuning") ?? "{}").values ?? {},
         badge: badge === null ? null : [words(badge), label(badge)],
         images: all("header [role=img]").map(nameOf),
         link: document.querySelector("[role=status][aria-label=Link]")?.dataset.health ?? null,
