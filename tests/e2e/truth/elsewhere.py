@@ -112,10 +112,13 @@ def _parameters(found: Findings, moment: Moment) -> None:
         found.same(f"{name} of the versions of the parameters", [row[place] for row in rows], words)
     newest = told["versions"][0]
     _parameter_changes(found, tables.get("Parameters that changed", []), newest["changes"] if newest["number"] else [])
-    offers = _first_estimate(moment)
-    if "Parameters that would change" in tables and offers is not None:
-        proposal = moment.get(f"/api/parameters?estimate={offers}")["proposal"]
-        _parameter_changes(found, tables["Parameters that would change"], proposal["changes"])
+    estimate = _shown_estimate(moment)
+    if estimate is not None:
+        proposal = moment.get(f"/api/parameters?estimate={estimate}")["proposal"]
+        changes = [] if proposal["problem"] else proposal["changes"]
+        _parameter_changes(found, tables.get("Parameters that would change", []), changes)
+        offered = moment.shown.button("Apply to the parameters") is not None
+        found.same("whether the identification is offered to be applied", offered, not proposal["problem"])
     off = moment.state["mode"] == "off"
     for button in moment.shown.buttons:
         if button.name == "Apply to the parameters" or button.name.startswith("Undo version"):
@@ -130,12 +133,14 @@ def _parameter_changes(found: Findings, rows: list[list[str]], changes: list[Sta
                 found.figure(f"{one['name']} {one['side']} {name}", row[place], one[name])
 
 
-def _first_estimate(moment: Moment) -> int | None:
-    """Return the estimate of the identification that the page shows: the one of its address, else the newest."""
+def _shown_estimate(moment: Moment) -> int | None:
+    """Return the applicable estimate of the identification that is shown: that of the address, else the newest."""
     told = moment.get("/api/identifications")["identifications"]
     address = moment.shown.all["hash"].rpartition("/")[2]
     number = int(address) if address.isdigit() else told[0]["id"] if told else None
-    return next((one["estimate"] for one in told if one["id"] == number), None)
+    one = next((one for one in told if one["id"] == number), None)
+    is_applicable = one is not None and one["kind"] != "actuator" and one["status"] != "running"
+    return one["estimate"] if one is not None and is_applicable else None
 
 
 def identify(moment: Moment) -> Findings:

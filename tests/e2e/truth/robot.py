@@ -182,7 +182,7 @@ def _identify_motors(around: Around) -> None:
     script = around.script
     script.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     _wait_until(around, lambda state: bool(state["pretension_done"]))
-    settings = {"levels": 2, "step_s": 0.3, "settle_s": 0.5}
+    settings = {"levels": 3, "settle_s": 0.5}  # steps too short give no model
     script.post("/api/identifications", json={"kind": "motor", **settings}).raise_for_status()
     _wait_until(around, lambda state: state["task"] is None)
     script.post("/api/mode", json={"mode": "off"}).raise_for_status()
