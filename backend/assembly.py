@@ -21,7 +21,6 @@ from backend.archive.evaluations import Evaluations
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
-from backend.archive.planned import PlannedRuns
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import PART as RETENTION
@@ -41,6 +40,7 @@ from backend.messages.live import MarkKind, StateMessage
 from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
+from backend.operating.chart_sheets import ChartSheets
 from backend.operating.dry_runs import DryRuns
 from backend.operating.foundation import SEED, Foundation
 from backend.operating.journal import PART as JOURNAL
@@ -53,6 +53,7 @@ from backend.operating.safe_stop import SafeStop
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
 from backend.operating.studies_under_way import StudiesUnderWay
+from backend.operating.text_work import TextWork
 from backend.operating.tuning_in_use import TuningInUse
 from backend.processes import Processes
 from backend.recording.flight import PART as FLIGHTS
@@ -149,7 +150,7 @@ def assemble(
     history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
     processes = Processes(supervision)
     stack.callback(processes.close)
-    evaluations = Evaluations(database, processes.computing, lambda: present.task)
+    evaluations = Evaluations(database, processes.evaluations, lambda: present.task)
     downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
     stored_runs = StoredRuns(
         database,
@@ -166,8 +167,10 @@ def assemble(
         downloads.prepare()
 
     experiments = OwnExperiments(database)
+    texts = TextWork(processes.texts, processes.viewers_texts)
+    dry_runs = DryRuns(processes.dry_runs)
     ordered_runs = OrderedRuns(
-        station, actuator, banks, experiments, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop
+        station, actuator, banks, experiments, prepare, SEED, dry_runs, texts, supervision, safe_stop
     )
     evaluations.done = ordered_runs.evaluated
 
@@ -193,7 +196,7 @@ def assemble(
     bring_up = BringUp(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
     studies = StudiesUnderWay(
-        database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports
+        database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports, texts
     )
     stack.push_async_callback(studies.close)
 
@@ -223,7 +226,9 @@ def assemble(
         history=history,
         timeline=StoredTimeline(database),
         replay=replay,
-        planned=PlannedRuns(database),
+        texts=texts,
+        sheets=ChartSheets(processes.sheets),
+        database=database,
         downloads=downloads,
         maintenance=Maintenance(database, settings.data, supervisor),
         retention=retention,

@@ -1,7 +1,8 @@
 """A process beside the service for what takes long: the live stream does not stutter while it computes.
 
 The process may die (killed for memory, by a person, by what it computes): that is told at once, the next work starts
-another one, and the work that it died over is done once more.
+another one, and the work that it died over is done once more. Work that takes longer or more memory than its limit
+allows is ended with its process, and not done again.
 
 Imports nothing of the project, so that the process loads only what its work needs.
 """
@@ -9,15 +10,19 @@ Imports nothing of the project, so that the process loads only what its work nee
 import asyncio
 import multiprocessing
 import os
+import resource
 import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import ParamSpec, TypeVar
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -26,19 +31,57 @@ POLITE = 10
 """Niceness of work that nobody at the bench waits for: the loop, the recorder and the stream come first."""
 
 
+_MEMORY_ENDS = (-signal.SIGABRT, -signal.SIGSEGV)
+"""Exit codes of libraries that end their process when they are refused memory."""
+
+_END_S = 5.0
+"""Longest time between the last sign of a process that dies and its end [s]."""
+
+
 class WorkerDiedError(Exception):
     """The process died over a work, and the one after it too."""
 
 
+@dataclass(frozen=True)
+class Limits:
+    """What one work may take: ``limit_s`` of time [s] and ``memory_bytes`` beyond its loaded modules; None: no limit.
+
+    The start of the process and the import of the work's module and of ``libraries``, which it imports only when it
+    runs, do not count. ``remedy`` says what to change.
+    """
+
+    limit_s: float | None = None
+    memory_bytes: int | None = None
+    remedy: str = "ask for less"
+    libraries: tuple[str, ...] = ()
+
+
+class WorkLimitError(Exception):
+    """A work took more than its limit of ``quantity`` [``unit``] and was ended.
+
+    ``bound`` is None where the memory of the machine itself was the limit.
+    """
+
+    def __init__(self, quantity: str, bound: float | None, unit: str, remedy: str) -> None:
+        self.quantity, self.bound, self.unit, self.remedy = quantity, bound, unit, remedy
+        allowed = "than there is" if bound is None else f"than the {bound:g} {unit} that are allowed"
+        super().__init__(f"{quantity}: this takes more {allowed}, and was ended: {remedy}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Come from one process to another as it is."""
+        return type(self), (self.quantity, self.bound, self.unit, self.remedy)
+
+
 class Offload:
-    """One process of a ``niceness``, started by the first work; works one after the other.
+    """One process of a ``niceness``, started by the first work; works one after the other, each within ``limits``.
 
     ``died`` is called with a cause when the process dies without having been ended. Belongs to one event loop.
     """
 
-    def __init__(self, died: Callable[[str], object], niceness: int = POLITE) -> None:
+    def __init__(self, died: Callable[[str], object], niceness: int = POLITE, limits: Limits | None = None) -> None:
         self._died = died
         self._niceness = niceness
+        self._limits = limits or Limits()
         self._worker: _Worker | None = None
         self._turn = asyncio.Lock()
         self._closed = False
@@ -47,23 +90,50 @@ class Offload:
         """Return ``work(*arguments)``, computed in the process; both must be picklable.
 
         One that is cancelled meanwhile ends the process: nobody waits for the result. Work that its process dies over
-        is done again, so that it may be done twice, never halfway. Raises WorkerDiedError the second time.
+        is done again, so that it may be done twice, never halfway. Raises WorkerDiedError the second time, and
+        WorkLimitError for work beyond the limits.
         """
         async with self._turn:
             for _ in range(2):
                 worker = self._present()
                 try:
-                    return await asyncio.wrap_future(worker.pool.submit(partial(work, *arguments)))
+                    return await self._limited(worker, work, *arguments, **_none)
                 except BrokenProcessPool:
                     if self._closed:
                         raise
                     self._gone(worker)
+                    if self._limits.memory_bytes is not None and await worker.exit_code() in _MEMORY_ENDS:
+                        raise self._beyond_memory() from None
+                except MemoryError:  # what the process holds by now is not known
+                    self._end(worker)
+                    raise self._beyond_memory() from None
                 except asyncio.CancelledError:
                     self._end(worker)
                     raise
         raise WorkerDiedError(
             "the process that computes this died over it twice: look whether the machine is short of memory"
         )
+
+    async def _limited(self, worker: "_Worker", work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T:
+        limits = self._limits
+        await asyncio.wrap_future(worker.pool.submit(_load, work, limits.libraries))
+        if limits.memory_bytes is not None and not worker.is_limited:
+            await asyncio.wrap_future(worker.pool.submit(_limit_memory, limits.memory_bytes))
+            worker.is_limited = True
+        working = asyncio.wrap_future(worker.pool.submit(partial(work, *arguments)))
+        try:
+            done, _ = await asyncio.wait({working}, timeout=limits.limit_s)
+        finally:
+            if not working.done():  # nobody hears what becomes of it
+                working.cancel()
+        if not done:
+            self._end(worker)
+            raise WorkLimitError("computing time", limits.limit_s, "s", limits.remedy)
+        return working.result()
+
+    def _beyond_memory(self) -> WorkLimitError:
+        most = self._limits.memory_bytes
+        return WorkLimitError("memory", None if most is None else most / 1e6, "MB", self._limits.remedy)
 
     def prepare(self, work: Callable[..., object], *libraries: str) -> None:
         """Start the process and let it load what ``work`` needs, without waiting for it or for what becomes of it.
@@ -111,8 +181,17 @@ class _Worker:
         self._loop = asyncio.get_running_loop()
         self._gone = gone
         self._process: int | None = None
+        self._child: BaseProcess | None = None
         self._ended = False
+        self.is_limited = False
         self.pool.submit(os.getpid).add_done_callback(self._there)
+
+    async def exit_code(self) -> int | None:
+        """Return how the dead process ended, minus the number of the signal; None where that is not known."""
+        if self._child is None:
+            return None
+        await asyncio.to_thread(self._child.join, _END_S)  # its pipes are closed a little before it has ended
+        return self._child.exitcode
 
     def end(self) -> None:
         """Kill the process, as soon as it is there, and watch it no longer."""
@@ -147,6 +226,8 @@ class _Worker:
         except (BrokenProcessPool, CancelledError, ProcessLookupError):
             self._gone(self)
             return
+        number = pid.result()
+        self._child = next((child for child in multiprocessing.active_children() if child.pid == number), None)
         self._loop.add_reader(self._process, self._gone, self)
         if self._ended:  # meanwhile
             self.end()
@@ -156,6 +237,17 @@ def _load(_work: Callable[..., object], libraries: tuple[str, ...]) -> None:
     """Import the libraries; unpickling ``_work`` has loaded its module."""
     for library in libraries:
         import_module(library)
+
+
+def _limit_memory(memory_bytes: int) -> None:
+    """Refuse this process more memory than it has now and ``memory_bytes`` beyond.
+
+    Of writable memory (RLIMIT_DATA): address space (RLIMIT_AS) would also count what each thread's heap only reserves,
+    64 MB a core and more.
+    """
+    data_pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
+    most = data_pages * resource.getpagesize() + memory_bytes
+    resource.setrlimit(resource.RLIMIT_DATA, (most, resource.getrlimit(resource.RLIMIT_DATA)[1]))
 
 
 def begin_beside(niceness: int) -> None:

@@ -26,7 +26,7 @@ from backend.loop.mode import LEGAL
 from backend.messages.base import Problem, Refusal
 from backend.messages.malformed import problem_of_form
 from backend.messages.problems import plain, printable, problem_of, problem_of_experiment, problem_of_setting
-from backend.offload import WorkerDiedError
+from backend.offload import WorkerDiedError, WorkLimitError
 from backend.reading import Angles, in_words
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
@@ -128,6 +128,19 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
     @app.exception_handler(NotReadyError)
     async def not_ready(_request: Request, error: NotReadyError) -> JSONResponse:
         return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
+
+    @app.exception_handler(WorkLimitError)
+    async def beyond_limit(_request: Request, error: WorkLimitError) -> JSONResponse:
+        return _answer(
+            422,
+            Problem(
+                code="work_limit",
+                message=str(error),
+                quantity=error.quantity,
+                maximum=error.bound,
+                unit=error.unit,
+            ),
+        )
 
     for kind, because in _BECAUSE.items():
         app.add_exception_handler(kind, _plain_handler(answer, because))

@@ -16,7 +16,6 @@ from backend.archive.evaluations import Evaluations
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
-from backend.archive.planned import PlannedRuns
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import Retention
@@ -28,10 +27,13 @@ from backend.archive.timeline import StoredTimeline
 from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
+from backend.operating.chart_sheets import ChartSheets
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.studies_under_way import StudiesUnderWay
+from backend.operating.text_work import TextWork
+from backend.storage import Database
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 
@@ -58,7 +60,9 @@ class Service:
     history: History
     timeline: StoredTimeline
     replay: Replay
-    planned: PlannedRuns
+    texts: TextWork
+    sheets: ChartSheets
+    database: Database
     downloads: Downloads
     maintenance: Maintenance
     retention: Retention

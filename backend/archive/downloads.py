@@ -24,7 +24,6 @@ from backend.recording.flight import flight_columns
 from backend.refusal import Because, RefusalError
 from backend.reports.rendering import render, render_series
 from backend.reports.series_source import load_series
-from backend.reports.sheet import sheet_pdf
 from backend.reports.source import Source, load_source
 from backend.storage import Database, results
 from backend.storage.runs import EndState, RunKind
@@ -70,10 +69,6 @@ class Downloads:
         await self._catch_up(run_ids)
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
         return await self._offload.run(render_series, sources, kind)
-
-    async def sheet(self, svg: str) -> bytes:
-        """Return a sheet of charts that somebody sent as PDF; it is not kept. Raises RefusalError."""
-        return await self._offload.run(sheet_pdf, svg)
 
     async def data(self, run_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
         """Return all samples in a format, piece by piece. Raises UnknownRecordError, ExportError, RefusalError."""

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from backend.archive.recorded_experiment import recorded_experiment
+from backend.documents.run_settings import with_motion
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing import ready_made, text
 from backend.experiments.composing.refused import ExperimentError, line_of
@@ -12,6 +13,8 @@ from backend.experiments.composing.told import Played, played_parts
 from backend.experiments.plans.catalogue import Entry, entry_of, experiments
 from backend.experiments.plans.catalogue import experiment as ready
 from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.loop_settings import LoopSettings, split_values
+from backend.experiments.plans.plan import Plan
 from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.settings import SettingError
 from backend.messages.experiment import DryRunView
@@ -25,9 +28,14 @@ from plant.parameters import PlantParameters
 
 @dataclass(frozen=True)
 class Checked:
-    """What can be told of an experiment before it is kept or started; its settings are at their defaults."""
+    """What can be told of an experiment before it is kept or started; its settings are at their defaults.
 
-    entry: Entry
+    Goes from one process to another, unlike an entry.
+    """
+
+    name: str
+    title: str
+    plan: ComposedPlan
     duration_s: float
     segments: int
     changes_of_tuning: int
@@ -43,15 +51,14 @@ class Checked:
         dry_run: DryRunView | None = None,
     ) -> CheckedExperiment:
         """Return it as the page shows it, with its figures on the simulator, or why it was not played there."""
-        written = self.entry.written
         return CheckedExperiment(
-            name=self.entry.name,
-            title=self.entry.title,
+            name=self.name,
+            title=self.title,
             duration_s=self.duration_s,
             segments=self.segments,
             changes_of_tuning=self.changes_of_tuning,
-            phases=[phase.title for phase in self.entry.usual.phases()],
-            criteria=0 if written is None else len(written.criteria),
+            phases=[phase.title for phase in self.plan.phases()],
+            criteria=len(self.plan.experiment.criteria),
             peak_voltage_V=figures.get("peak_voltage_V"),
             min_tension_N=figures.get("min_tension_N"),
             max_tension_N=figures.get("max_tension_N"),
@@ -85,6 +92,19 @@ class OwnExperiments:
         with self._database.reading() as session:
             return [view_of(kept) for kept in stored.versions(session, name)]
 
+    def has_own(self) -> bool:
+        """Whether any own experiment is kept."""
+        with self._database.reading() as session:
+            return bool(stored.newest(session))
+
+    def plan(self, name: str, in_force: LoopSettings, settings: Mapping[str, Any]) -> tuple[str, Plan, LoopSettings]:
+        """Return what an order asks for, of an own experiment its version; ``in_force`` where nothing else is said.
+
+        Raises SettingError, OutOfRangeError, ExperimentError.
+        """
+        entry = self.entry(name)
+        return entry.name, *split_values(entry.settings, entry.make, {**asdict(in_force), **with_motion(settings)})
+
     def written(self, name: str) -> WrittenExperiment:
         """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
         written = ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
@@ -111,9 +131,12 @@ class OwnExperiments:
 
     def keep(self, written: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StoredExperiment:
         """Keep an experiment that can be played on this plant. Raises ExperimentError."""
-        entry = self.checked(written, parameters, tuning).entry
+        return self.store(self.checked(written, parameters, tuning), written, who)
+
+    def store(self, checked: Checked, written: str, who: str) -> StoredExperiment:
+        """Keep an experiment that was looked over, as the next version of its name."""
         with self._database.session() as session:
-            return stored.add(session, entry.name, written, who)
+            return stored.add(session, checked.name, written, who)
 
     def checked(self, written: str, parameters: PlantParameters, tuning: TuningChoice) -> Checked:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
@@ -126,7 +149,9 @@ class OwnExperiments:
         assert isinstance(plan, ComposedPlan)
         program = playable(banks_in(self._database), parameters, plan, tuning)
         return Checked(
-            entry,
+            entry.name,
+            entry.title,
+            plan,
             program.duration_s,
             len(program.segments),
             len(program.tunings),
@@ -142,10 +167,11 @@ class OwnExperiments:
             return stored.get(session, base, int(number) if at else None)
 
 
-def view_of(kept: StoredExperiment) -> OwnExperiment:
-    """Return an own experiment as it is listed."""
-    entry = _readable(kept)
-    title = "" if entry is None else entry.title
+def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
+    """Return an own experiment as it is listed; without its ``title`` its text is read."""
+    if title is None:
+        entry = _readable(kept)
+        title = "" if entry is None else entry.title
     return OwnExperiment(name=kept.name, version=kept.version, title=title, who=kept.who, created=kept.created_at)
 
 

@@ -1,6 +1,5 @@
 """What a stored run was going to play, from begin to end."""
 
-import asyncio
 import math
 
 import numpy as np
@@ -23,48 +22,42 @@ NOTHING = Planned(t=[], lines=[], parts=[])
 _UNITS = {field.name: field.unit for field in FIELDS}
 
 
-class PlannedRuns:
-    """Reads plans of runs in threads."""
+def planned(database: Database, run_id: int) -> Planned:
+    """Return what a run was to play; its plan may be an imported text, so that it is read beside the service.
 
-    def __init__(self, database: Database) -> None:
-        self._database = database
-
-    async def of(self, run_id: int) -> Planned:
-        """Return what a run was to play. Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError."""
-        return await asyncio.to_thread(self._of, run_id)
-
-    def _of(self, run_id: int) -> Planned:
-        with self._database.reading() as session:
-            run = runs.get(session, run_id)
-            try:
-                kept = run.set_to.plan
-            except UnreadableDocumentError:
-                return NOTHING
-            if kept is None:
-                return NOTHING
-            plan = stored_plan(run.kind, kept)
-            followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
-            began = _at_first(session, run_id, *followed)
-        if isinstance(plan, IdentificationPlan):
-            try:
-                told = timetable(plan, parameters_of(run.parameters_name, run.parameters), began)
-            except ParameterError:
-                return NOTHING
-            parts = [
-                PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
-                for one in told.stretches
-            ]
-            return Planned(t=told.t.tolist(), lines=_lines(told.signals), parts=parts)
-        program = plan.program()
-        if not program.segments:
+    Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError.
+    """
+    with database.reading() as session:
+        run = runs.get(session, run_id)
+        try:
+            kept = run.set_to.plan
+        except UnreadableDocumentError:
             return NOTHING
-        first = program.segments[0]
-        found = profile(program, *(began or (first.q_ref, first.S_ref)))
-        return Planned(
-            t=found.t.tolist(),
-            lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref}),
-            parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
-        )
+        if kept is None:
+            return NOTHING
+        plan = stored_plan(run.kind, kept)
+        followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
+        began = _at_first(session, run_id, *followed)
+    if isinstance(plan, IdentificationPlan):
+        try:
+            told = timetable(plan, parameters_of(run.parameters_name, run.parameters), began)
+        except ParameterError:
+            return NOTHING
+        parts = [
+            PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
+            for one in told.stretches
+        ]
+        return Planned(t=told.t.tolist(), lines=_lines(told.signals), parts=parts)
+    program = plan.program()
+    if not program.segments:
+        return NOTHING
+    first = program.segments[0]
+    found = profile(program, *(began or (first.q_ref, first.S_ref)))
+    return Planned(
+        t=found.t.tolist(),
+        lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref}),
+        parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
+    )
 
 
 def _lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:

@@ -122,7 +122,7 @@ def _peaks(
     from backend.experiments.playing.runner import Order
     from backend.storage import banks
 
-    plan = checked.entry.usual
+    plan = checked.plan
     numbers = {tuning.bank, *banks_of(plan)}
     with database.reading() as session:
         used = [bank for bank in banks.find(session) if bank.id in numbers]

@@ -5,27 +5,25 @@ Who asks for many of them waits for oneself only: reports, exports and evaluatio
 
 import asyncio
 import shutil
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any, TypeVar
 
 from backend.access.people import Person
 from backend.archive.views import dry_run_view
+from backend.departure import HasLeft, unless_left
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.dry_run import dry_run, get_ready
 from backend.experiments.playing.runner import Order
 from backend.messages.experiment import DryRunView
-from backend.messages.session import Role
 from backend.offload import Offload
 from backend.operating.kept_figures import KeptFigures
-from backend.refusal import Because, RefusalError, require_within
+from backend.operating.work_places import WorkPlaces
+from backend.refusal import require_within
 from backend.storage.banks import Bank
 from plant.parameters import PlantParameters
-
-T = TypeVar("T")
 
 SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
 POINTS = 1200
@@ -39,15 +37,13 @@ PLACES = 4
 VIEWERS_PLACES = 2
 """So many of them for viewers, so that an operator always finds one."""
 
-LOOK_S = 0.5
-
 
 class DryRuns:
     """One dry run per person, PLACES in all. Belongs to the service's event loop."""
 
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
-        self._people: list[Person] = []
+        self._places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
 
     def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
@@ -59,61 +55,29 @@ class DryRuns:
         order: Order,
         used: Sequence[Bank],
         person: Person,
-        left: Callable[[], Awaitable[bool]],
+        has_left: HasLeft,
     ) -> DryRunView:
-        """Play an order with the banks that it uses, as long as whoever asked has not ``left()``.
+        """Play an order with the banks that it uses, until whoever asked has left.
 
         Raises OutOfRangeError when it takes too long, RefusalError where there is no place, WorkerDiedError.
         """
         duration_s = order.plan.program().duration_s
         remedy = "play it with `sinew experiment` on the command line"
         require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
-        self._require_place(person)
-        self._people.append(person)
-        try:
+        with self._places.held(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             try:
-                played = await _unless_left(
-                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), left
+                played = await unless_left(
+                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), has_left
                 )
             finally:
                 # Here, not in the process: one that is killed clears up nothing.
                 shutil.rmtree(folder, ignore_errors=True)
-        finally:
-            self._people.remove(person)
         settings = {**values_of(order.plan), **asdict(order.loop_settings)}
         return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
-
-    def _require_place(self, person: Person) -> None:
-        if any(other.name == person.name and other.role == person.role for other in self._people):
-            raise RefusalError(
-                Because.TOO_MANY, "a dry run of yours is under way or waits: wait for it, or leave it", code="busy"
-            )
-        viewers = sum(not _is_operator(other) for other in self._people)
-        if len(self._people) >= PLACES or (not _is_operator(person) and viewers >= VIEWERS_PLACES):
-            raise RefusalError(
-                Because.TOO_MANY, f"{len(self._people)} dry runs are under way or wait: try again later", code="busy"
-            )
 
 
 def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
     KeptFigures().restore()
     get_ready(parameters, settings)
-
-
-def _is_operator(person: Person) -> bool:
-    return person.role is Role.OPERATOR
-
-
-async def _unless_left(work: Coroutine[Any, Any, T], left: Callable[[], Awaitable[bool]]) -> T:
-    """Return what ``work`` gives; cancel it when whoever waits for it has left."""
-    working = asyncio.ensure_future(work)
-    try:
-        while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
-            if await left():
-                raise RefusalError(Because.UNAVAILABLE, "whoever asked for this dry run has left: it was ended")
-        return working.result()
-    finally:
-        working.cancel()
-        await asyncio.gather(working, return_exceptions=True)

@@ -2,18 +2,19 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 
 from backend.access.people import Person
-from backend.archive.own_experiments import OwnExperiments, view_of
+from backend.archive.own_experiments import Checked, OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
-from backend.documents.run_settings import with_motion
+from backend.departure import HasLeft
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.forecasts.forecast import expected, forecast
 from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.loop_settings import LoopSettings, split_values
+from backend.experiments.plans.catalogue import experiments
+from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.play import NotReadyError, require_ready
@@ -25,6 +26,7 @@ from backend.faults import Fault
 from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
 from backend.messages.identification import IdentificationRequest, Prediction
 from backend.messages.own_experiment import CheckedExperiment, ExperimentToCheck, OwnExperiment
+from backend.messages.tuning import TuningView
 from backend.operating import run_kinds
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
@@ -34,11 +36,14 @@ from backend.operating.pause import Pause, not_begun
 from backend.operating.results_under_way import ResultsUnderWay
 from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
+from backend.operating.text_work import TextWork
 from backend.operating.tuning_in_use import Chosen
 from backend.refusal import Because, RefusalError, RefusedValueError
+from backend.storage import Database
 from backend.storage.banks import Bank
 from backend.storage.runs import EndState, Run
 from backend.supervision import Supervision
+from plant.choice import PlantKind
 from plant.parameters import PlantParameters
 
 _log = logging.getLogger(__name__)
@@ -56,6 +61,7 @@ class OrderedRuns:
         prepare_report: Callable[[], None],
         seed: int,
         dry_runs: DryRuns,
+        texts: TextWork,
         supervision: Supervision,
         safe_stop: SafeStop,
     ) -> None:
@@ -66,6 +72,7 @@ class OrderedRuns:
         self._prepare_report = prepare_report
         self._seed = seed
         self._dry_runs = dry_runs
+        self._texts = texts
         self._safe_stop = safe_stop
         self.queue = Queue(self.start_experiment, self.checked, supervision)
         self._problem = ""
@@ -85,18 +92,20 @@ class OrderedRuns:
             self._results.forget()
             self._actuator.changed()
 
-    async def experiment_kinds(self) -> list[ExperimentKind]:
+    async def experiment_kinds(self, person: Person, has_left: HasLeft) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
         present = self._actuator.present
         settings = self._loop_settings()
         self._dry_runs.get_ready(present.tuning.parameters, settings)  # who looks at experiments may well try one
-        offered = await asyncio.to_thread(self._experiments.all)
         tuning, plant = present.operators_tuning.view(0.0), present.plant.kind
-        return run_kinds.experiment_kinds(offered, settings, tuning, plant)
+        asked = self._experiments, settings, tuning, plant
+        if await asyncio.to_thread(self._experiments.has_own):
+            return await self._texts.run(person, has_left, _experiment_kinds, *asked)
+        return await asyncio.to_thread(_experiment_kinds, *asked)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
-        _, plan, wanted = await asyncio.to_thread(self._order, request)
+        _, plan, wanted = await self._ordered(request)
         self._require_seed(wanted)
         async with self._actuator.starting:
             self._require_free()
@@ -108,49 +117,52 @@ class OrderedRuns:
 
         Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
         """
-        name, plan, wanted = await asyncio.to_thread(self._order, request)
+        name, plan, wanted = await self._ordered(request)
         self._require_seed(wanted)
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
-        await asyncio.to_thread(playable, banks_in(self._station.database), tuning.parameters, plan, wanted.tuning)
+        await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
         return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
 
-    async def check_experiment(
-        self, asked: ExperimentToCheck, person: Person, left: Callable[[], Awaitable[bool]]
-    ) -> CheckedExperiment:
+    async def check_experiment(self, asked: ExperimentToCheck, person: Person, has_left: HasLeft) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
 
         Raises ExperimentError.
         """
-        checked = await asyncio.to_thread(self._experiments.checked, asked.text, *self._here())
+        checked = await self._looked_over(asked.text, person, has_left)
         if not asked.play:
             return checked.view({}, "it was looked over only")
         try:
-            played = await self._play_dry(Order(checked.entry.usual, self._loop_settings(), person.name), person, left)
+            played = await self._play_dry(Order(checked.plan, self._loop_settings(), person.name), person, has_left)
         except (RefusalError, RefusedValueError) as error:
             busy = isinstance(error, RefusalError) and error.because is Because.TOO_MANY
             return checked.view({}, str(error), busy=busy)
         return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
 
-    async def keep_experiment(self, written: str, who: str) -> OwnExperiment:
+    async def keep_experiment(self, written: str, person: Person, has_left: HasLeft) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
-        return view_of(await asyncio.to_thread(self._experiments.keep, written, who, *self._here()))
+        checked = await self._looked_over(written, person, has_left)
+        kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
+        return view_of(kept, checked.title)
 
-    def _here(self) -> tuple[PlantParameters, TuningChoice]:
-        return self._actuator.present.tuning.parameters, self._loop_settings().tuning
+    async def _looked_over(self, written: str, person: Person, has_left: HasLeft) -> Checked:
+        here = self._actuator.present.tuning.parameters, self._loop_settings().tuning
+        return await self._texts.run(person, has_left, self._experiments.checked, written, *here)
 
-    async def dry_run(
-        self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
-    ) -> DryRunView:
+    async def dry_run(self, request: ExperimentRequest, person: Person, has_left: HasLeft) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
-        _, plan, wanted = await asyncio.to_thread(self._order, request)
-        return await self._play_dry(Order(plan, wanted, person.name), person, left)
+        asked = request.name, self._loop_settings(), request.settings
+        if request.name in experiments():
+            _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
+        else:
+            _, plan, wanted = await self._texts.run(person, has_left, self._experiments.plan, *asked)
+        return await self._play_dry(Order(plan, wanted, person.name), person, has_left)
 
-    async def _play_dry(self, order: Order, person: Person, left: Callable[[], Awaitable[bool]]) -> DryRunView:
+    async def _play_dry(self, order: Order, person: Person, has_left: HasLeft) -> DryRunView:
         bank = await self._bank_of(order.loop_settings)
         others = banks_of(order.plan) - {0 if bank is None else bank.id}
         used = [*([] if bank is None else [bank]), *(await self._banks.existing(others) if others else ())]
-        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, left)
+        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, has_left)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
         """Start an identification, or several in turn, and return the first run.
@@ -287,14 +299,25 @@ class OrderedRuns:
     async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
         return await self._banks.stored_bank(wanted.bank) if wanted.bank else None
 
-    def _order(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
+    async def _ordered(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
         """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
-        entry = self._experiments.entry(request.name)
-        values = {**asdict(self._loop_settings()), **with_motion(request.settings)}
-        return entry.name, *split_values(entry.settings, entry.make, values)
+        asked = request.name, self._loop_settings(), request.settings
+        if request.name in experiments():  # no text of a person's: as costly as Sinew's own
+            return await asyncio.to_thread(self._experiments.plan, *asked)
+        return await self._texts.order(self._experiments.plan, *asked)
 
     def _loop_settings(self) -> LoopSettings:
         return LoopSettings(**self._actuator.present.operators_tuning.choice.document(), seed=self._seed)
+
+
+def _experiment_kinds(
+    known: OwnExperiments, in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+) -> list[ExperimentKind]:
+    return run_kinds.experiment_kinds(known.all(), in_force, tuning, plant)
+
+
+def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> None:
+    playable(banks_in(database), parameters, plan, tuning)
 
 
 async def _nothing() -> None:

@@ -12,6 +12,7 @@ from backend.archive.studies import Studies
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.study import StudyDetail, StudyList, StudyView
 from backend.offload import Offload, WorkerDiedError
+from backend.operating.text_work import TextWork
 from backend.refusal import Because, RefusalError
 from backend.storage import Database
 from backend.studies.crew import cores
@@ -29,7 +30,9 @@ REST = 9.0
 
 
 class StudiesUnderWay:
-    """Belongs to the service's event loop. ``computing`` has a process for studies, ``reading`` one for their tables.
+    """Belongs to the service's event loop.
+
+    ``computing`` has a process for studies, ``reading`` one for their tables, and ``texts`` those for what is written.
 
     ``tuning`` tells the one in force, which holds where a study names none.
     """
@@ -41,9 +44,10 @@ class StudiesUnderWay:
         tuning: Callable[[], TuningChoice],
         computing: Offload,
         reading: Offload,
+        texts: TextWork,
     ) -> None:
         self._database, self._parameters, self._tuning = database, parameters, tuning
-        self._computing, self._reading = computing, reading
+        self._computing, self._reading, self._texts = computing, reading, texts
         self._kept = Studies(database)
         self._turn, self._door = asyncio.Lock(), asyncio.Lock()
         self._looked_at: dict[tuple[int, str], tuple[float, StudyDetail]] = {}
@@ -78,7 +82,7 @@ class StudiesUnderWay:
         async with self._door:
             self._require_place()
             tuning = self._tuning()
-            study = await self._reading.run(_begin, self._database, text, who, self._parameters, tuning)
+            study = await self._texts.order(_begin, self._database, text, who, self._parameters, tuning)
             return self._have_computed(study)
 
     async def resume(self, study_id: int) -> StudyView:

@@ -2,6 +2,9 @@
 
 What comes is never handed on: it is read by a parser that takes no document type, so that no entity grows and nothing
 is fetched, and the few elements that a sheet is made of are written anew with what is known of their attributes.
+
+Each of them is counted before anything is drawn: the costliest sheet that is accepted takes some seconds, and runs in a
+process of its own (backend.operating.chart_sheets).
 """
 
 import re
@@ -17,9 +20,15 @@ LONGEST_MM = 5000.0
 """Of a side: no reader shows a page of more than 5080 mm."""
 MOST_ELEMENTS = 20_000
 DEEPEST = 8
+MOST_TEXTS = 4_000
+MOST_LETTERS_OF_A_TEXT = 500
+"""The time that a text takes grows with the square of its letters."""
+MOST_LETTERS = 40_000
+MOST_OF_A_PATH = 512 * 1024
+"""Characters of the way of one path: a curve of 4000 points takes about 40 000."""
+MOST_OF_A_TITLE = 500
 
 _NUMBER = r"-?[0-9]{1,6}(?:\.[0-9]{1,6})?"
-_NUMBERS = rf"{_NUMBER}(?:[ ,]{_NUMBER})*"
 _COLOUR = r"none|#[0-9A-Fa-f]{3,8}"
 _PLAIN: dict[str, str] = {
     "x": _NUMBER,
@@ -41,7 +50,7 @@ _PLAIN: dict[str, str] = {
 """What may stand in the attributes that are drawn."""
 _ROOT: dict[str, str] = {
     "xmlns": re.escape(SVG),
-    "viewBox": _NUMBERS,
+    "viewBox": rf"{_NUMBER}(?:[ ,]{_NUMBER}){{3}}",
     "width": rf"{_NUMBER}mm",
     "height": rf"{_NUMBER}mm",
     "font-size": _NUMBER,
@@ -102,18 +111,29 @@ class _Reading:
     titles: list[str] = field(default_factory=list)
     open: list[str] = field(default_factory=list)
     elements: int = 0
+    texts: int = 0
+    letters_in_all: int = 0
+    letters_of_text: int = 0
+    letters_of_title: int = 0
     width_mm: float = 0.0
     height_mm: float = 0.0
 
     def begin(self, name: str, attributes: dict[str, str]) -> None:
         self.elements += 1
-        if self.elements > MOST_ELEMENTS or len(self.open) >= DEEPEST:
-            raise _refusal(f"it has more than {MOST_ELEMENTS} elements, or more than {DEEPEST} in each other")
+        _require_few("elements", self.elements, MOST_ELEMENTS, "draw fewer panels or marks on one sheet")
+        _require_few("elements in each other", len(self.open) + 1, DEEPEST, "nest them less")
         if not self.open and name != "svg":
             raise _refusal(f"it begins with <{_short(name)}> where <svg> has to stand")
         if self.open and name not in (*_DRAWN, *_UNDRAWN):
             allowed = ", ".join((*_DRAWN, *_UNDRAWN))
             raise _refusal(f"it has an element <{_short(name)}>; allowed in a sheet are only {allowed}")
+        if name == "text":
+            self.texts += 1
+            if "text" not in self.open:  # what stands in a text is drawn as a part of it
+                self.letters_of_text = 0
+            _require_few("texts", self.texts, MOST_TEXTS, "draw fewer panels or marks on one sheet")
+        way = attributes.get("d", "")
+        _require_few("characters of a path", len(way), MOST_OF_A_PATH, "draw it with fewer points, or in parts")
         known = _PLAIN if self.open else _ROOT
         kept = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
         for key, value in kept.items():
@@ -133,8 +153,14 @@ class _Reading:
 
     def letters(self, letters: str) -> None:
         if self.open[-1] == "text":
+            self.letters_of_text += len(letters)
+            self.letters_in_all += len(letters)
+            _require_few("letters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
+            _require_few("letters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
             self.parts.append(escape(letters))
         elif self.open == ["svg", "title"]:
+            self.letters_of_title += len(letters)
+            _require_few("letters of the title", self.letters_of_title, MOST_OF_A_TITLE, "shorten it")
             self.titles.append(letters)
 
     def sheet(self) -> Sheet:
@@ -156,6 +182,16 @@ def _refuse_document_type(*_declared: object) -> None:
 
 def _refuse_instruction(target: str, _data: str) -> None:
     raise _refusal(f"it has a processing instruction <?{_short(target)}?>")
+
+
+def _require_few(what: str, number: int, most: int, remedy: str) -> None:
+    """Raise RefusalError for more than ``most`` of something; as it is counted, the ``number`` is of so far."""
+    if number > most:
+        raise RefusalError(
+            Because.BAD_VALUE,
+            f"{what}: this sheet of charts has {number} or more, at most {most} are drawn: {remedy}",
+            code="sheet_too_large",
+        )
 
 
 def _refusal(why: str) -> RefusalError:

@@ -30,6 +30,7 @@ from backend.operating.present_state import PresentState
 from backend.operating.safe_stop import SafeStop
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
+from backend.operating.text_work import TextWork
 from backend.recording.recorder import Recorder
 from backend.storage import Database
 from backend.supervision import Supervision
@@ -133,6 +134,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
         lambda: None,
         SEED,
         DryRuns(here),
+        TextWork(here, here),
         supervision,
         SafeStop(supervisor, present, supervision),
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.archive.planned import PlannedRuns
+from backend.archive.planned import planned as planned_in
 from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.playing.progress import Doing
 from backend.loop.commands import Accepted, SetMode
@@ -85,7 +85,7 @@ def told_right(seen: Seen, run: int, samples: int) -> None:
 
 
 def planned_of(database: Database, run: int) -> Planned:
-    return asyncio.run(PlannedRuns(database).of(run))
+    return planned_in(database, run)
 
 
 def line(planned: Planned, name: str) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import pickle
 import signal
 import time
 from collections.abc import Awaitable, Callable
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.offload import Offload, WorkerDiedError
+from backend.offload import Limits, Offload, WorkerDiedError, WorkLimitError
 
 TIMEOUT_S = 60.0
 
@@ -197,3 +198,79 @@ def test_what_a_process_begins_with_may_fail() -> None:
         assert deaths == []
 
     run(session)
+
+
+def hold_the_interpreter() -> int:
+    """Compute for minutes in C, where no signal handler of Python runs."""
+    return len(str(10**100_000_000))
+
+
+def take(megabytes: int) -> int:
+    return len(bytearray(megabytes * 1_000_000))
+
+
+def abort() -> None:
+    """End as a library does that is refused memory."""
+    os.abort()
+
+
+def limited(session: Callable[[Offload], Awaitable[None]], limits: Limits) -> list[str]:
+    deaths: list[str] = []
+
+    async def whole() -> None:
+        offload = Offload(deaths.append, limits=limits)
+        try:
+            await asyncio.wait_for(session(offload), TIMEOUT_S)
+        finally:
+            offload.close()
+
+    asyncio.run(whole())
+    return deaths
+
+
+def test_work_beyond_its_time_is_ended_with_its_process_and_not_done_again() -> None:
+    async def session(offload: Offload) -> None:
+        first = await offload.run(os.getpid)
+        with pytest.raises(WorkLimitError) as refused:
+            await offload.run(hold_the_interpreter)
+        assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("computing time", 0.5, "s")
+        assert "write less" in str(refused.value)
+        await until(lambda: not is_there(first))
+        assert await offload.run(os.getpid) != first
+
+    assert limited(session, Limits(limit_s=0.5, remedy="write less")) == []
+
+
+def test_loading_and_waiting_for_a_turn_do_not_count_as_time_of_the_work() -> None:
+    async def session(offload: Offload) -> None:
+        offload.prepare(SlowToLoad(), "time")  # 0.2 s before the first work
+        assert await asyncio.gather(*(offload.run(time.sleep, 0.2) for _ in range(8))) == [None] * 8
+
+    assert limited(session, Limits(limit_s=1.0)) == []
+
+
+def test_memory_beyond_the_limit_is_refused_and_the_process_replaced() -> None:
+    async def session(offload: Offload) -> None:
+        assert await offload.run(take, 50) == 50_000_000
+        first = await offload.run(os.getpid)
+        with pytest.raises(WorkLimitError) as refused:
+            await offload.run(take, 400)
+        assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("memory", 200.0, "MB")
+        assert await offload.run(os.getpid) != first
+
+    assert limited(session, Limits(memory_bytes=200_000_000)) == []
+
+
+def test_a_library_that_aborts_for_lack_of_memory_is_told_as_the_limit() -> None:
+    async def session(offload: Offload) -> None:
+        with pytest.raises(WorkLimitError):
+            await offload.run(abort)
+        assert await offload.run(os.getpid) > 0
+
+    assert len(limited(session, Limits(memory_bytes=200_000_000))) == 1
+
+
+def test_a_refusal_by_a_limit_comes_from_one_process_to_another_as_it_is() -> None:
+    error = WorkLimitError("memory", 200.0, "MB", "send less")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), vars(again)) == (str(error), vars(error))

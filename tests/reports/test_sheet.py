@@ -6,8 +6,20 @@ from typing import Any
 import pytest
 from pypdf import PdfReader
 
+from backend.messages.sheet import LONGEST_SHEET
 from backend.refusal import RefusalError
-from backend.reports.sheet import DEEPEST, LONGEST_MM, MOST_ELEMENTS, read_sheet, sheet_pdf
+from backend.reports.sheet import (
+    DEEPEST,
+    LONGEST_MM,
+    MOST_ELEMENTS,
+    MOST_LETTERS,
+    MOST_LETTERS_OF_A_TEXT,
+    MOST_OF_A_PATH,
+    MOST_OF_A_TITLE,
+    MOST_TEXTS,
+    read_sheet,
+    sheet_pdf,
+)
 
 MM_PER_POINT = 25.4 / 72.0
 WIDTH_MM, HEIGHT_MM = 180.0, 123.46
@@ -125,8 +137,6 @@ LINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
             svg(before='<?xml-stylesheet href="http://elsewhere.example"?>'),
             "a processing instruction <?xml-stylesheet?>",
         ),
-        (svg("<g>" * DEEPEST + "</g>" * DEEPEST), f"more than {DEEPEST} in each other"),
-        (svg("<g/>" * MOST_ELEMENTS), f"it has more than {MOST_ELEMENTS} elements"),
         (svg("<text>unclosed"), "it is not well-formed XML: mismatched tag, line 1"),
         (svg("<text>&nothing;</text>"), "it is not well-formed XML: undefined entity, line 1"),
         ("", "it is not well-formed XML: no element found, line 1"),
@@ -147,3 +157,52 @@ def test_what_is_no_sheet_is_refused_with_what_is_wrong_and_what_to_do(hostile: 
     assert message.startswith("this is no sheet of charts: ")
     assert message.endswith("Send the SVG as the charts save it, or convert it with a drawing program")
     assert len(message) < 400
+
+
+def texts(number: int, letters: int) -> str:
+    return f'<text x="9" y="9">{"ab c" * (letters // 4)}{"d" * (letters % 4)}</text>' * number
+
+
+def way(characters: int) -> str:
+    """A path whose ``d`` has so many characters."""
+    points = "h1v1" * (characters // 4 - 1)
+    return f'<path d="{"M0 0" + points}{"0" * (characters % 4)}" fill="none" stroke="#0072B2"/>'
+
+
+def at_the_bounds() -> str:
+    """As much of everything as one sheet may have within the characters of a request."""
+    longest = MOST_LETTERS // MOST_LETTERS_OF_A_TEXT - 10
+    short = MOST_TEXTS - longest
+    letters = texts(longest, MOST_LETTERS_OF_A_TEXT) + texts(short, 1)
+    paths = way(MOST_OF_A_PATH) * 2
+    drawn = 1 + 1 + MOST_TEXTS + 2  # svg, title, texts and paths
+    rects = '<rect width="1" height="2"/>' * (MOST_ELEMENTS - drawn)
+    return svg(f"<title>{'a' * MOST_OF_A_TITLE}</title>{letters}{paths}{rects}")
+
+
+def test_a_sheet_at_all_bounds_is_drawn() -> None:
+    sheet = at_the_bounds()
+    assert len(sheet) < LONGEST_SHEET
+    (page,) = PdfReader(io.BytesIO(sheet_pdf(sheet))).pages
+    assert float(page.mediabox.width) * MM_PER_POINT == pytest.approx(WIDTH_MM, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("inside", "what", "most"),
+    [
+        ("<g>" * DEEPEST + "</g>" * DEEPEST, "elements in each other", DEEPEST),
+        ("<g/>" * MOST_ELEMENTS, "elements", MOST_ELEMENTS),
+        (texts(MOST_TEXTS + 1, 1), "texts", MOST_TEXTS),
+        (texts(1, MOST_LETTERS_OF_A_TEXT + 1), "letters of a text", MOST_LETTERS_OF_A_TEXT),
+        (f"<text>{'a' * 400}{texts(1, 50)}{'a' * 51}</text>", "letters of a text", MOST_LETTERS_OF_A_TEXT),
+        (texts(MOST_LETTERS // 400 + 1, 400), "letters of all texts", MOST_LETTERS),
+        (way(MOST_OF_A_PATH + 1), "characters of a path", MOST_OF_A_PATH),
+        (f"<title>{'a' * (MOST_OF_A_TITLE + 1)}</title>", "letters of the title", MOST_OF_A_TITLE),
+    ],
+)
+def test_more_than_the_bounds_is_refused_before_it_is_drawn(inside: str, what: str, most: int) -> None:
+    with pytest.raises(RefusalError) as refused:
+        read_sheet(svg(inside))
+    assert refused.value.code == "sheet_too_large"
+    assert str(refused.value).startswith(f"{what}: ")
+    assert f"at most {most} are drawn" in str(refused.value)

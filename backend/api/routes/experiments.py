@@ -18,9 +18,9 @@ router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 
 
 @router.get("")
-async def list_experiments(service: ServiceInUse, _person: SignedIn) -> ExperimentKindList:
+async def list_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> ExperimentKindList:
     """List the kinds of experiments with their settings and units."""
-    return ExperimentKindList(experiments=await service.ordered_runs.experiment_kinds())
+    return ExperimentKindList(experiments=await service.ordered_runs.experiment_kinds(person, request.is_disconnected))
 
 
 @router.post("", status_code=202)

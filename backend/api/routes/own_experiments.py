@@ -28,15 +28,20 @@ async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
 
 
 @router.get("/own")
-async def list_own_experiments(service: ServiceInUse, _person: SignedIn) -> OwnExperimentList:
+async def list_own_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> OwnExperimentList:
     """List own experiments, the newest version of each."""
-    return OwnExperimentList(experiments=await asyncio.to_thread(service.experiments.views))
+    if not await asyncio.to_thread(service.experiments.has_own):
+        return OwnExperimentList(experiments=[])
+    found = await service.texts.run(person, request.is_disconnected, service.experiments.views)
+    return OwnExperimentList(experiments=found)
 
 
 @router.post("/own", status_code=201)
-async def keep_experiment(body: ExperimentText, service: ServiceInUse, person: Operator) -> OwnExperiment:
+async def keep_experiment(
+    request: Request, body: ExperimentText, service: ServiceInUse, person: Operator
+) -> OwnExperiment:
     """Keep an experiment as the next version of its name; one that could not be played here is refused."""
-    return await service.ordered_runs.keep_experiment(body.text, person.name)
+    return await service.ordered_runs.keep_experiment(body.text, person, request.is_disconnected)
 
 
 @router.post("/check")
@@ -48,18 +53,25 @@ async def check_experiment(
 
 
 @router.get("/texts/{name}")
-async def get_experiment_text(name: ExperimentName, service: ServiceInUse, _person: SignedIn) -> WrittenExperiment:
+async def get_experiment_text(
+    request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
+) -> WrittenExperiment:
     """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
-    return await asyncio.to_thread(service.experiments.written, name)
+    return await service.texts.run(person, request.is_disconnected, service.experiments.written, name)
 
 
 @router.get("/own/{name}/versions")
-async def list_versions(name: ExperimentName, service: ServiceInUse, _person: SignedIn) -> OwnExperimentList:
+async def list_versions(
+    request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
+) -> OwnExperimentList:
     """List the versions of an own experiment, the newest first: who kept each, and when."""
-    return OwnExperimentList(experiments=await asyncio.to_thread(service.experiments.versions, name))
+    found = await service.texts.run(person, request.is_disconnected, service.experiments.versions, name)
+    return OwnExperimentList(experiments=found)
 
 
 @router.get("/as-run/{run_id}")
-async def get_experiment_as_run(run_id: RowId, service: ServiceInUse, _person: SignedIn) -> WrittenExperiment:
+async def get_experiment_as_run(
+    request: Request, run_id: RowId, service: ServiceInUse, person: SignedIn
+) -> WrittenExperiment:
     """Return the references of a run, as they were commanded, as an experiment to begin an own one with."""
-    return await asyncio.to_thread(service.experiments.as_run, run_id)
+    return await service.texts.run(person, request.is_disconnected, service.experiments.as_run, run_id)

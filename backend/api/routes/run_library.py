@@ -2,12 +2,13 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 
 from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
 from backend.api.routes.runs import download, report
 from backend.api.service import ServiceInUse
+from backend.departure import unless_left
 from backend.messages.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
 from backend.messages.run_search import (
     SEARCH_NAME_MAX,
@@ -73,10 +74,10 @@ async def compare_runs(
 
 @router.get("/run-comparison/differences")
 async def get_differences(
-    asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
+    request: Request, asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
 ) -> Differences:
     """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
-    return await service.downloads.differences(asked)
+    return await unless_left(service.downloads.differences(asked), request.is_disconnected)
 
 
 @router.get("/run-comparison/{content}.csv", response_class=Response)
@@ -93,6 +94,7 @@ async def get_comparison_file(
 
 @router.get("/run-comparison/report.{format}", response_class=Response)
 async def get_series_report(
+    request: Request,
     format: Literal["html", "pdf"],
     service: ServiceInUse,
     _person: SignedIn,
@@ -100,7 +102,8 @@ async def get_series_report(
     run: Annotated[list[RunNumber], Query(min_length=1, max_length=MOST_RUNS, description="runs, in order")],
 ) -> Response:
     """Return one report of many runs, as a self-contained page or as PDF."""
-    return report(await service.downloads.series(run, format, angles), format, "sinew-series.pdf")
+    content = await unless_left(service.downloads.series(run, format, angles), request.is_disconnected)
+    return report(content, format, "sinew-series.pdf")
 
 
 @router.get("/metric-history")

@@ -4,14 +4,16 @@ import math
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import StringConstraints
 
 from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
+from backend.archive.planned import planned
 from backend.archive.stored_runs import Asked, Excerpt
+from backend.departure import unless_left
 from backend.exports.formats import MEDIA_TYPES, DataFormat
 from backend.exports.foxglove_layout import layout
 from backend.messages.base import Finite
@@ -88,9 +90,9 @@ async def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Op
 
 
 @router.post("/{id}/evaluation")
-async def evaluate_run(id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
+async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
-    await service.evaluations.again(id)
+    await unless_left(service.evaluations.again(id), request.is_disconnected)
     return await service.runs.run(id)
 
 
@@ -107,9 +109,9 @@ async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunM
 
 
 @router.get("/{id}/planned")
-async def get_planned(id: RowId, service: ServiceInUse, _person: SignedIn) -> Planned:
+async def get_planned(request: Request, id: RowId, service: ServiceInUse, person: SignedIn) -> Planned:
     """Return the references that a run was to follow, from begin to end."""
-    return await service.planned.of(id)
+    return await service.texts.run(person, request.is_disconnected, planned, service.database, id)
 
 
 @router.post("/{id}/replay", status_code=204)
@@ -152,15 +154,20 @@ async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: Si
 
 
 @router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
-async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead) -> Response:
+async def get_report_html(
+    request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
+) -> Response:
     """Return the report of a run as one self-contained page."""
-    return report(await service.downloads.report_html(id, angles), "html")
+    return report(await unless_left(service.downloads.report_html(id, angles), request.is_disconnected), "html")
 
 
 @router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
-async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead) -> Response:
+async def get_report_pdf(
+    request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
+) -> Response:
     """Return the report of a run as PDF."""
-    return report(await service.downloads.report_pdf(id, angles), "pdf", f"sinew-run-{id}.pdf")
+    content = await unless_left(service.downloads.report_pdf(id, angles), request.is_disconnected)
+    return report(content, "pdf", f"sinew-run-{id}.pdf")
 
 
 @router.get("/{id}/data.{format}", response_class=Response, responses=DATA)

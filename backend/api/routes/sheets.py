@@ -1,6 +1,6 @@
 """What the charts show, for print."""
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 
 from backend.api.auth import SignedIn
 from backend.api.routes.runs import PDF, download
@@ -12,6 +12,6 @@ router = APIRouter(tags=["runs"])
 
 
 @router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
-async def print_sheet(body: SheetToPrint, service: ServiceInUse, _person: SignedIn) -> Response:
+async def print_sheet(request: Request, body: SheetToPrint, service: ServiceInUse, person: SignedIn) -> Response:
     """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
-    return download(await service.downloads.sheet(body.svg), PDF, "sinew-charts.pdf")
+    return download(await service.sheets.pdf(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf")
