@@ -7,9 +7,11 @@ import pydantic_core
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import Message, Receive
 
+from backend.plain_text import PlainTextError, require_plain_texts
 from backend.refusal import Because, RefusalError
 
-_NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
+_SUSPECT = re.compile(rb"\\[ubf]|\x7f|\xc2[\x80-\x9f]")
+"""How JSON can write a character that is not taken; what has none of these is not looked through."""
 
 
 def has_body(connection: HTTPConnection) -> bool:
@@ -34,10 +36,12 @@ async def read_whole(receive: Receive, most: int) -> bytes:
 
 
 def _require_writable(body: bytes) -> None:
-    if _NUL.search(body):
-        raise RefusalError(Because.BAD_VALUE, "body: a text holds the character of code 0, which cannot be stored")
     try:
-        pydantic_core.from_json(body)
+        document = pydantic_core.from_json(body)
+        if _SUSPECT.search(body):
+            require_plain_texts(document)
+    except PlainTextError as error:
+        raise RefusalError(Because.BAD_VALUE, f"body: {error}", code="bad_character") from None
     except ValueError as error:
         raise RefusalError(Because.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid") from None
 

@@ -13,6 +13,7 @@ from starlette.websockets import WebSocket
 
 from backend.messages.base import Problem, Refusal
 from backend.messages.sheet import LONGEST_SHEET
+from backend.plain_text import PlainTextError, require_plain
 
 MAX_BODY_BYTES = 256 * 1024
 SHEETS = "/api/chart-sheet.pdf"
@@ -70,8 +71,11 @@ class Guard:
         writes = scope["type"] == "websocket" or scope["method"] not in _READING
         if writes and not _same_origin(headers, host):
             return _refuse(403, "foreign_origin", "requests from pages of another origin are refused")
-        if b"\0" in unquote_to_bytes(scope.get("raw_path") or scope["path"]) + unquote_to_bytes(scope["query_string"]):
-            return _refuse(400, "bad_character", "the address holds a character of code 0, which no text here may have")
+        try:
+            for part in (scope.get("raw_path") or scope["path"], scope["query_string"]):
+                require_plain(unquote_to_bytes(part).decode("utf-8", "replace"))
+        except PlainTextError as error:
+            return _refuse(400, "bad_character", f"the address: {error}")
         return _refusal_of_length(headers, most_bytes(scope["path"]))
 
     def _is_known(self, host: str) -> bool:

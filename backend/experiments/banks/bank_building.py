@@ -14,6 +14,7 @@ from backend.experiments.banks.bank_consistency import (
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
+from backend.plain_text import PlainTextError, require_plain
 from backend.storage import Database, Session, banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification
@@ -70,6 +71,10 @@ def require_name(name: str) -> None:
     """Raise BankError unless a bank can be called so."""
     if not name.strip():
         raise BankError("a bank needs a name")
+    try:
+        require_plain(name)
+    except PlainTextError as error:
+        raise BankError(f"name of a bank: {error}") from None
 
 
 def points_of(bank: HasEntries | None) -> tuple[PointModel, ...]:

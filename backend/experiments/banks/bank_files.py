@@ -5,6 +5,7 @@ from typing import Any
 
 from backend.experiments.banks.bank_building import require_name
 from backend.experiments.banks.bank_consistency import MODEL_NAMES, BankError, NamedEntry, require_consistent
+from backend.plain_text import PlainTextError, require_plain_texts
 from backend.storage import Database, banks
 from backend.storage.banks import Bank, BankEntry
 from plant.parameters import PlantParameters
@@ -45,6 +46,9 @@ def read_file(text: str) -> dict[str, Any]:
         raise BankError(f"the file is larger than {MAX_BYTES} bytes: that is no bank")
     try:
         document = json.loads(text)
+        require_plain_texts(document)
+    except PlainTextError as error:
+        raise BankError(f"the file: {error}") from None
     except (ValueError, RecursionError) as error:
         raise BankError(f"the file is not JSON: {error}") from None
     if not isinstance(document, dict):

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from backend.documents.experiment import EXPERIMENT, FORMAT, Experiment
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
+from backend.plain_text import PlainTextError, require_plain, require_plain_texts
 from backend.refusal import Path
 
 MAX_CHARACTERS = 100_000
@@ -64,7 +65,9 @@ def document_of(text: str) -> tuple[Any, Lines]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
-    except (yaml.YAMLError, RecursionError) as error:
+    except ExperimentError:
+        raise
+    except (yaml.YAMLError, RecursionError, ValueError, OverflowError) as error:  # an escape beyond all characters
         raise ExperimentError(f"it is neither YAML nor JSON: {error}") from None
 
 
@@ -93,11 +96,14 @@ def in_form(form: TypeAdapter[_T], known: int, document: Mapping[str, Any], line
 def of_canonical(line: str) -> Experiment:
     """Return the experiment that ``canonical`` has written. Raises ExperimentError."""
     try:
-        return of_document(json.loads(line), {})
+        document = json.loads(line)
+        require_plain_texts(document)
+        return of_document(document, {})
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
-        raise ExperimentError(f"it is not JSON: {error}") from None
+        why = str(error) if isinstance(error, PlainTextError) else f"it is not JSON: {error}"
+        raise ExperimentError(why) from None
 
 
 def canonical(experiment: Experiment) -> str:
@@ -127,7 +133,12 @@ def _value(node: Any, path: Path, lines: dict[Path, int], depth: int) -> Any:
         raise ExperimentError(f"the tag {node.tag} is not taken", path, line)
     match node.tag.removeprefix(_PLAIN):
         case "str":
-            return node.value
+            words = _with_pairs_joined(node.value)
+            try:
+                require_plain(words)
+            except PlainTextError as error:
+                raise ExperimentError(str(error), path, line) from None
+            return words
         case "null":
             return None
         case "bool":
@@ -140,6 +151,16 @@ def _value(node: Any, path: Path, lines: dict[Path, int], depth: int) -> Any:
             return float(node.value)
         case _:
             raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not taken", path, line)
+
+
+def _with_pairs_joined(words: str) -> str:
+    r"""Return a text with each pair of halves, as JSON escapes "\ud83d\ude00", as the character that it is."""
+    if words.isascii():
+        return words
+    try:
+        return words.encode("utf-16-le", "surrogatepass").decode("utf-16-le")
+    except UnicodeDecodeError:
+        return words
 
 
 def _place(document: Any, loc: tuple[int | str, ...]) -> Path:

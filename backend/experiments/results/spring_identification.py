@@ -19,7 +19,9 @@ from backend.documents.spring import (
 )
 from backend.experiments.plans.identification_plans import SpringIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
+from backend.identification.errors import IdentificationError
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
+from backend.plain_text import PlainTextError, require_plain
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s
@@ -138,6 +140,10 @@ def to_store(
 
 def from_table(name: str, text: str, who: str, software: str) -> NewIdentification:
     """Fit a table measured elsewhere, columns ``x [m]`` or ``x [mm]`` and ``F [N]``. Raises IdentificationError."""
+    try:
+        require_plain(name)
+    except PlainTextError as error:
+        raise IdentificationError(f"name of the table: {error}") from None
     x, F = read_load_sweep(text)
     rising = np.ones(x.size, dtype=bool)
     pair = LoadSweep(x, F, rising), identify_spring(x, F)
