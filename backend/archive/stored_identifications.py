@@ -4,20 +4,18 @@ import asyncio
 import logging
 from collections.abc import Callable
 
-from backend import __version__
 from backend.archive import identification_views
 from backend.archive.stored_banks import TuningInForce
 from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
 from backend.experiments.results.over_stiffness import trend_of
-from backend.experiments.results.spring_identification import from_table
 from backend.experiments.results.unseen_prediction import unseen_of
 from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import IdentificationView, SpringTableView
 from backend.offload import Offload
 from backend.storage import Database, identifications, results, runs
-from backend.storage.identifications import Identification
+from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import Run, RunKind
 
@@ -83,9 +81,9 @@ class StoredIdentifications:
         found = await asyncio.to_thread(self._spring_table, number)
         return IdentificationCurves.model_validate(curves_of(found))
 
-    async def add_spring_table(self, name: str, table: str, who: str) -> SpringTableView:
-        """Identify a spring from a measured table and store it. Raises IdentificationError."""
-        return identification_views.spring_table_view(await asyncio.to_thread(self._add_spring_table, name, table, who))
+    async def add_spring_table(self, new: NewIdentification) -> SpringTableView:
+        """Store a spring that was identified from a measured table."""
+        return identification_views.spring_table_view(await asyncio.to_thread(self._add, new))
 
     # In a thread --------------------------------------------------------------------------------------------
 
@@ -137,7 +135,6 @@ class StoredIdentifications:
             raise UnknownRecordError(f"identification {number} was not made from a table of a spring")
         return found
 
-    def _add_spring_table(self, name: str, table: str, who: str) -> Identification:
-        new = from_table(name, table, who, __version__)
+    def _add(self, new: NewIdentification) -> Identification:
         with self._database.session() as session:
             return identifications.add(session, new)

@@ -1,9 +1,11 @@
 """Identification runs, and springs identified from tables."""
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 
+from backend import __version__
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
+from backend.experiments.results.spring_identification import from_table
 from backend.messages import identification as told
 from backend.messages.base import RowNumber
 from backend.messages.compared_models import Trend, UnseenView
@@ -70,9 +72,13 @@ async def get_identification_trend(service: ServiceInUse, _person: SignedIn) -> 
 
 
 @router.post("/spring-tables", status_code=201)
-async def add_table(body: told.SpringTableRequest, service: ServiceInUse, person: Operator) -> told.SpringTableView:
+async def add_table(
+    request: Request, body: told.SpringTableRequest, service: ServiceInUse, person: Operator
+) -> told.SpringTableView:
     """Identify a spring from a table measured elsewhere."""
-    return await service.identifications.add_spring_table(body.name, body.table, person.name)
+    asked = body.name, body.table, person.name, __version__
+    new = await service.texts.run(person, request.is_disconnected, from_table, *asked)
+    return await service.identifications.add_spring_table(new)
 
 
 @router.get("/spring-tables")
