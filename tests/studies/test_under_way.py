@@ -11,6 +11,7 @@ from backend.archive.studies import Studies
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.offload import Offload
 from backend.operating.studies_under_way import WAITING_MAX, StudiesUnderWay
+from backend.operating.text_work import TextWork
 from backend.refusal import RefusalError
 from backend.storage import Database, open_database, studies
 from plant.parameters import load_parameters
@@ -38,7 +39,8 @@ def database(tmp_path: Path) -> Database:
 def under_way(database: Database) -> tuple[StudiesUnderWay, Process, Process]:
     computing, reading = Process(), Process()
     processes = (cast(Offload, computing), cast(Offload, reading))
-    return StudiesUnderWay(database, load_parameters("lab"), TuningChoice, *processes), computing, reading
+    texts = TextWork(processes[1], processes[1])
+    return StudiesUnderWay(database, load_parameters("lab"), TuningChoice, *processes, texts), computing, reading
 
 
 def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Database) -> None:

@@ -6,6 +6,7 @@ from functools import partial
 
 from rich.console import Console
 
+from tests.soak.attack.costly import under_costly_requests
 from tests.soak.attack.ending import end_service
 from tests.soak.attack.frozen import freeze
 from tests.soak.attack.full_disk import fill_disk
@@ -52,6 +53,7 @@ def parts(chosen: Iterable[str]) -> dict[str, Part]:
     """Return the attack's parts by name; those ``chosen`` that kill share the kills."""
     shares = {name: share for name, (share, _) in KILLS.items() if name in chosen} or dict.fromkeys(KILLS, 1)
     made: dict[str, Part] = {"crowds": lambda given, console: under_load(given.presses, given.sockets, console)}
+    made["costly"] = lambda given, console: under_costly_requests(given.presses, console)
     for name, (share, kill) in KILLS.items():
         made[name] = partial(_killing, kill, share / sum(shares.values()))
     for name, attack in TURNS.items():
@@ -67,4 +69,4 @@ def _in_turns(attack: Callable[[int, Console], bool], given: argparse.Namespace,
     return attack(given.turns, console)
 
 
-NAMES = ("crowds", *KILLS, *TURNS)
+NAMES = ("crowds", "costly", *KILLS, *TURNS)
