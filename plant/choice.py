@@ -8,6 +8,9 @@ DEFAULT_WIRING = "pcie-6323"
 NAME_MAX = 100
 """Longest name of a plant [characters]: every run remembers it whole."""
 
+FILE_NAME_MAX = 200
+"""Longest name of a file with parameters or a wiring [characters], without its ending: runs remember it whole."""
+
 
 class PlantKind(StrEnum):
     """What is behind the Plant interface."""

@@ -9,6 +9,7 @@ from dataclasses import Field, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from plant.choice import FILE_NAME_MAX
 from plant.dynamics import Dynamics
 from plant.joint import Joint
 from plant.motor import Motor
@@ -137,7 +138,7 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
     """Load a set of ``SHIPPED`` or a TOML file. Raises ParameterError naming the entry, its bound and unit."""
     path = _FOLDER / f"{name_or_path}.toml" if name_or_path in SHIPPED else Path(name_or_path)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a BOM
     except OSError as error:
         shipped = ", ".join(SHIPPED)
         raise ParameterError(
@@ -145,6 +146,11 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ParameterError(f"{path.name} is not a TOML file: {error}") from error
+    if len(path.stem) > FILE_NAME_MAX:
+        raise ParameterError(
+            f"the name of the file {path.stem[:40]}... has {len(path.stem)} characters, {FILE_NAME_MAX} are the most: "
+            "rename the file"
+        )
     return parameters_of(path.stem, document, path.name)
 
 

@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from plant.choice import FILE_NAME_MAX
 from plant.wiring_errors import Problem, WiringError, lines_of
 
 _FOLDER = Path(__file__).parent / "wirings"
@@ -159,13 +160,16 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
     """Load a shipped wiring or a TOML file. Raises WiringError with all that is wrong."""
     path = _FOLDER / f"{name_or_path}.toml" if str(name_or_path) in SHIPPED else Path(name_or_path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a BOM
         document = tomllib.loads(text)
     except OSError:
         remedy = f"use one of {', '.join(SHIPPED)}, or a TOML file"
         raise WiringError(str(name_or_path), (Problem(0, "file", "it cannot be read", remedy),)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WiringError(path.name, (Problem(0, "file", f"it is not TOML, {error}", "mend it there"),)) from None
+    if len(path.stem) > FILE_NAME_MAX:
+        told = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the most"
+        raise WiringError(f"{path.stem[:40]}...", (Problem(0, "file", told, "rename the file"),))
     return wiring_of(path.stem, document, text, path.name)
 
 

@@ -13,6 +13,8 @@ from backend.station import STATION_MAX
 from backend.storage.schema import Base
 
 TAG_MAX = 40
+VALUE_NAME_MAX = 200
+"""A value with a longer name, which only a run imported from elsewhere can have, is not searched by."""
 
 
 class RunIndexRow(Base):
@@ -51,7 +53,7 @@ class ValueNameRow(Base):
 
     id: Mapped[int] = mapped_column(Integer, primary_key=True)
     source: Mapped[str] = mapped_column(String(12))
-    name: Mapped[str] = mapped_column(String(200))
+    name: Mapped[str] = mapped_column(String(VALUE_NAME_MAX))
 
 
 class RunValueRow(Base):

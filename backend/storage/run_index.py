@@ -16,7 +16,15 @@ from backend.documents.digest import digest_of
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.outcome import outcome_of
 from backend.storage import results, runs
-from backend.storage.index_schema import ParameterValueRow, RunIndexRow, RunTagRow, RunValueRow, ValueNameRow
+from backend.storage.index_schema import (
+    VALUE_NAME_MAX,
+    ParameterValueRow,
+    RunIndexRow,
+    RunTagRow,
+    RunValueRow,
+    ValueNameRow,
+)
+from backend.storage.lengths import require_lengths
 from backend.storage.records import to_record
 from backend.storage.run_title import experiment_of, title_of
 from backend.storage.runs import EndState, Run, RunKind
@@ -160,6 +168,7 @@ def _write_values(session: Session, run_id: int, values: Mapping[ValueSource, Ma
         }
         for source, named in values.items()
         for name, value in named.items()
+        if len(name) <= VALUE_NAME_MAX
     ]
     if rows:
         session.execute(insert(RunValueRow), rows)
@@ -171,6 +180,7 @@ def _write_parameters(session: Session, digest: str, document: Mapping[str, Any]
     rows = [
         {"parameters_sha256": digest, "name_id": _number_of(session, ValueSource.PARAMETER, name), "value": value}
         for name, value in dict(numbers_of(document)).items()
+        if len(name) <= VALUE_NAME_MAX
     ]
     if rows:
         one_at_a_time(session.connection(), _NEW_WORDS)
@@ -208,7 +218,9 @@ def _number_of(session: Session, source: ValueSource, name: str) -> int:
 
 
 def insert_new(session: Session, table: Any, rows: list[dict[str, Any]]) -> None:
-    """Insert rows but for those that are there already."""
+    """Insert rows but for those that are there already. Raises UnfitError for a text longer than its column."""
+    for row in rows:
+        require_lengths(table, row)
     if session.get_bind().dialect.name == "postgresql":
         from sqlalchemy.dialects.postgresql import insert as postgres_insert
 

@@ -26,9 +26,12 @@ from sqlalchemy import (
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from backend.station import STATION_MAX
-from plant.choice import NAME_MAX
+from plant.choice import FILE_NAME_MAX, NAME_MAX
 
 Document = dict[str, Any]
+
+METHOD_MAX = 200
+"""Length of the estimators of both channels of an actuator, each with its noise model and weighting, and to spare."""
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -90,7 +93,7 @@ class RunRow(OfStation, Numbered, Base):
 
     kind: Mapped[str] = mapped_column(String(40), index=True)
     plant: Mapped[str] = mapped_column(String(NAME_MAX))
-    parameters_name: Mapped[str] = mapped_column(String(200))
+    parameters_name: Mapped[str] = mapped_column(String(FILE_NAME_MAX))
     parameters: Mapped[Document]
     settings: Mapped[Document]
     bank_id: Mapped[int | None] = mapped_column(ForeignKey("bank.id"))
@@ -145,7 +148,7 @@ class IdentificationRow(OfStation, Numbered, Base):
     run_id: Mapped[int | None] = mapped_column(ForeignKey("run.id"), index=True)
     kind: Mapped[str] = mapped_column(String(40), index=True)
     data: Mapped[Document]
-    method: Mapped[str] = mapped_column(String(40))
+    method: Mapped[str] = mapped_column(String(METHOD_MAX))
     options: Mapped[Document]
     model: Mapped[Document]
     quality: Mapped[Document]
@@ -275,7 +278,7 @@ class BringUpRow(OfStation, Numbered, Base):
     __tablename__ = "bring_up"
 
     step: Mapped[str] = mapped_column(String(40), index=True)
-    wiring: Mapped[str] = mapped_column(String(200))
+    wiring: Mapped[str] = mapped_column(String(FILE_NAME_MAX))
     fingerprint: Mapped[str] = mapped_column(String(64), index=True)
     passed: Mapped[bool]
     text: Mapped[str] = mapped_column(Text)

@@ -1,0 +1,157 @@
+"""Each text that the program composes fits its column; a longer one is refused on SQLite as on PostgreSQL."""
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from sqlalchemy import String, text
+
+from backend import __version__
+from backend.bring_up.steps import StepId
+from backend.documents.digest import digest_of
+from backend.documents.kept_tuning import saved_for
+from backend.documents.outcome import Outcome
+from backend.experiments.composing import ready_made
+from backend.faults import Fault
+from backend.identification.fit import Fit
+from backend.identification.noise import MAX_NOISE_ORDER
+from backend.identification.result import joint_method
+from backend.messages.run_search import SEARCH_NAME_MAX
+from backend.station import STATION_MAX
+from backend.storage import Database, UnfitError, identifications, runs
+from backend.storage.carried import KINDS
+from backend.storage.events import EventKind
+from backend.storage.index_schema import TAG_MAX, RunTagRow
+from backend.storage.run_index import NO_OUTCOME, ValueSource, insert_new, numbers_of
+from backend.storage.runs import EndState, RunKind
+from backend.storage.schema import Base
+from backend.storage.study_schema import StudyRow
+from backend.studies.point import FAILED, LOST, REFUSED
+from plant.choice import FILE_NAME_MAX, NAME_MAX
+from plant.parameters import load_parameters
+from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
+
+LONGEST_PERSON = "x" * 40 + " (viewer) 999"
+"""A name at sign-in has at most 40 characters; the role and a number may follow it."""
+
+
+def methods() -> Iterable[str]:
+    """Yield each method that two channels can have, as ``Fit`` names the estimator of one."""
+    channels = ["ARX with low-pass prefilter"]
+    for order, low_pass, drive in itertools.product(range(MAX_NOISE_ORDER + 1), (0.0, 0.9), (None, object())):
+        problem = SimpleNamespace(whitening=np.ones(order + 1), low_pass=low_pass)
+        channels.append(Fit(cast(Any, SimpleNamespace(problem=problem)), cast(Any, drive)).method)
+    for G_q, G_S in itertools.product(channels, repeat=2):
+        yield joint_method({"G_q": G_q, "G_S": G_S})
+
+
+DIGEST = [digest_of({})]
+STATIONS = ["x" * STATION_MAX]
+PEOPLE = [LONGEST_PERSON]
+SOFTWARE = [__version__, f"{__version__}.post123.dev123+g{'0' * 12}"]
+COMPOSED: dict[str, Iterable[str]] = {
+    "bank.name": ["x" * 60],  # as the API bounds it
+    "bring_up.step": StepId,
+    "bring_up.fingerprint": DIGEST,
+    "chunk.sha256": DIGEST,
+    "event.kind": EventKind,
+    "experiment.name": ready_made.NAMES,
+    "flight_record.fault": Fault,
+    "identification.kind": ["actuator", "motor", "spring"],
+    "identification.method": [*methods(), "least squares on position", "least-squares polynomials"],
+    "identification.software": SOFTWARE,
+    "origin.kind": KINDS,
+    "origin.sha256": DIGEST,
+    "parameter_value.parameters_sha256": DIGEST,
+    "report.format": ["html", "pdf"],
+    "result.software": SOFTWARE,
+    "run.kind": RunKind,
+    "run.plant": ["x" * NAME_MAX],
+    "run.software": SOFTWARE,
+    "run.end_state": EndState,
+    "run_index.kind": RunKind,
+    "run_index.parameters_sha256": DIGEST,
+    "run_index.end_state": EndState,
+    "run_index.outcome": [*Outcome, NO_OUTCOME],
+    "run_tag.tag": ["x" * TAG_MAX],
+    "setting.name": [
+        saved_for(2**31 - 1),
+        f"search/{'x' * SEARCH_NAME_MAX}",
+        f"viewer-preferences/{LONGEST_PERSON}",
+        f"hands at the {'x' * NAME_MAX}",
+    ],
+    "study.name": ["x" * 40],  # as its text bounds it
+    "study.title": ["x" * 100],
+    "study.runner": [f"{'x' * 64}:{2**22}"],
+    "study_point.state": [*EndState, REFUSED, FAILED, LOST],
+    "value_name.source": ValueSource,
+    "value_name.name": [name for name, _ in numbers_of(load_parameters("lab").document())],
+    "bring_up.wiring": ["x" * FILE_NAME_MAX],
+    "run.parameters_name": ["x" * FILE_NAME_MAX],
+}
+assert StudyRow.metadata is Base.metadata, "its tables count too"
+BOUNDED = {
+    str(column): column.type.length
+    for table in Base.metadata.sorted_tables
+    for column in table.columns
+    if isinstance(column.type, String) and column.type.length
+}
+WHO_AND_WHERE = {"who": PEOPLE, "station": STATIONS}
+"""Columns that many tables have."""
+
+
+@pytest.mark.parametrize("column", BOUNDED)
+def test_what_the_program_composes_fits(column: str) -> None:
+    composed = list(COMPOSED.get(column) or WHO_AND_WHERE[column.partition(".")[2]])
+    assert composed
+    assert [words for words in map(str, composed) if len(words) > BOUNDED[column]] == []
+
+
+def test_each_list_is_of_a_column_that_there_is() -> None:
+    assert set(COMPOSED) <= set(BOUNDED)
+
+
+@pytest.mark.parametrize("column", BOUNDED)
+def test_a_longer_text_is_refused_with_column_and_length(database: Database, column: str) -> None:
+    table, _, name = column.partition(".")
+    (row,) = (mapper.class_ for mapper in Base.registry.mappers if mapper.local_table.name == table)
+    longer = "x" * (BOUNDED[column] + 1)
+    refused = rf"^{table}\.{name} .* {len(longer)} characters, {BOUNDED[column]} are the most"
+    with database.session() as session, pytest.raises(UnfitError, match=refused), session.begin_nested():
+        session.add(row(**{name: longer}))
+    with pytest.raises(UnfitError, match=refused), database.session() as session:
+        insert_new(session, row, [{name: longer}])
+
+
+def test_the_longest_text_is_kept_whole(database: Database) -> None:
+    longest = "ö" * BOUNDED["identification.method"]
+    with database.session() as session:
+        run = runs.create(session, NEW_RUN)
+        added = identifications.add(session, replace(NEW_IDENTIFICATION, run_id=run.id, method=longest))
+        insert_new(session, RunTagRow, [{"run_id": run.id, "tag": "ö" * TAG_MAX}])
+    with database.reading() as session:
+        assert identifications.get(session, added.id).method == longest
+        assert session.scalar(text("SELECT tag FROM run_tag")) == "ö" * TAG_MAX
+
+
+def test_a_row_with_a_longer_text_from_an_earlier_version_can_be_changed_elsewhere(sqlite: Database) -> None:
+    with sqlite.session() as session:
+        run = runs.create(session, NEW_RUN)
+        session.execute(text("UPDATE run SET parameters_name = :longer"), {"longer": "x" * 300})
+    with sqlite.session() as session:
+        runs.end(session, run.id, EndState.COMPLETED)
+    with sqlite.reading() as session:
+        assert runs.get(session, run.id).end_state == EndState.COMPLETED
+
+
+def test_a_value_with_a_longer_name_is_stored_and_not_searched_by(database: Database) -> None:
+    values = {"geometry": {name: {"value": 1.0} for name in ("r_m", "x" * 300)}}
+    with database.session() as session:
+        run = runs.create(session, replace(NEW_RUN, parameters=values))
+    with database.reading() as session:
+        assert runs.get(session, run.id).parameters == values
+        assert list(session.scalars(text("SELECT name FROM value_name WHERE source = 'parameter'"))) == ["geometry.r_m"]

@@ -1,0 +1,54 @@
+"""Each kind of identification is played, bundled, and taken into an empty SQLite and PostgreSQL database."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from backend.archive.bundling import bundle_pieces
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.exports.bundle_import import take_in
+from backend.identification.fit import Method
+from backend.storage import Database, identifications, open_database
+from backend.storage.identifications import Identification
+from plant.parameters import load_parameters
+
+PLANS: dict[str, IdentificationPlan] = {
+    "motor": MotorIdentificationPlan(levels=2),
+    "spring": SpringIdentificationPlan(sweep_s=5.0, cycles=1),
+    "actuator": ActuatorIdentificationPlan(bits=6),
+    "actuator by ARX": ActuatorIdentificationPlan(bits=6, estimator=Method.ARX),
+}
+SETTINGS = LoopSettings(seed=2)
+
+
+@pytest.fixture(scope="module", params=PLANS)
+def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Identification]:
+    """A bundle of a run that identified something, and what was found."""
+    folder = tmp_path_factory.mktemp("played")
+    database = open_database(folder)
+    with headless_station(database, load_parameters("lab"), SETTINGS) as station:
+        outcome = asyncio.run(run_experiment(station, Order(PLANS[request.param], SETTINGS, "A. Operator")))
+    assert outcome.evaluation.problem == ""
+    bundle = folder / "run.zip"
+    bundle.write_bytes(b"".join(bundle_pieces(database, outcome.run.id, folder)))
+    with database.reading() as session:
+        found = identifications.of_run(session, outcome.run.id)
+    database.close()
+    return bundle, found
+
+
+def test_it_is_the_same_where_it_is_taken_in(
+    played: tuple[Path, Identification], database: Database, tmp_path: Path
+) -> None:
+    bundle, found = played
+    taken = take_in(database, bundle, "Ben", tmp_path)
+    assert taken.new
+    with database.reading() as session:
+        there = identifications.of_run(session, taken.run)
+    parts = ("kind", "method", "options", "data", "model", "quality", "usable", "verdict", "created_at")
+    assert {part: getattr(there, part) for part in parts} == {part: getattr(found, part) for part in parts}
