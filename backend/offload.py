@@ -4,7 +4,7 @@ The process may die (killed for memory, by a person, by what it computes): that 
 another one, and the work that it died over is done once more. Work that takes longer or more memory than its limit
 allows is ended with its process, and not done again.
 
-Imports nothing of the project, so that the process loads only what its work needs.
+Imports nothing of the project but ``forks``, so that the process loads only what its work needs.
 """
 
 import asyncio
@@ -23,6 +23,8 @@ from importlib import import_module
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
+
+from backend.forks import spawning
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -177,7 +179,7 @@ class _Worker:
     """A pool of one process, whose number is the first thing that it is asked for; ``gone`` is called when it dies."""
 
     def __init__(self, niceness: int, gone: Callable[["_Worker"], None]) -> None:
-        self.pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin_beside, (niceness,))
+        self.pool = ProcessPoolExecutor(1, spawning(), begin_beside, (niceness,))
         self._loop = asyncio.get_running_loop()
         self._gone = gone
         self._process: int | None = None

@@ -1,7 +1,7 @@
 """What a process of its own yields, handed on piece by piece: for what is too long to be held at once.
 
 The process is started for one piece of work and killed when nobody takes its pieces any more; it waits for whoever is
-slow. Imports nothing of the project but ``offload``, so that the process loads only what its work needs.
+slow. Imports nothing of the project but ``forks`` and ``offload``, so that the process loads only what its work needs.
 """
 
 import asyncio
@@ -12,6 +12,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import ParamSpec
 
+from backend.forks import spawning
 from backend.offload import POLITE, WorkerDiedError, begin_beside
 
 P = ParamSpec("P")
@@ -25,7 +26,7 @@ async def piped(work: Callable[P, Iterable[bytes]], *arguments: P.args, **_none:
     Raises what the work raises, and WorkerDiedError when its process dies over it.
     """
     mine, its = multiprocessing.Pipe(duplex=False)
-    process = multiprocessing.get_context("spawn").Process(target=_send, args=(its, work, arguments), daemon=True)
+    process = spawning().Process(target=_send, args=(its, work, arguments), daemon=True)
     loop, thread = asyncio.get_running_loop(), ThreadPoolExecutor(1, "piped")  # those of the loop are for short work
     try:
         await loop.run_in_executor(thread, process.start)

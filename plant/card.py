@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import NamedTuple
 
 from plant.interface import MotorCommand, PlantError
@@ -110,10 +109,9 @@ class Card:
         """Start the watchdog's process, which takes a moment to come up; the drives stay off."""
         self._words[_LIMIT_S] = WATCHDOG_S
         self._watchdog = subprocess.Popen(
-            [sys.executable, "-m", "plant.card", str(self.fd)],
+            [sys.executable, "-P", "-m", "plant.card", str(self.fd)],  # -P: nothing from the working directory
             stdin=subprocess.PIPE,  # its end tells the watchdog that nobody can write any more
             pass_fds=(self.fd,),
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[1])},
         )
 
     def arm(self) -> None:

@@ -47,6 +47,7 @@ async def launch(parameters: str) -> Launched:
     with theirs:
         process = await asyncio.create_subprocess_exec(
             sys.executable,
+            "-P",  # the working directory may hold a signal.py, or another package called backend
             *("-m", "backend.loop.worker", str(ring.fd), str(theirs.fileno()), str(card.fd), parameters),
             stdin=DEVNULL,
             pass_fds=(ring.fd, theirs.fileno(), card.fd),

@@ -1,12 +1,12 @@
 """Who computes the points of a study: processes of this machine. What dies over a point has it computed once more."""
 
-import multiprocessing
 import os
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol
 
+from backend.forks import spawning
 from backend.offload import POLITE, begin_beside
 from backend.studies.point import LOST, Base, Point, PointResult, run_point, without_run
 
@@ -101,7 +101,7 @@ class LocalCrew:
 
     def _present(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")
+            context = spawning()
             self._pool = ProcessPoolExecutor(self._jobs, context, begin_beside, (POLITE,))
         return self._pool
 

@@ -37,20 +37,27 @@ def running_service(
     plant: Sequence[str] = ("simulator",),
     more: Sequence[str] = (),
     environment: Mapping[str, str] | None = None,
+    program: Sequence[str] = (sys.executable, "-u", "-m", "backend"),
+    folder: Path | None = None,
 ) -> Iterator[Service]:
     """Start ``sinew serve`` and wait for its sign-in link; end it as Ctrl+C does.
 
     ``plant`` are the words after ``--plant``, ``more`` further ones; ``environment`` is set beside that of the
-    test. What it says is copied to ``log``, by default a file in its data folder.
+    test, ``folder`` is the working directory. What it says is copied to ``log``, by default a file in its data folder.
     ``descriptors`` is how many files and sockets it may have open if it asks for them, where that is to be fewer than
     usual; it begins with half of them.
     """
     data.mkdir(parents=True, exist_ok=True)
     log = log or data / "service.log"
-    command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", *plant, "--params", params]
+    command = [*program, "serve", "--plant", *plant, "--params", params]
     command += ["--port", "0", "--show-link", "--data", str(data), *more]
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, **(environment or {})}
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, **(environment or {})},
+        cwd=folder,
     )
     if descriptors is not None:
         resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (descriptors // 2, descriptors))
