@@ -22,10 +22,10 @@ COPY --from=build /opt/sinew /opt/sinew
 USER sinew
 WORKDIR /data
 # Only the container's own network sees this address; docker-compose.yml publishes it on the host's loopback.
-ENV PATH=/opt/sinew/bin:$PATH PYTHONUNBUFFERED=1 SINEW_DATA=/data SINEW_HOST=0.0.0.0
+ENV PATH=/opt/sinew/bin:$PATH PYTHONUNBUFFERED=1 SINEW_DATA=/data SINEW_HOST=0.0.0.0 XDG_CACHE_HOME=/data/cache
 VOLUME /data
 EXPOSE 8000
 # A first start compiles the control laws; a minute or two on a slow machine.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=180s --retries=3 CMD ["python", "-c", \
-    "import json, urllib.request as u; raise SystemExit(not json.load(u.urlopen('http://127.0.0.1:8000/api/health', timeout=4))['alive'])"]
+    "import json, urllib.request as u; raise SystemExit(not json.load(u.build_opener(u.ProxyHandler({})).open('http://127.0.0.1:8000/api/health', timeout=4))['alive'])"]
 CMD ["sinew", "serve"]

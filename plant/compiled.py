@@ -6,8 +6,12 @@ files. The cache folder is therefore named after the content of all compiled sou
 
 import fcntl
 import hashlib
+import logging
 import os
+import stat
+import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cached_property
 from operator import index
 from pathlib import Path
@@ -18,6 +22,11 @@ import numpy as np
 from numba.core import types
 from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
+
+
+class InterpretedError(RuntimeError):
+    """numba is told to compile nothing; the message says what to do."""
+
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _R = TypeVar("_R")
@@ -34,16 +43,81 @@ _COMPILED_SOURCES = (
 )
 
 
-def _cache_folder() -> Path:
+FALLBACK = "SINEW_CACHE_FALLBACK"
+"""Variable that names a folder for machine code where no usual one can be written; a command puts its data folder."""
+_IN_MEMORY = "SINEW_CACHE_IN_MEMORY"
+"""Variable that tells further processes that no folder can be written: only the first says so."""
+
+_log = logging.getLogger(__name__)
+
+
+def _cache_folder() -> Path | None:
+    """Return the folder that machine code is kept in, None where it has to stay in memory; say where it is unusual."""
+    name = f"compiled-{_digest_of_sources()}"
+    usual, further = list(_usual_places()), list(_further_places())
+    named = ", ".join(map(str, usual)) or "a cache folder of an account without a home"
+    for place in (*usual, *further):
+        folder = place / name
+        if _can_be_used(folder):
+            if place != next(iter(usual), None):
+                os.environ["NUMBA_CACHE_DIR"] = str(place)  # further processes look there first, and say nothing
+                _log.warning("%s cannot be used: compiled code is kept in %s", named, folder)
+            return folder
+    if _IN_MEMORY not in os.environ:
+        os.environ[_IN_MEMORY] = "1"
+        _log.warning("no folder for compiled code can be used: each start compiles anew; name one by NUMBA_CACHE_DIR")
+    return None
+
+
+def _usual_places() -> Iterator[Path]:
+    """Yield where machine code is kept: where numba is told to, else in the cache folder of the account."""
+    if named := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(named)
+    with suppress(RuntimeError):  # an account without a home
+        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sinew"
+
+
+def _further_places() -> Iterator[Path]:
+    """Yield where else machine code may lie: in the data folder, or in a folder of the account among temporary ones."""
+    if (data := os.environ.get(FALLBACK)) and Path(data).is_dir():  # to make a data folder is not for us
+        yield Path(data) / "cache"
+    with suppress(OSError):
+        yield Path(tempfile.gettempdir()) / f"sinew-{os.geteuid()}"
+
+
+def _can_be_used(folder: Path) -> bool:
+    """Make a folder; return whether files can be made in it, and by no other account: what it holds is executed."""
+    place = folder.parent
+    try:
+        for made in (place, folder):
+            made.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        return _is_safe(place) and _is_safe(folder)
+    except OSError:
+        return False
+
+
+def _is_safe(folder: Path) -> bool:
+    """Return whether a folder is this account's own, where everybody could have made it."""
+    if not folder.parent.stat().st_mode & stat.S_IWOTH:
+        return True
+    found = folder.stat()
+    return found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWOTH | stat.S_IWGRP)
+
+
+def _digest_of_sources() -> str:
     digest = hashlib.sha256()
     for pattern in _COMPILED_SOURCES:
         for source in sorted(_ROOT.glob(pattern)):
             digest.update(source.read_bytes())
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return home / "sinew" / f"compiled-{digest.hexdigest()[:16]}"
+    return digest.hexdigest()[:16]
 
 
-numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]  # numba fills this module at run time
+CACHE = _cache_folder()
+numba.config.CACHE_DIR = str(CACHE or "")  # type: ignore[attr-defined]  # numba fills this module at run time
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    raise InterpretedError("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
 
 
 # A dictionary, because numba's own types leave out "_nrt": its runtime that allocates arrays and counts references.
@@ -69,7 +143,8 @@ class _InTurns(FunctionCache):
 def kept(function: _F) -> _F:
     """Return what numba has decorated so that its machine code is kept on disk, by many processes at a time."""
     dispatcher: Any = function
-    dispatcher._cache = cast(Any, _InTurns)(dispatcher.py_func)
+    if CACHE is not None:
+        dispatcher._cache = cast(Any, _InTurns)(dispatcher.py_func)
     return function
 
 
@@ -97,7 +172,6 @@ def compiled(function: _F) -> _F:
     a spring's table down to the innermost sum costs nothing (counting made the offline closed loop four times slower).
     """
     dispatcher = _Compiled(function, targetoptions={"nopython": True, "no_cfunc_wrapper": True, **STRICT})
-    dispatcher.enable_caching()
     return kept(cast(_F, dispatcher))
 
 

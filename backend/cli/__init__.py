@@ -3,6 +3,7 @@
 Commands import the parts they use when they run, so that help is there at once.
 """
 
+import os
 import sys
 
 import typer
@@ -27,7 +28,8 @@ from backend.cli import (
     wall,
 )
 from backend.cli.garbage import look_as_usual, look_seldom
-from backend.cli.output import ANGLES, angles, fail
+from backend.cli.output import ANGLES, angles, fail, print_what_can_be_printed
+from backend.forks import import_nothing_from_here
 from backend.refusal import RefusedValueError
 
 app = typer.Typer(
@@ -62,6 +64,10 @@ def main() -> None:
     """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
     from plant.wiring_errors import WiringError
 
+    import_nothing_from_here()
+    print_what_can_be_printed()
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        fail("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
     look_seldom()
     try:
         app()

@@ -1,11 +1,11 @@
 """``sinew runs export`` and what goes with it."""
 
-import getpass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from backend.cli.ordering import current_user
 from backend.cli.output import AsJson, fail, out, print_json
 from backend.cli.place import DataFolder, StationName, database_of, settings_with
 
@@ -55,9 +55,9 @@ def take_in(
     with database_of(settings) as database:
         try:
             if file.suffix.lower() == ".zip":
-                taken = bundle_import.take_in(database, file, getpass.getuser(), settings.data)
+                taken = bundle_import.take_in(database, file, current_user(), settings.data)
             else:
-                taken = taking_in.take_in(database, file, getpass.getuser())
+                taken = taking_in.take_in(database, file, current_user())
         except (ImportRefusedError, OSError) as error:
             fail(f"{file} is not taken in, and nothing of it: {error}", status=2)
             raise

@@ -2,6 +2,7 @@
 
 import asyncio
 import getpass
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -209,8 +210,11 @@ def _figures() -> "KeptFigures":
 
 
 def current_user() -> str:
-    """Return who runs the command, for the record."""
-    return getpass.getuser()
+    """Return who runs the command, for the record: the account's name, or its number where it has none."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # KeyError until Python 3.12
+        return str(os.getuid())
 
 
 def _say(tuning: str, *, as_json: bool) -> None:

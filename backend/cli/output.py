@@ -1,5 +1,6 @@
 """How commands speak: tables or JSON on standard output, progress and complaints on standard error."""
 
+import io
 import json
 import os
 import sys
@@ -45,18 +46,27 @@ def fail(*messages: str, status: int = 1) -> NoReturn:
     sys.exit(status)
 
 
+def print_what_can_be_printed() -> None:
+    """Print as an escape what the terminal's encoding has no character for, such as λ in Latin-1."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 def print_json(document: Any) -> None:
     """Print a document for programs."""
     print(json.dumps(document, indent=2, ensure_ascii=False, default=str))
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None) -> None:
-    """Print a table; numbers to the right."""
+def print_table(
+    columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None, whole: Sequence[str] = ()
+) -> None:
+    """Print a table; numbers to the right. Columns of ``whole`` keep their width on a narrow terminal."""
     table = Table(title=title and escape(title), title_justify="left", title_style="bold")
     kept = [[shown(cell) for cell in row] for row in rows]
     for index, column in enumerate(columns):
         numbers = bool(kept) and all(_is_number(row[index]) for row in kept)
-        table.add_column(column, justify="right" if numbers else "left")
+        table.add_column(column, justify="right" if numbers else "left", no_wrap=column in whole)
     for row in kept:
         table.add_row(*row)
     out.print(table, highlight=False, markup=False)

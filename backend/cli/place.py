@@ -1,5 +1,6 @@
 """Where a command works: data folder, parameter set, database."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from backend.storage import Database
     from plant.parameters import PlantParameters
 
+CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
+"""Variable with the data folder: compiled code is kept there where no cache folder can be written."""
 _INTERRUPTED = "what played it ended while this run was open; found when its folder was opened next"
 
 DataFolder = Annotated[
@@ -48,7 +51,9 @@ Recording = Annotated[
 def settings_with(**chosen: object) -> Settings:
     """Return the settings: what the command line leaves out comes from the environment or is the default."""
     environment = settings_of_environment().model_dump()
-    return Settings.model_validate({**environment, **{k: v for k, v in chosen.items() if v is not None}})
+    settings = Settings.model_validate({**environment, **{k: v for k, v in chosen.items() if v is not None}})
+    os.environ[CACHE_FALLBACK] = str(settings.data.absolute())  # of plant.compiled, which takes long to import
+    return settings
 
 
 @contextmanager

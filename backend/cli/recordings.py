@@ -1,10 +1,10 @@
 """``sinew db recordings``."""
 
-import getpass
 from typing import Annotated
 
 import typer
 
+from backend.cli.ordering import current_user
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, database_of, settings_with
 
@@ -24,7 +24,7 @@ def recordings(
     rule = Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
     with database_of(settings) as database:
         try:
-            found = remove(database, rule, delete, getpass.getuser()) if delete else overview(database, rule)
+            found = remove(database, rule, delete, current_user()) if delete else overview(database, rule)
         except NotRemovableError as error:
             fail(str(error), status=2)
     if as_json:

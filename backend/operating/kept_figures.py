@@ -7,13 +7,13 @@ file. Whoever finds it damaged, or of another form, computes anew.
 import hashlib
 import json
 import logging
-import os
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
 from backend.private import write_private
 from backend.tuning.remembered import FIGURES
+from plant.compiled import CACHE
 
 _SOURCES = ("plant/*.py", "backend/controllers/*.py", "backend/tuning/*.py")
 _LIBRARIES = ("numpy", "scipy", "control", "numba")
@@ -22,15 +22,17 @@ _log = logging.getLogger(__name__)
 
 
 class KeptFigures:
-    """The file of ``remembered.FIGURES`` in a ``folder``, that of caches where none is given."""
+    """The file of ``remembered.FIGURES`` in a ``folder``, that of caches where none is given; None without either."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        self.file = (folder or home / "sinew") / f"figures-{_digest_of_what_computes()[:16]}.json"
+        place = folder or (None if CACHE is None else CACHE.parent)
+        self.file = None if place is None else place / f"figures-{_digest_of_what_computes()[:16]}.json"
         self._kept: dict[str, tuple[float, ...]] = {}
 
     def restore(self) -> None:
         """Remember what is kept, if it can be read."""
+        if self.file is None:
+            return
         try:
             self._kept = _read(self.file.read_text(encoding="ascii"))
         except FileNotFoundError:
@@ -43,7 +45,7 @@ class KeptFigures:
     def keep(self) -> None:
         """Write down what is remembered, where that is not what the file holds; a disk that refuses is no matter."""
         present = dict(FIGURES)
-        if present == self._kept:
+        if self.file is None or present == self._kept:
             return
         content = {key: list(figures) for key, figures in present.items()}
         try:

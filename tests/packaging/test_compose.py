@@ -1,6 +1,7 @@
 """Dockerfile and compose files: parsed by docker-compose where that is installed, read by machine everywhere."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -117,4 +118,6 @@ def test_the_health_check_asks_the_service(alive: bool, status: int) -> None:
     with HTTPServer(("127.0.0.1", 0), Answer) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
         program = check[2].replace(":8000/", f":{server.server_port}/")
-        assert subprocess.run([sys.executable, "-c", program], check=False).returncode == status
+        through_proxy = {**os.environ, "http_proxy": "http://127.0.0.1:9"}
+        ended = subprocess.run([sys.executable, "-c", program], env=through_proxy, check=False)
+        assert ended.returncode == status
