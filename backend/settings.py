@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from backend.station import require_station_name
@@ -35,6 +35,14 @@ def _host_names(given: object) -> object:
     return kept
 
 
+def _without_tilde(path: Path) -> Path:
+    """Return a path with ~ as the home of an account, where no shell has put that in its place."""
+    try:
+        return path.expanduser()
+    except RuntimeError:
+        raise ValueError(f"{path} begins with the home of an account that has none: write the path out") from None
+
+
 class Settings(BaseSettings):
     """Settings of one service process.
 
@@ -52,7 +60,7 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
 
-    data: Path = Path("data")
+    data: Annotated[Path, AfterValidator(_without_tilde)] = Path("data")
     plant: str = "simulator"
     virtual_card: bool = False
     wiring: str = DEFAULT_WIRING
@@ -111,11 +119,6 @@ class Settings(BaseSettings):
                 return PlantChoice(PlantKind.REPLAY, recording=str(self.recording))
             case package:
                 return PlantChoice(PlantKind.PACKAGE, package=package)
-
-    @property
-    def database(self) -> str:
-        """SQLAlchemy URL of the database."""
-        return self.database_url or f"sqlite:///{self.data.resolve() / 'sinew.db'}"
 
     def database_password(self) -> str | None:
         """Return the password in ``database_password_file``, None where no file is named.

@@ -8,8 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 TOP_LEVEL = {
-    ".ci", ".dockerignore", ".gitignore", "ARCHITECTURE.md", "CHANGELOG.md", "Dockerfile", "Makefile", "README.md",
-    "alembic.ini", "backend", "docker-compose.postgres.yml", "docker-compose.yml", "docs", "frontend",
+    ".ci", ".dockerignore", ".gitattributes", ".gitignore", "ARCHITECTURE.md", "CHANGELOG.md", "Dockerfile", "Makefile",
+    "README.md", "alembic.ini", "backend", "docker-compose.postgres.yml", "docker-compose.yml", "docs", "frontend",
     "migrations", "plant", "pyproject.toml", "tests",
 }  # fmt: skip
 BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}

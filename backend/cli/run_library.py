@@ -55,7 +55,8 @@ def list_runs(
         )
         for run in found.runs
     ]
-    print_table(("run", "started (UTC)", "kind", "parameters", "by", "station", "tags", "end"), rows)
+    columns = ("run", "started (UTC)", "kind", "parameters", "by", "station", "tags", "end")
+    print_table(columns, rows, whole=columns[:2])
     if found.total > len(rows):
         out.print(f"{len(rows)} of {found.total} runs; more with --limit", highlight=False, markup=False)
 

@@ -4,7 +4,7 @@ The only package that speaks SQL. ``open_database`` gives a ``Database``; its ``
 and its ``reading()`` one snapshot; the functions of the modules here take that session first and speak plain
 dataclasses::
 
-    database = open_database(settings.data, settings.database)
+    database = open_database(settings.data)
     with database.session() as session:
         run = runs.create(session, NewRun(kind=RunKind.TRACKING, ...))
 

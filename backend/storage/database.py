@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
@@ -86,7 +86,7 @@ class Database:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process work on the same database, with connections of its own."""
-        return _reopened, (self.engine.url.render_as_string(hide_password=False), self._opened, self.station)
+        return _reopened, (self.engine.url, self._opened, self.station)
 
 
 def open_database(data_dir: Path, url: str | None = None, password: str | None = None, station: str = "") -> Database:
@@ -97,7 +97,7 @@ def open_database(data_dir: Path, url: str | None = None, password: str | None =
     when the database was written by a newer version, ``StorageError`` when it cannot be reached, ``DamagedError`` when
     the file was emptied or is none of SQLite's, ``BackupError``.
     """
-    make_private(data_dir)
+    _require_writable(data_dir)
     engine = connect(url or sqlite_url(data_dir), password)
     file, backups = file_of(engine), data_dir / "backups"
     try:
@@ -124,6 +124,21 @@ def open_database(data_dir: Path, url: str | None = None, password: str | None =
     except BaseException:
         engine.dispose()
         raise
+
+
+def _require_writable(data_dir: Path) -> None:
+    """Create the data folder where it is missing. Raises StorageError where nothing can be written into it."""
+    try:
+        make_private(data_dir)
+        writable = os.access(data_dir, os.W_OK | os.X_OK, effective_ids=True)
+        refused = "" if writable else "it is read-only for this account"
+    except OSError as error:
+        refused = str(error.strerror or error)
+    if refused:
+        raise StorageError(
+            f"the data folder {data_dir} cannot be written: {refused}. Reading from it takes writing too: change its "
+            "owner or mode, mount it for writing, or copy it and name the copy with --data"
+        )
 
 
 def _renew_index(database: Database) -> None:
@@ -158,7 +173,7 @@ def _create(file: Path) -> None:
     leftovers = [fresh, *(fresh.with_name(fresh.name + end) for end in ("-wal", "-shm"))]
     for leftover in leftovers:
         leftover.unlink(missing_ok=True)
-    engine = connect(f"sqlite:///{fresh}")
+    engine = connect(_url_of(fresh))
     try:
         upgrade(engine)
         engine.dispose()
@@ -172,7 +187,7 @@ def _create(file: Path) -> None:
             leftover.unlink(missing_ok=True)
 
 
-def _reopened(url: str, opened: Identity | None, station: str) -> Database:
+def _reopened(url: URL, opened: Identity | None, station: str) -> Database:
     return Database(connect(url), opened, station)
 
 
@@ -187,12 +202,17 @@ def _told() -> Iterator[None]:
         raise StorageError(str(getattr(error, "orig", None) or error)) from error
 
 
-def sqlite_url(data_dir: Path) -> str:
+def sqlite_url(data_dir: Path) -> URL:
     """SQLAlchemy URL of the database file in a data folder."""
-    return f"sqlite:///{(data_dir / FILE_NAME).resolve()}"
+    return _url_of((data_dir / FILE_NAME).resolve())
 
 
-def connect(url: str, password: str | None = None) -> Engine:
+def _url_of(file: Path) -> URL:
+    """Return the URL of a file whose path may hold what means something in the text of a URL, such as a ?."""
+    return URL.create("sqlite", database=str(file))
+
+
+def connect(url: str | URL, password: str | None = None) -> Engine:
     """Engine for ``url``; documents with nan or infinity are refused, as JSON has no such numbers.
 
     Raises StorageError when nothing can be made of the URL; the message does not carry it, as it may hold a password.

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from unicodedata import normalize
 
 from sqlalchemy import ColumnElement, and_, not_, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
@@ -117,9 +118,14 @@ def _require_known(term: Compare, known: Sequence[str], what: str) -> None:
             raise QueryError(value.place, f"there is no {what} {value.text!r}", known, value.text)
 
 
+def tag_as_kept(tag: str) -> str:
+    """Return a word as tags are kept: small letters, an accent and its letter as one character (Unicode's NFC)."""
+    return normalize("NFC", normalize("NFC", tag).casefold())
+
+
 def tag(term: Compare) -> Condition:
     """Compare the tags of a run, of which one has to fit."""
-    tags = [value.text.casefold() for value in term.values]
+    tags = [tag_as_kept(value.text) for value in term.values]
     tagged = select(RunTagRow.run_id)
     any_tag = RunIndexRow.run_id.in_(tagged)
     named = RunIndexRow.run_id.in_(tagged.where(RunTagRow.tag.in_(tags)))

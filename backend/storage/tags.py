@@ -11,7 +11,7 @@ from backend.storage import runs
 from backend.storage.index_schema import TAG_MAX, RunTagRow
 from backend.storage.records import UnknownRecordError
 from backend.storage.run_index import insert_new
-from backend.storage.run_terms import NONE
+from backend.storage.run_terms import NONE, tag_as_kept
 from backend.storage.schema import RunRow
 from backend.storage.stations import station_of
 from backend.storage.touched import touch
@@ -71,7 +71,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
 
 def read_tag(tag: str) -> str:
     """Return a tag as it is kept. Raises TagError."""
-    kept = tag.casefold()
+    kept = tag_as_kept(tag)
     if not _TAG.fullmatch(kept) or len(kept) > TAG_MAX or kept == NONE:
         raise TagError(tag)
     return kept

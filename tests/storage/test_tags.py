@@ -23,6 +23,18 @@ def test_tags_are_put_taken_and_renamed(database: Database) -> None:
         assert run_search.search(session, parse("old"), everywhere=False, limit=9).run_ids == (second,)
 
 
+def test_an_accent_may_be_typed_as_one_character_or_two(database: Database) -> None:
+    composed, decomposed = "pr\u00fcfstand", "Pru\u0308fstand"
+    with database.session() as session:
+        number = runs.create(session, NEW).id
+        tags.put(session, number, decomposed)
+        assert tags.of_runs(session, [number]) == {number: [composed]}
+    with database.reading() as session:
+        for typed in (composed, decomposed):
+            asked = parse(f"tag={typed}")
+            assert run_search.search(session, asked, everywhere=False, limit=9).run_ids == (number,)
+
+
 NO_TAGS = ("", "none", "two words", "a,b", 'a"b', "a=b", "x" * 41, "\x00", "a/b")
 
 
