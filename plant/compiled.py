@@ -116,7 +116,7 @@ def _digest_of_sources() -> str:
 
 CACHE = _cache_folder()
 numba.config.CACHE_DIR = str(CACHE or "")  # type: ignore[attr-defined]  # numba fills this module at run time
-if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # as above
     raise InterpretedError("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
 
 

@@ -88,6 +88,7 @@ def test_a_damaged_file_is_not_believed(
     motor_loop.motor_range(MotorModel(2.86, 0.22, 0.002))
     kept = KeptFigures(tmp_path)
     kept.keep()
+    assert kept.file is not None
     whole = kept.file.read_text(encoding="ascii")
     kept.file.write_text(damage(whole), encoding="ascii")
     assert damage(whole) != whole

@@ -12,7 +12,8 @@ from backend.cli.place import settings_with
 from backend.storage import Database, open_database, runs
 from backend.storage.database import FILE_NAME
 from plant.parameters import ParameterError, load_parameters
-from plant.wiring import WiringError, load_wiring
+from plant.wiring import load_wiring
+from plant.wiring_errors import WiringError
 from tests.storage.test_lineage import NEW_RUN
 
 SINEW = str(Path(sys.executable).with_name("sinew"))

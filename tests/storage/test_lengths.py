@@ -116,19 +116,21 @@ def test_each_list_is_of_a_column_that_there_is() -> None:
 
 
 @pytest.mark.parametrize("column", BOUNDED)
-def test_a_longer_text_is_refused_with_column_and_length(database: Database, column: str) -> None:
+def test_a_longer_text_is_refused_with_column_and_length(sqlite: Database, column: str) -> None:
     table, _, name = column.partition(".")
-    (row,) = (mapper.class_ for mapper in Base.registry.mappers if mapper.local_table.name == table)
+    (row,) = (mapper.class_ for mapper in Base.registry.mappers if mapper.class_.__tablename__ == table)
     longer = "x" * (BOUNDED[column] + 1)
     refused = rf"^{table}\.{name} .* {len(longer)} characters, {BOUNDED[column]} are the most"
-    with database.session() as session, pytest.raises(UnfitError, match=refused), session.begin_nested():
+    with sqlite.session() as session, pytest.raises(UnfitError, match=refused), session.begin_nested():
         session.add(row(**{name: longer}))
-    with pytest.raises(UnfitError, match=refused), database.session() as session:
+    with pytest.raises(UnfitError, match=refused), sqlite.session() as session:
         insert_new(session, row, [{name: longer}])
 
 
-def test_the_longest_text_is_kept_whole(database: Database) -> None:
+def test_the_longest_text_is_kept_whole_and_one_more_character_refused(database: Database) -> None:
     longest = "ö" * BOUNDED["identification.method"]
+    with pytest.raises(UnfitError, match=r"^identification\.method .* 201 characters"), database.session() as session:
+        identifications.add(session, replace(NEW_IDENTIFICATION, method=f"{longest}x"))
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
         added = identifications.add(session, replace(NEW_IDENTIFICATION, run_id=run.id, method=longest))
