@@ -128,7 +128,8 @@ export function LambdaControl(props: LambdaControlProps) {
           >
             <Slider
               thumbLabel={symbol}
-              thumbValueText={(position) => `${fixed(position, DECIMALS)} s`}
+              // the value itself: one that was staged may lie below a range that has moved since, where the thumb ends
+              thumbValueText={`${fixed(sent.value, DECIMALS)} s`}
               size="sm"
               disabled={disabled}
               domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
