@@ -22,7 +22,8 @@ from functools import partial
 from importlib import import_module
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from traceback import format_exc
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from backend.forks import spawning
 
@@ -122,7 +123,7 @@ class Offload:
         if limits.memory_bytes is not None and not worker.is_limited:
             await asyncio.wrap_future(worker.pool.submit(_limit_memory, limits.memory_bytes))
             worker.is_limited = True
-        working = asyncio.wrap_future(worker.pool.submit(partial(work, *arguments)))
+        working = asyncio.wrap_future(worker.pool.submit(partial(_carried, work, *arguments)))
         try:
             done, _ = await asyncio.wait({working}, timeout=limits.limit_s)
         finally:
@@ -131,7 +132,10 @@ class Offload:
         if not done:
             self._end(worker)
             raise WorkLimitError("computing time", limits.limit_s, "s", limits.remedy)
-        return working.result()
+        result = working.result()
+        if isinstance(result, _Raised):
+            raise result.restored()
+        return result
 
     def _beyond_memory(self) -> WorkLimitError:
         most = self._limits.memory_bytes
@@ -233,6 +237,32 @@ class _Worker:
         self._loop.add_reader(self._process, self._gone, self)
         if self._ended:  # meanwhile
             self.end()
+
+
+class _Raised(NamedTuple):
+    """An exception of the work in parts, as pickling one calls its class with the message alone."""
+
+    kind: type[Exception]
+    arguments: tuple[Any, ...]
+    fields: dict[str, Any]
+
+    def restored(self) -> Exception:
+        """Return the exception with its message, its fields and where it was raised."""
+        error = self.kind.__new__(self.kind)
+        error.args = self.arguments
+        error.__dict__.update(self.fields)
+        return error
+
+
+def _carried(work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T | _Raised:
+    """Return what ``work`` returns, or the exception that it raises, in parts."""
+    try:
+        return work(*arguments, **_none)
+    except MemoryError:
+        raise
+    except Exception as error:
+        error.add_note(format_exc())
+        return _Raised(type(error), error.args, dict(error.__dict__))
 
 
 def _load(_work: Callable[..., object], libraries: tuple[str, ...]) -> None:

@@ -274,3 +274,27 @@ def test_a_refusal_by_a_limit_comes_from_one_process_to_another_as_it_is() -> No
     error = WorkLimitError("memory", 200.0, "MB", "send less")
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), vars(again)) == (str(error), vars(error))
+
+
+class NamedError(ValueError):
+    """An error whose class takes more than its message, as many of the product do."""
+
+    def __init__(self, quantity: str, value: float) -> None:
+        super().__init__(f"{quantity} is {value:g}")
+        self.quantity = quantity
+        self.value = value
+
+
+def refuse() -> None:
+    raise NamedError("period", 0.5)
+
+
+def test_an_error_of_the_work_arrives_with_its_fields() -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        with pytest.raises(NamedError) as raised:
+            await offload.run(refuse)
+        assert (raised.value.quantity, raised.value.value, str(raised.value)) == ("period", 0.5, "period is 0.5")
+        assert any("refuse" in note for note in raised.value.__notes__)
+        assert not deaths
+
+    run(session)
