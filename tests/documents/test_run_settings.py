@@ -80,7 +80,11 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
         assert runs.get(session, 3).set_to
     stored = StoredRuns(database, lambda: None, lambda _run: False)
     listed = asyncio.run(stored.runs(Asked(limit=10))).runs
-    assert [(run.id, len(run.settings)) for run in listed] == [(3, 0), (2, 3), (1, 1)]
+    assert [(run.id, len(run.settings)) for run in listed] == [
+        (3, 0),
+        (2, 3),
+        (1, 0),
+    ]  # an identification uses λ_motor alone
     assert said in listed[0].evaluation_problem
     found = asyncio.run(
         StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING).identifications()

@@ -35,6 +35,7 @@ AFTER_S = {
     "step_battery": 40.0,
     "stiffness_sweep": 30.0,
     "lambda_sweep": 30.0,
+    "motion_comparison": 20.0,
     "bank_comparison": 35.0,
     "disturbance_battery": 30.0,
     "frequency_response": 60.0,
