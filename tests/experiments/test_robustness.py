@@ -131,8 +131,8 @@ def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: Plan
     assert 18.0 * lam == pytest.approx(2.0 * back_s, rel=0.02)
 
 
-def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: Path) -> None:
-    """On ``lab`` friction grows with the load, to half of it; 0.05 rad of hunting are far more than 5 % of 0.1 rad."""
+def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_path: Path) -> None:
+    """On ``lab`` friction grows with the load, to half of it; the motors rest off their references while q and S are at theirs."""
     plan = ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
         with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
@@ -143,15 +143,15 @@ def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: 
     assert (back.passed, back.figure) == (False, 3.5)
     assert back.reason.startswith("motor A was not back on its reference when the load changed again after 3.5 s")
     swing = float(back.reason.partition(" up to ")[2].partition(" %")[0])
-    window = slice(*(round((LEAD_IN_S + turns * 3.5) / T_s) for turns in (2, 3)))
-    error = np.abs(source.columns["theta_B_ref"] - source.columns["theta_B"])[window]
+    window = slice(*(round((LEAD_IN_S + turns * 3.5) / T_s) for turns in (1, 2)))
+    error = np.abs(source.columns["theta_A_ref"] - source.columns["theta_A"])[window]
     late = error[error.size // 2 :].max()
     assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
-    assert late > 5.0 * BACK_SHARE * error.max()
+    assert late > BACK_SHARE * error.max()
     assert "to one side" in back.reason  # its integrators rest where joint and stiffness are at their references
     report = build_report(source)
     assert report.outcome == "failed"
-    assert any("at least this: motor B was not back" in cell for cell in cells_of(report))
+    assert any("at least this: motor A was not back" in cell for cell in cells_of(report))
 
 
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns) -> None:
