@@ -63,8 +63,8 @@ def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: Source)
                 assert row[6:] == (NO_FIGURE,) * 4
                 continue
             touch = hit.window.start
-            felt, gave = (int(np.argmax(from_touch)) for from_touch in (estimate[touch:] > 1.5, limits[touch:] & 64))
-            assert seen[6:] == [1.5, felt, gave - felt, int(np.argmax(window)) - felt]
+            felt, gave = (int(np.argmax(from_touch)) for from_touch in (estimate[touch:] > 1.2, limits[touch:] & 64))
+            assert seen[6:] == [1.2, felt, gave - felt, int(np.argmax(window)) - felt]
     assert [hit.speed for hit in hits] == pytest.approx([0.3, 0.6] * 4, rel=0.05)
 
 
