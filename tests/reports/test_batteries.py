@@ -54,10 +54,12 @@ def bank(database: Database) -> int:
         return banks.add(session, "slow ones", entries, "A. Operator").id
 
 
-def played(database: Database, name: str, **loop: Any) -> Source:
+def played(database: Database, name: str, plan: dict[str, Any] | None = None, **loop: Any) -> Source:
     settings = LoopSettings(**loop)
     with headless_station(database, LAB, settings) as station:
-        outcome = asyncio.run(run_experiment(station, Order(ready_plan(name, **QUICK[name]), settings, "A. Operator")))
+        outcome = asyncio.run(
+            run_experiment(station, Order(ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator"))
+        )
     assert outcome.run.end_state == "completed"
     return load_source(database, outcome.run.id)
 
@@ -91,10 +93,10 @@ def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
 
 def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank: int) -> None:
     """Gains of geometry would expect another response: it is the bank's that the lab's friction spares."""
-    source = played(database, "frequency_response", bank=bank, lam_q=0.7, lam_S=0.7)
+    source = played(database, "frequency_response", {"period_s": 8.0}, bank=bank, lam_q=0.7, lam_S=0.7)
     assert source.result is not None
     with_bank = source.result.metrics.value_of("bandwidth_q_predicted_Hz")
-    plain = played(database, "frequency_response", lam_q=0.7, lam_S=0.7)
+    plain = played(database, "frequency_response", {"period_s": 8.0}, lam_q=0.7, lam_S=0.7)
     assert plain.result is not None
     without = plain.result.metrics.value_of("bandwidth_q_predicted_Hz")
     assert with_bank is not None
