@@ -132,7 +132,7 @@ def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: Plan
 
 
 def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_path: Path) -> None:
-    """On ``lab`` friction grows with the load, to half of it; the motors rest off their references while q and S are at theirs."""
+    """On ``lab`` motors rest off their references under the load, while q and S are at theirs."""
     plan = ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
         with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
