@@ -8,7 +8,7 @@ import os
 import sys
 from multiprocessing.context import SpawnContext
 
-_SAFE_PATH = "PYTHONSAFEPATH"
+SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that keeps Python from searching the working directory for modules, as -P does."""
 
 
@@ -21,7 +21,7 @@ def import_nothing_from_here() -> None:
 
     multiprocessing has no option for its processes and its tracker of resources: they take it from the environment.
     """
-    os.environ[_SAFE_PATH] = "1"
+    os.environ[SAFE_PATH] = "1"
 
 
 def spawning() -> SpawnContext:

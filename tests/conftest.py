@@ -2,12 +2,14 @@
 
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 import backend  # noqa: F401  # before any test loads numpy: BLAS takes one thread, as in the service
+from backend.forks import SAFE_PATH
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in whatever a script has started in its background: what the tests start would never hear of Ctrl+C either.
@@ -95,6 +97,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Let what a test has printed pass from one process to another, also where it printed half a character."""
     report.sections = [(name, text.encode("utf-8", "backslashreplace").decode()) for name, text in report.sections]
+
+
+@pytest.fixture(autouse=True)
+def _environment_is_restored() -> Iterator[None]:
+    """Restore PYTHONSAFEPATH after each test: the product sets it for all children that it starts later."""
+    before = os.environ.get(SAFE_PATH)
+    yield
+    if before is None:
+        os.environ.pop(SAFE_PATH, None)
+    else:
+        os.environ[SAFE_PATH] = before
 
 
 def folder(item: pytest.Item) -> str:
