@@ -12,6 +12,7 @@ from backend.loop.ring import Ring
 from backend.loop.tuned import tuning_of
 from backend.tick.decision import NO_REFERENCE
 from backend.tuning.gains import knowledge
+from backend.tuning.models import motor_model
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -44,7 +45,11 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
         _order(loop, RunProgram(program))
         _tick_while(loop, Mode.IDENTIFY)
         _pretension(loop)
+    # The single loop does not take each λ of the cascade: any λ of its range calls the same compiled code.
+    short = 4.0 * min(motor_model(parameters, side).T_m for side in "AB")
+    brisk = replace(plain, lam_q=min(tuning.lam_q, short), lam_S=min(tuning.lam_S, short))
     for law in (Law.CASCADE, *BASELINES):
+        _order(loop, brisk if law in BASELINES else plain)
         _order(loop, RunProgram(Program(law, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
         _tick_while(loop, Mode.EXPERIMENT)
         _pretension(loop)

@@ -7,7 +7,7 @@ cascade's outer loops, 2 λ_q and 2 λ_S. What differs is then the law, not how 
 from backend.controllers import feedback_linearization, single_loop
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.controllers.limits import bounds_for
-from backend.tuning.formulas import motor_gains
+from backend.tuning.formulas import TuningError, motor_gains
 from backend.tuning.models import S_NOMINAL_20_N, Lambdas, motor_model
 from plant.dynamics import smoothed
 from plant.parameters import PlantParameters
@@ -16,15 +16,22 @@ ERROR_POLE, OBSERVER_POLE = 60.0, 20.0
 """Poles of the error dynamics and of the observer's correction [rad/s]: of 20, 30, 40, 60, 80 by 20, 30, 60 the pair
 that, within 10 V on `lab`, deviates least under steps, pushes, and springs and motors that are a fifth off."""
 
+LARGEST_PER_LAG = 8.0
+"""The single loop takes a λ below so many motor lags T_m."""
+
 
 def single_loop_tuning(parameters: PlantParameters, lambdas: Lambdas) -> single_loop.Tuning:
     """Table 2, first column, for the mean motor seen at q and, at 20 N, at S: 1/(λ s + 1)^4 with half the cascade's λ.
 
-    Raises TuningError.
+    Raises TuningError where λ_q or λ_S is not below 8 T_m: half of it is the λ of a motor loop.
     """
     d, bounds = decoupler_for(parameters), bounds_for(parameters)
     A, B = motor_model(parameters, "A"), motor_model(parameters, "B")
     K_m, T_m = 0.5 * (A.K_m + B.K_m), 0.5 * (A.T_m + B.T_m)
+    for symbol, lam in (("λ_q", lambdas.lam_q), ("λ_S", lambdas.lam_S)):
+        if not lam < LARGEST_PER_LAG * T_m:
+            bound = f"{LARGEST_PER_LAG:g} T_m = {LARGEST_PER_LAG * T_m:.4g} s"
+            raise TuningError(f"single-loop needs {symbol} below {bound}; it is {lam:g} s: choose a smaller {symbol}")
     q_per_theta, S_per_theta = d.r_m / d.r_j, 2.0 * stiffness_slope(d, S_NOMINAL_20_N)
     gains = single_loop.Gains(
         motor_gains(K_m * q_per_theta, T_m, lambdas.lam_q / 2.0),

@@ -74,7 +74,7 @@ def test_a_lambda_without_gains_is_refused_before_anything_moves() -> None:
     bench.wind_up()
     answer = bench.send(RunProgram(Program(Law.SINGLE_LOOP, SEGMENTS)))
     assert isinstance(answer, Refused)
-    assert "λ_motor" in answer.reason
+    assert "λ_q below 8 T_m" in answer.reason
     assert bench.loop.mode is Mode.PRETENSION
 
 

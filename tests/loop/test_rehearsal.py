@@ -10,6 +10,10 @@ import pytest
 
 from backend.loop.commands import SetTuning
 from backend.loop.rehearsal import RehearsalError, rehearse
+from backend.loop.tuned import tuning_for
+from backend.tuning.baselines import single_loop_tuning
+from backend.tuning.formulas import TuningError
+from backend.tuning.models import LAM_MAX, Lambdas
 from plant.parameters import PlantParameters
 
 SESSION = Path(__file__).with_name("rehearsed_session.py")
@@ -33,3 +37,12 @@ def test_a_tuning_that_cannot_even_start_is_told(ideal: PlantParameters, tuning:
     dead = dataclasses.replace(tuning.motor_A, k_p=0.0, k_i=0.0, k_d=0.0)
     with pytest.raises(RehearsalError, match="pretension was not reached"):
         rehearse(ideal, dataclasses.replace(tuning, motor_A=dead))
+
+
+@pytest.mark.parametrize(("lam_q", "lam_S"), [(LAM_MAX, 0.5), (0.5, LAM_MAX), (LAM_MAX, LAM_MAX)])
+def test_a_loop_starts_with_each_lambda_that_is_offered(ideal: PlantParameters, lam_q: float, lam_S: float) -> None:
+    """Also with those that the single loop, which is rehearsed too, does not take: from 8 T_m on."""
+    tuning = tuning_for(ideal, Lambdas(lam_q=lam_q, lam_S=lam_S))
+    rehearse(ideal, tuning)
+    with pytest.raises(TuningError):
+        single_loop_tuning(ideal, Lambdas(lam_q=lam_q, lam_S=lam_S))
