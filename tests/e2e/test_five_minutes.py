@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 
 import httpx
 import numpy as np
@@ -40,7 +41,7 @@ def test_lambda_dragged_to_twice_its_value_doubles_the_time_of_a_step(operator: 
         previewed = previewed_t90(operator)
         for target in (STEP_DEG, 0.0):
             operator.enter("q_ref value [deg]", target)
-            operator.wait(lambda target=target: abs(operator.reading("Joint position", "q") - target) < 0.3)
+            operator.wait(partial(is_at, operator, target))
             rest(operator)
         steps.append((in_force, previewed))
     operator.press("STOP")
@@ -51,6 +52,10 @@ def test_lambda_dragged_to_twice_its_value_doubles_the_time_of_a_step(operator: 
         assert at_one / at_half == pytest.approx(slow[0] / fast[0], rel=0.1)
     for (_, previewed), reached in zip((fast, fast, slow, slow), measured, strict=True):
         assert reached == pytest.approx(previewed, rel=0.1)
+
+
+def is_at(operator: Operator, angle_deg: float) -> bool:
+    return abs(operator.reading("Joint position", "q") - angle_deg) < 0.3
 
 
 def rest(operator: Operator) -> None:
