@@ -127,6 +127,7 @@ def assemble(
     actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     control = Control(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
+    control.holder_changed = partial(actuator.retuning.leave_trial, "as the holder of control has changed")
 
     def say_of_control(text: str, who: str) -> None:
         """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""

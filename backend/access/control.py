@@ -92,7 +92,8 @@ class Control:
     """The one lease. ``lost`` is called when the page that held it was not heard for LOST_S + HOLD_S.
 
     ``told`` hears what happens to control: a sentence, and who did it. ``let_go`` is called when whoever held control
-    does not hold it any more or is not heard: what was held by hand is let go of.
+    does not hold it any more or is not heard: what was held by hand is let go of. ``holder_changed`` is called when a
+    page gives control up or is lost, and when another person takes it; not when a page is loaded again.
     """
 
     def __init__(
@@ -103,6 +104,8 @@ class Control:
     ) -> None:
         self.holder: Holder | None = None
         self.let_go: Callable[[], None] = lambda: None
+        self.holder_changed: Callable[[], None] = lambda: None
+        self._last_session = ""
         self._lost = lost
         self._told = told
         self._clock = clock
@@ -124,6 +127,9 @@ class Control:
         self._epoch += 1
         self._muted = False
         self.let_go()
+        if person.session != self._last_session:
+            self.holder_changed()
+        self._last_session = person.session
         self.holder = Holder(person, self._epoch, is_page)
         if is_page:
             taken = "control taken" if holder is None else f"control taken over from {holder.person.name}"
@@ -144,6 +150,7 @@ class Control:
         async with self.turn(person, stamp):
             self.holder = None
             self.let_go()
+            self.holder_changed()
             self._told("control given up", person.name)
 
     @asynccontextmanager
@@ -202,6 +209,7 @@ class Control:
         holder.silent_s += passed_s
         if holder.lost and not was_lost:
             self.let_go()
+            self.holder_changed()
         if holder.silent_s > (LOST_S + HOLD_S if holder.is_page else SCRIPT_S):
             self.holder = None
             self.let_go()

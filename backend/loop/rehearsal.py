@@ -46,7 +46,7 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
         _tick_while(loop, Mode.IDENTIFY)
         _pretension(loop)
     # The single loop does not take each λ of the cascade: any λ of its range calls the same compiled code.
-    short = 4.0 * min(motor_model(parameters, side).T_m for side in "AB")
+    short = 4.0 * min(motor_model(parameters, "A").T_m, motor_model(parameters, "B").T_m)
     brisk = replace(plain, lam_q=min(tuning.lam_q, short), lam_S=min(tuning.lam_S, short))
     for law in (Law.CASCADE, *BASELINES):
         _order(loop, brisk if law in BASELINES else plain)

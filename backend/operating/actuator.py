@@ -275,6 +275,10 @@ class Actuator:
         self.present.hear(event)
         if isinstance(event, PushReleased):
             self._pushed = False
+        if isinstance(event, ModeChanged):
+            self.retuning.leave_trial(f"as the mode is {event.after}")
+        elif isinstance(event, LoopDied):
+            self.retuning.leave_trial("as the control loop has ended")
         if (mark := mark_of(event, self.present.tick)) is not None:
             self._journal.note(*mark, who=self._who_asked(event))
         if isinstance(event, Stopped):

@@ -63,7 +63,7 @@ class Retuning:
         self._send = send
         self._turn = turn
         self._changed = changed
-        self._trial = Trial(self._end_trial_at_its_time, supervision)
+        self._trial = Trial(self._end_trial_by_itself, supervision)
         present.trial = self._trial.view
         present.earlier = kept.earlier(present.tuning)
 
@@ -95,6 +95,10 @@ class Retuning:
             await self._end_trial(before, who)
         self._changed()
         return self._present.state()
+
+    def leave_trial(self, cause: str) -> None:
+        """End a trial because of ``cause``; returns at once, and does nothing where nothing is on trial."""
+        self._trial.end(cause)
 
     async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
         """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
@@ -263,17 +267,18 @@ class Retuning:
                 self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
             self._present.own_tuning = None
 
-    async def _end_trial_at_its_time(self, before: TuningInUse) -> None:
-        await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before))
+    async def _end_trial_by_itself(self, before: TuningInUse, cause: str) -> None:
+        await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
 
-    async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
+    async def _end_trial(self, before: TuningInUse, who: str = "", cause: str = "") -> None:
         async with self._turn:
             tried = self._present.tuning
             if self._trial.before is not before:  # somebody chose another tuning while this waited
                 return
             back = self._as_learned(before)
             tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
-            self._journal.note(MarkKind.TUNING, f"trial over: {back.difference(tried)}", tick, who)
+            ended = f"trial over, {cause}" if cause else "trial over"
+            self._journal.note(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
 
     def _require_own(self) -> None:
         """Raise RefusalError while a run has the tuning."""
