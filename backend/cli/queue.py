@@ -142,7 +142,7 @@ def _show(service: RunningService, found: "QueueView", *, as_json: bool) -> None
             item.id,
             item.name,
             " ".join(f"{name}={value}" for name, value in item.settings.items()),
-            item.who,
+            f"{item.who}, kept" if item.kept else item.who,
         )
         for place, item in enumerate(found.items, start=1)
     ]

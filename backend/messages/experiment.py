@@ -87,6 +87,7 @@ class QueuedView(Schema):
     name: str
     settings: dict[str, SettingValue]
     who: str
+    kept: bool = Field(default=False, description="it waited already when the service was started")
 
 
 class QueueView(Schema):

@@ -1,11 +1,12 @@
 """Experiments that wait for their turn: one after the other, until one does not complete."""
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from itertools import count
 
 from backend.messages.experiment import ExperimentRequest, QueuedView, QueueView
 from backend.refusal import Because, RefusalError, require_within
+from backend.storage import Database, StorageError, queue
 from backend.storage.runs import EndState
 from backend.supervision import Part, Supervision
 
@@ -22,54 +23,74 @@ class Queue:
     """Belongs to the service's event loop. ``start`` starts one experiment.
 
     ``check`` raises for one that cannot be, and returns it with all its settings: what is shown of one that waits is
-    what it will run with, whatever is in force by then.
+    what it will run with, whatever is in force by then. What waits is in ``database`` too, and is there again, held,
+    after a restart of the service: nothing starts by itself then.
     """
 
-    def __init__(self, start: Start, check: Check, supervision: Supervision) -> None:
+    def __init__(self, start: Start, check: Check, supervision: Supervision, database: Database) -> None:
         self._supervision = supervision
+        self._database = database
+        self._changing = asyncio.Lock()
         self._start = start
         self._check = check
         self._items: list[QueuedView] = []
-        self._numbers = count(1)
         self._running = False
         self._problem = ""
         self._refused: int | None = None
         self._run: int | None = None
+        self._restore()
 
     def view(self) -> QueueView:
         """Return what waits and whether the queue goes on by itself."""
         return QueueView(items=list(self._items), running=self._running, run=self._run, problem=self._problem)
 
     async def add(self, request: ExperimentRequest, who: str) -> QueueView:
-        """Put an experiment at the end. Raises what a start with these settings would raise; nothing starts yet."""
+        """Put an experiment at the end; nothing starts yet.
+
+        Raises what a start with these settings would raise, and StorageError where it cannot be kept.
+        """
         self._require_room()
         whole = await self._check(request)
-        self._require_room()  # others may have been added meanwhile
-        if not self._items:
-            self._tell("")  # what once held the queue, with nothing left in it, says nothing about this one
-        self._items.append(QueuedView(id=next(self._numbers), name=whole.name, settings=whole.settings, who=who))
+        async with self._changing:
+            self._require_room()  # others may have been added meanwhile
+            kept = await asyncio.to_thread(self._store, whole, who)
+            if not self._items:
+                self._tell("")  # what once held the queue, with nothing left in it, says nothing about this one
+            self._items.append(QueuedView(id=kept.id, name=whole.name, settings=whole.settings, who=who))
         return self.view()
 
-    def remove(self, item_id: int) -> QueueView:
-        """Take an experiment out. Raises RefusalError when it does not wait any more."""
-        kept = [item for item in self._items if item.id != item_id]
-        if len(kept) == len(self._items):
-            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
-        self._items = kept
-        if not kept or item_id == self._refused:
-            self._tell("")
+    async def remove(self, item_id: int) -> QueueView:
+        """Take an experiment out. Raises RefusalError when it does not wait any more, StorageError."""
+        async with self._changing:
+            self._waiting(item_id)
+            await asyncio.to_thread(self._delete, item_id)
+            self._items = [item for item in self._items if item.id != item_id]
+            if not self._items or item_id == self._refused:
+                self._tell("")
         return self.view()
 
-    def move(self, item_id: int, place: int) -> QueueView:
-        """Let an experiment wait at a place, counted from 0. Raises RefusalError when it does not wait any more."""
-        moved = next((item for item in self._items if item.id == item_id), None)
-        if moved is None:
-            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
-        words = "place in the queue"
-        require_within("place", place, 0, len(self._items) - 1, "1", words=words)
-        self._items = [item for item in self._items if item.id != item_id]
-        self._items.insert(place, moved)
+    async def move(self, item_id: int, place: int) -> QueueView:
+        """Let an experiment wait at a place, counted from 0.
+
+        Raises RefusalError when it does not wait any more, OutOfRangeError, StorageError.
+        """
+        async with self._changing:
+            moved = self._waiting(item_id)
+            words = "place in the queue"
+            require_within("place", place, 0, len(self._items) - 1, "1", words=words)
+            order = [item.id for item in self._items if item.id != item_id]
+            order.insert(place, item_id)
+            await asyncio.to_thread(self._arrange, order)
+            others = [item for item in self._items if item.id != item_id]  # one may have started meanwhile
+            if len(others) < len(self._items):
+                self._items = [*others[:place], moved, *others[place:]]
         return self.view()
+
+    def _waiting(self, item_id: int) -> QueuedView:
+        found = next((item for item in self._items if item.id == item_id), None)
+        if found is None:
+            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+        return found
 
     def _require_room(self) -> None:
         if len(self._items) >= LONGEST:
@@ -133,3 +154,33 @@ class Queue:
         item = self._items[0]
         self._run = await self._start(ExperimentRequest(name=item.name, settings=item.settings), item.who)
         self._items = [waiting for waiting in self._items if waiting.id != item.id]
+        try:
+            await asyncio.to_thread(self._delete, item.id)
+        except StorageError as error:  # it plays: that it may wait again after a restart is no reason to stop it
+            _log.warning("run %s has started, and its place in the queue could not be cleared: %s", self._run, error)
+
+    def _restore(self) -> None:
+        """Take what waited when the service ended, and hold it: a person says when it goes on."""
+        try:
+            with self._database.reading() as session:
+                kept = queue.waiting(session)
+        except StorageError as error:
+            _log.warning("what waited in the queue cannot be read: %s", error)
+            self._tell(f"held because what waited in it cannot be read: {error}")
+            return
+        self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in kept]
+        if kept:
+            _log.warning("%d experiments wait in the queue from before; none starts by itself", len(kept))
+            self._hold("the service was started again")
+
+    def _store(self, whole: ExperimentRequest, who: str) -> queue.StoredQueued:
+        with self._database.session() as session:
+            return queue.add(session, whole.name, dict(whole.settings), who)
+
+    def _delete(self, item_id: int) -> None:
+        with self._database.session() as session:
+            queue.remove(session, item_id)
+
+    def _arrange(self, order: list[int]) -> None:
+        with self._database.session() as session:
+            queue.arrange(session, order)

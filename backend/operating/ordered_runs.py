@@ -74,7 +74,7 @@ class OrderedRuns:
         self._dry_runs = dry_runs
         self._texts = texts
         self._safe_stop = safe_stop
-        self.queue = Queue(self.start_experiment, self.checked, supervision)
+        self.queue = Queue(self.start_experiment, self.checked, supervision, station.database)
         self._problem = ""
         self._results = ResultsUnderWay()
         self.pause = Pause(actuator.present, actuator.changed)

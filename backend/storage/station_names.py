@@ -5,6 +5,7 @@ from sqlalchemy.orm import Session
 
 from backend.refusal import Because, RefusalError
 from backend.storage.index_schema import RunIndexRow
+from backend.storage.queue_schema import QueuedRow
 from backend.storage.schema import (
     BankRow,
     BringUpRow,
@@ -16,7 +17,18 @@ from backend.storage.schema import (
 )
 from backend.storage.study_schema import StudyPointRow, StudyRow
 
-_TABLES = (RunRow, IdentificationRow, BankRow, ExperimentRow, EventRow, SettingRow, BringUpRow, StudyRow, StudyPointRow)
+_TABLES = (
+    RunRow,
+    IdentificationRow,
+    BankRow,
+    ExperimentRow,
+    EventRow,
+    SettingRow,
+    BringUpRow,
+    StudyRow,
+    StudyPointRow,
+    QueuedRow,
+)
 
 
 def give_all(session: Session, station: str) -> int:

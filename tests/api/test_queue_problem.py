@@ -2,10 +2,14 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from backend.messages.experiment import ExperimentRequest
 from backend.operating.experiment_queue import Queue, Start
 from backend.refusal import Because, RefusalError
+from backend.storage import Database, open_database
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
 
@@ -26,12 +30,13 @@ def held(session: Callable[[Queue], Awaitable[None]], start: Start = start) -> N
     async def check(request: ExperimentRequest) -> ExperimentRequest:
         return request
 
-    async def whole() -> None:
+    async def whole(database: Database) -> None:
         supervision = Supervision()
-        await session(Queue(start, check, supervision))
+        await session(Queue(start, check, supervision, database))
         await supervision.close()
 
-    asyncio.run(whole())
+    with TemporaryDirectory() as folder, closing(open_database(Path(folder))) as database:
+        asyncio.run(whole(database))
 
 
 async def refused(queue: Queue) -> None:
@@ -50,8 +55,8 @@ def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
         refused_one, waiting = queue.view().items
         await queue.add(SHORT, "Ana")
         assert queue.view().problem
-        assert queue.remove(refused_one.id).problem == ""
-        assert queue.remove(waiting.id).problem == ""
+        assert (await queue.remove(refused_one.id)).problem == ""
+        assert (await queue.remove(waiting.id)).problem == ""
 
     held(session)
 
@@ -68,7 +73,7 @@ def test_a_person_is_quicker_than_the_step_to_the_next_one() -> None:
         await queue.run()
         await queue.add(WITHOUT_BANK, "Ana")
         queue.ended(5, EndState.COMPLETED)
-        queue.remove(queue.view().items[0].id)
+        await queue.remove(queue.view().items[0].id)
         await asyncio.sleep(0.01)
         view = queue.view()
         assert (view.items, view.running, view.problem) == ([], False, "")
@@ -92,7 +97,7 @@ def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -
         await queue.run()
         queue.ended(5, EndState.COMPLETED)
         await asked.wait()
-        queue.remove(queue.view().items[0].id)
+        await queue.remove(queue.view().items[0].id)
         told.set()
         await refused(queue)
         view = queue.view()
@@ -110,8 +115,8 @@ def test_an_empty_queue_is_not_held() -> None:
         queue.ended(5, EndState.STOPPED)
         assert queue.view().problem.startswith("held because run 5 ended as stopped; start the queue again")
         first, second = queue.view().items
-        assert queue.remove(first.id).problem.startswith("held because run 5 ended as stopped")
-        assert queue.remove(second.id).problem == ""
+        assert (await queue.remove(first.id)).problem.startswith("held because run 5 ended as stopped")
+        assert (await queue.remove(second.id)).problem == ""
         await queue.add(SHORT, "Ana")
         await queue.run()
         queue.ended(5, EndState.STOPPED)

@@ -8,7 +8,7 @@ from alembic import command
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
-from backend.storage import migrate, recordings, runs
+from backend.storage import migrate, queue, recordings, runs
 from backend.storage.database import connect, open_database, sqlite_url
 from backend.storage.migrate import SCRIPTS, SchemaError, newest_revision, require_models_match, revision, upgrade
 from tests.storage.test_lineage import NEW_RUN
@@ -152,6 +152,27 @@ def test_going_back_gives_no_number_out_again(tmp_path: Path) -> None:
         kept = [tuple(row) for row in connection.execute(asked)]
     engine.dispose()
     assert kept == [("bank", 7), ("identification", 7), ("run", 7)]
+
+
+def test_the_queue_goes_down_and_up_again_and_leaves_the_runs(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    with database.session() as session:
+        run = runs.create(session, NEW_RUN).id
+        queue.add(session, "sequence", {"segments": "[]"}, "Ana")
+    database.close()
+    engine = connect(sqlite_url(tmp_path))
+    with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
+        command.downgrade(migrate._configuration(connection), "0013_method_length")
+        assert not inspect(connection).has_table("queued_experiment")
+        assert connection.scalar(text("SELECT id FROM run")) == run
+    upgrade(engine)
+    require_models_match(engine)
+    engine.dispose()
+    database = open_database(tmp_path)
+    with database.session() as session:
+        assert queue.waiting(session) == []
+        assert queue.add(session, "sequence", {}, "Ana").settings == {}
+    database.close()
 
 
 def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Path, later_scripts: Path) -> None:

@@ -64,13 +64,13 @@ async def hold_queue(service: ServiceInUse, _person: Operator) -> QueueView:
 @router.put("/queue/{id}/place")
 async def move_in_queue(id: RowId, body: QueuePlace, service: ServiceInUse, _person: Operator) -> QueueView:
     """Let a waiting experiment wait at another place."""
-    return service.ordered_runs.queue.move(id, body.place)
+    return await service.ordered_runs.queue.move(id, body.place)
 
 
 @router.delete("/queue/{id}")
 async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator) -> QueueView:
     """Take a waiting experiment out of the queue."""
-    return service.ordered_runs.queue.remove(id)
+    return await service.ordered_runs.queue.remove(id)
 
 
 @router.get("/{id}")

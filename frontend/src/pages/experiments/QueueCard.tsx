@@ -35,7 +35,11 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
               <li key={item.id}>
                 <div className={page.actions} style={{ justifyContent: "space-between", flexWrap: "nowrap" }}>
                   <span>
-                    {title(item.name)} <span className={page.dim}>by {item.who}</span>
+                    {title(item.name)}{" "}
+                    <span className={page.dim}>
+                      by {item.who}
+                      {item.kept && ", kept from before the restart"}
+                    </span>
                     <br />
                     <OrderWords name={item.name} settings={item.settings} />
                   </span>

@@ -1,0 +1,54 @@
+"""The experiments that wait in a station's queue, in the order in which they are to run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.queue_schema import QueuedRow
+from backend.storage.records import to_record
+from backend.storage.schema import Document
+from backend.storage.stations import station_of
+
+
+@dataclass(frozen=True)
+class StoredQueued:
+    """An experiment that waits, with all its settings; ``id`` is never given out twice."""
+
+    id: int
+    name: str
+    settings: Document
+    who: str
+    added_at: datetime
+
+
+def waiting(session: Session) -> list[StoredQueued]:
+    """Return what waits, the next one to run first."""
+    of_station = QueuedRow.station == station_of(session)
+    rows = session.scalars(select(QueuedRow).where(of_station).order_by(QueuedRow.place, QueuedRow.id))
+    return [to_record(StoredQueued, row) for row in rows]
+
+
+def add(session: Session, name: str, settings: Document, who: str) -> StoredQueued:
+    """Put an experiment at the end."""
+    station = station_of(session)
+    last = session.scalar(select(func.max(QueuedRow.place)).where(QueuedRow.station == station))
+    place = 0 if last is None else last + 1
+    row = QueuedRow(place=place, name=name, settings=settings, who=who, added_at=datetime.now(UTC), station=station)
+    session.add(row)
+    session.flush()
+    return to_record(StoredQueued, row)
+
+
+def remove(session: Session, item_id: int) -> None:
+    """Take an experiment out, where it is still there."""
+    session.execute(delete(QueuedRow).where(QueuedRow.id == item_id, QueuedRow.station == station_of(session)))
+
+
+def arrange(session: Session, order: Sequence[int]) -> None:
+    """Let the experiments of these numbers wait in this order."""
+    places = {item_id: place for place, item_id in enumerate(order)}
+    for row in session.scalars(select(QueuedRow).where(QueuedRow.station == station_of(session))):
+        row.place = places.get(row.id, len(places))

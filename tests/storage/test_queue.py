@@ -1,0 +1,78 @@
+"""What waits in the queue is stored in its order, for each station, under numbers that are not used twice."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from backend.storage import Database, open_database, queue
+from backend.storage.errors import UnfitError
+from backend.storage.station_names import give_all
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def add(database: Database, *names: str) -> list[int]:
+    with database.session() as session:
+        return [queue.add(session, name, {"lam_q": 0.5, "segments": "[]"}, "Ana").id for name in names]
+
+
+def waiting(database: Database) -> list[str]:
+    with database.reading() as session:
+        return [item.name for item in queue.waiting(session)]
+
+
+def test_what_waits_is_read_in_its_order(database: Database) -> None:
+    first, second, third = add(database, "a", "b", "c")
+    with database.session() as session:
+        queue.arrange(session, [third, first, second])
+    assert waiting(database) == ["c", "a", "b"]
+    with database.session() as session:
+        queue.remove(session, first)
+        queue.remove(session, first)
+    (fourth,) = add(database, "d")
+    assert waiting(database) == ["c", "b", "d"]
+    with database.reading() as session:
+        item = queue.waiting(session)[-1]
+    assert (item.id, item.settings, item.who) == (fourth, {"lam_q": 0.5, "segments": "[]"}, "Ana")
+
+
+def test_a_number_is_not_used_twice(database: Database) -> None:
+    (last,) = add(database, "a")
+    with database.session() as session:
+        queue.remove(session, last)
+    assert add(database, "b") > [last]
+
+
+def test_each_station_has_its_own(tmp_path: Path) -> None:
+    here, there = open_database(tmp_path, station="rig1"), open_database(tmp_path, station="rig2")
+    (ours,) = add(here, "ours")
+    (theirs,) = add(there, "theirs")
+    with here.session() as session:
+        queue.remove(session, theirs)
+        queue.arrange(session, [theirs, ours])
+    assert (waiting(here), waiting(there)) == (["ours"], ["theirs"])
+    for database in (here, there):
+        database.close()
+
+
+def test_what_waits_goes_with_the_name_of_its_station(tmp_path: Path) -> None:
+    nameless = open_database(tmp_path)
+    add(nameless, "a")
+    with nameless.session() as session:
+        give_all(session, "rig1")
+    named = open_database(tmp_path, station="rig1")
+    assert (waiting(nameless), waiting(named)) == ([], ["a"])
+    for database in (nameless, named):
+        database.close()
+
+
+def test_a_name_that_is_too_long_is_refused(database: Database) -> None:
+    with pytest.raises(UnfitError):
+        add(database, "n" * 101)
+    assert waiting(database) == []
