@@ -38,10 +38,10 @@ class HeldFolder:
     folder: int
     lock: int
 
-    def say_address(self, address: str) -> None:
-        """Leave the address at which the service answers for ``address_of_service``."""
+    def say_address(self, address: str, public_url: str | None = None) -> None:
+        """Leave the address at which the service answers for ``address_of_service``, and that of a proxy before it."""
         os.ftruncate(self.lock, 0)
-        os.pwrite(self.lock, address.encode(), 0)
+        os.pwrite(self.lock, "\n".join((address, *([public_url] if public_url else []))).encode(), 0)
 
     def problem(self) -> str:
         """Return why what is written to the folder is not kept, "" while all is well."""
@@ -118,20 +118,28 @@ def held_by_nobody(data: Path) -> Iterator[bool]:
 
 def address_of_service(data: Path) -> str | None:
     """Return where the service of a data folder answers, None when there is none. Raises DataFolderError."""
+    return next(iter(addresses_of_service(data)), None)
+
+
+def addresses_of_service(data: Path) -> list[str]:
+    """Return where the service of a data folder answers, behind it its public URL where it has one.
+
+    Empty when there is no service. Raises DataFolderError.
+    """
     try:
         with (data / LOCK).open(encoding="utf-8") as lock:
-            address = lock.read()
-            if not address:
-                return None
+            addresses = lock.read().splitlines()
+            if not addresses:
+                return []
             try:
                 fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:
-                return address  # held by the service that wrote it, not left behind by one that was killed
+                return addresses  # held by the service that wrote it, not left behind by one that was killed
     except FileNotFoundError:
-        return None
+        return []
     except OSError as error:
         raise DataFolderError(_refused(data, error)) from None
-    return None
+    return []
 
 
 class FolderWatch:

@@ -88,7 +88,8 @@ async def _serve(
         authentication = Authentication(files, Sessions(settings.data))
         # All who listen to the loop are there before the event loop gets to hear from it.
         assembled = assemble(settings, foundation, folder, authentication, supervision, parts)
-        app = create_app(lifespan, assembled.scenes, settings.allowed_hosts)
+        # The service's own commands ask at the address that it listens on.
+        app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
         app.state.service, app.state.authentication = assembled.service, authentication
         await put_routes_together(app)
         _leave_what_was_made()
@@ -104,7 +105,7 @@ async def _serve(
         foundation.figures.keep()
 
     def announce() -> None:
-        folder.say_address(address)
+        folder.say_address(address, settings.public_url)
         assembled.draw()
         ready(address, files.tokens if files else None)
         supervision.keep_thread(LIBRARIES, load_the_rest, lambda: None)

@@ -3,12 +3,14 @@
 import ipaddress
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
 from backend.station import require_station_name
 from plant.choice import DEFAULT_WIRING, PlantChoice, PlantKind
 
@@ -20,19 +22,32 @@ class UnusableSettingError(Exception):
     """The environment says something that cannot be used; the message names the variable and what it takes."""
 
 
-def _host_names(given: object) -> object:
-    """Return the names in ``given``: with commas between them, or a JSON list."""
+def _listed(given: object) -> object:
+    """Return the texts in ``given``: with commas between them, or a JSON list."""
     if not isinstance(given, str):
         return given
     try:
-        names = json.loads(given) if given.lstrip().startswith("[") else given.split(",")
+        texts = json.loads(given) if given.lstrip().startswith("[") else given.split(",")
     except ValueError:
-        names = [given]
-    kept = [name.strip() if isinstance(name, str) else str(name) for name in names]
-    for name in kept:
+        texts = [given]
+    return [text.strip() if isinstance(text, str) else str(text) for text in texts]
+
+
+def _host_names(given: tuple[str, ...]) -> tuple[str, ...]:
+    for name in given:
         if not _HOST_NAME.fullmatch(name) or name.isdigit():
             raise ValueError(f"{name!r} is no host name: give names such as rig.lab, without http:// or a port")
-    return kept
+    return given
+
+
+def _public_url(given: str | None) -> str | None:
+    """Return the address in its one form; ValueError for what is none."""
+    return None if given is None else f"{read_public_url(given)}/"
+
+
+def _networks(given: tuple[str, ...]) -> tuple[str, ...]:
+    read_networks(given)
+    return given
 
 
 def _without_tilde(path: Path) -> Path:
@@ -51,11 +66,14 @@ class Settings(BaseSettings):
     ``card_address`` it is reached through NI's device server. A replay plays ``recording``.
     ``database_url`` defaults to SQLite in the data folder; its password may stand in a file instead, so that no
     environment shows it. ``allowed_hosts`` are further names the dashboard may be reached by (the Host header is
-    checked against DNS rebinding). ``require_token`` off makes everyone an operator and is refused on any address but a
-    loopback one. ``show_link`` says whether the sign-in link is printed at the start; None: on a terminal only, as
-    what is not a terminal is a log that others keep and read. Flight records beyond ``flight_records`` or
-    ``flight_records_MB`` give way to new ones. Recordings beyond ``recordings_GB`` may go once they are older than
-    ``recordings_keep_days``, which is for a person to decide. ``station`` tells rigs apart that share a database.
+    checked against DNS rebinding). ``public_url`` is the address at which browsers reach the service through a reverse
+    proxy, ``trusted_proxies`` are the addresses or networks of the proxies whose X-Forwarded-For counts: with a public
+    URL those of this machine where none is named. ``require_token`` off makes everyone an operator and is refused on
+    any address but a loopback one, and with a public URL. ``show_link`` says whether the sign-in link is printed at the
+    start; None: on a terminal only, as what is not a terminal is a log that others keep and read. Flight records beyond
+    ``flight_records`` or ``flight_records_MB`` give way to new ones. Recordings beyond ``recordings_GB`` may go once
+    they are older than ``recordings_keep_days``, which is for a person to decide. ``station`` tells rigs apart that
+    share a database.
     """
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
@@ -73,7 +91,9 @@ class Settings(BaseSettings):
     database_password_file: Path | None = None
     station: str = ""
     require_token: bool = True
-    allowed_hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_host_names)] = ()
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_listed), AfterValidator(_host_names)] = ()
+    public_url: Annotated[str | None, AfterValidator(_public_url)] = None
+    trusted_proxies: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_listed), AfterValidator(_networks)] = ()
     show_link: bool | None = None
     flight_records: int = Field(default=300, ge=1, le=100_000)
     flight_records_MB: int = Field(default=100, ge=1, le=100_000)
@@ -86,6 +106,14 @@ class Settings(BaseSettings):
             raise ValueError(
                 f"host {self.host} is reachable from other machines and needs the token: "
                 "leave require_token on, or bind to 127.0.0.1"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _no_open_proxy(self) -> "Settings":
+        if not self.require_token and self.public_url is not None:
+            raise ValueError(
+                f"{self.public_url} is reachable from other machines and needs the token: leave require_token on"
             )
         return self
 
@@ -105,6 +133,19 @@ class Settings(BaseSettings):
         if (self.plant == PlantKind.REPLAY) != (self.recording is not None):
             raise ValueError("a replay plays a recording: give plant replay and recording together")
         return self
+
+    @model_validator(mode="after")
+    def _proxies_of_a_public_url(self) -> "Settings":
+        if self.trusted_proxies and self.public_url is None:
+            raise ValueError("trusted_proxies are those of a public URL: give public_url too, or leave them out")
+        return self
+
+    @property
+    def public(self) -> PublicUrl | None:
+        """Where browsers reach the service through a proxy, with the proxies that are trusted; None without one."""
+        if self.public_url is None:
+            return None
+        return replace(read_public_url(self.public_url), proxies=read_networks(self.trusted_proxies) or LOOPBACK)
 
     @property
     def plant_choice(self) -> PlantChoice:

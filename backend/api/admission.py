@@ -12,7 +12,7 @@ from backend.web_server.guard import most_bytes
 from backend.web_server.places import Place, Places
 from backend.web_server.protocols import ALL_PLACES, PLACE
 
-OPEN = {"/api/session", "/api/health"}
+OPEN = {"/api/session", "/api/health", "/api/page-address"}
 """What may be asked, and sent a body, by somebody who is not signed in."""
 
 CLOSED = ("/api/", "/scene", "/replay")

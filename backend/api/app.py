@@ -33,6 +33,7 @@ from backend.api.routes import (
     system,
     tuning,
 )
+from backend.public_url import PublicUrl
 from backend.web_server.guard import Guard
 from backend.web_server.request_turns import RequestTurns
 from backend.web_server.session_ends import SessionEnds
@@ -54,21 +55,26 @@ async def _nothing(_app: FastAPI) -> AsyncIterator[None]:
 class _Application(FastAPI):
     """Has the guard in front of everything, also of the answers to failures."""
 
-    def __init__(self, allowed_hosts: tuple[str, ...], **settings: Any) -> None:
+    def __init__(self, allowed_hosts: tuple[str, ...], public: PublicUrl | None, **settings: Any) -> None:
         super().__init__(**settings)
         self._allowed_hosts = allowed_hosts
+        self._public = public
 
     def build_middleware_stack(self) -> ASGIApp:
         """Return what each request goes through."""
-        return Guard(super().build_middleware_stack(), self._allowed_hosts)
+        return Guard(super().build_middleware_stack(), self._allowed_hosts, self._public)
 
 
 def create_app(
-    lifespan: Lifespan = _nothing, further_routes: Iterable[APIRouter] = (), allowed_hosts: Iterable[str] = ()
+    lifespan: Lifespan = _nothing,
+    further_routes: Iterable[APIRouter] = (),
+    allowed_hosts: Iterable[str] = (),
+    public: PublicUrl | None = None,
 ) -> FastAPI:
     """Build the application; ``lifespan`` gives ``app.state`` its authentication and its service."""
     app = _Application(
         tuple(allowed_hosts),
+        public,
         title="Sinew",
         version=__version__,
         description=DESCRIPTION,

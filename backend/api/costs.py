@@ -65,6 +65,7 @@ COSTS: dict[str, Cost] = {
     "POST /api/session": AT_HAND,
     "DELETE /api/session": AT_HAND,
     "PUT /api/session/name": AT_HAND,
+    "POST /api/page-address": AT_HAND,
     "POST /api/session/tokens/rotate": AT_HAND,
     "GET /api/checklist": ROWS,
     "GET /api/preferences": ROWS,

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from typing import Any
 
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
@@ -35,6 +35,8 @@ from backend.storage import StorageError
 from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
+from backend.web_server.deployment import no_such_page
+from backend.web_server.message_page import message_page, wants_page
 
 _log = logging.getLogger(__name__)
 
@@ -150,7 +152,10 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
         return await answer(request, 422, partial(_form_problem, request, error.errors()[0]))
 
     @app.exception_handler(HTTPException)
-    async def http(_request: Request, error: HTTPException) -> JSONResponse:
+    async def http(request: Request, error: HTTPException) -> Response:
+        path = request.url.path
+        if error.status_code == 404 and not path.startswith("/api/") and wants_page(request.headers, request.method):
+            return message_page(404, no_such_page(path))
         problem = Problem(code=_CODES.get(error.status_code, "error"), message=str(error.detail))
         return _answer(error.status_code, problem, error.headers)
 

@@ -1,6 +1,7 @@
 """``sinew serve`` and ``sinew link``."""
 
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -32,6 +33,14 @@ def serve(
     params: ParameterSet = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on. [127.0.0.1]")] = None,
     port: Annotated[int | None, typer.Option(help="Port to listen on, 0 for any free one. [8000]")] = None,
+    public_url: Annotated[
+        str | None,
+        typer.Option(help="Address that browsers open at a reverse proxy, such as https://rig.lab/sinew/."),
+    ] = None,
+    trusted_proxy: Annotated[
+        list[str] | None,
+        typer.Option(help="Address or network of that proxy, once for each. [127.0.0.0/8 and ::1]"),
+    ] = None,
     data: DataFolder = None,
     station: StationName = None,
     show_link: Annotated[
@@ -41,6 +50,7 @@ def serve(
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
+    from backend.web_server.listening import served_by
     from plant.catalog import require_available
 
     settings = settings_with(
@@ -52,6 +62,8 @@ def serve(
         params=params,
         host=host,
         port=port,
+        public_url=public_url,
+        trusted_proxies=tuple(trusted_proxy) if trusted_proxy else None,
         data=data,
         station=station,
         show_link=show_link,
@@ -60,10 +72,14 @@ def serve(
     shown = sys.stdout.isatty() if settings.show_link is None else settings.show_link
 
     def tell(address: str, tokens: "Tokens | None") -> None:
+        addresses = [address, *([settings.public_url] if settings.public_url else [])]
         if tokens is not None and not shown:
-            print(f"Sinew answers at {address}. The sign-in link: sinew link --data {settings.data}", flush=True)
+            answers = " and ".join(_bases(addresses))
+            print(f"Sinew answers at {answers}. The sign-in link: sinew link --data {settings.data}", flush=True)
         else:
-            _print_links(address, tokens)
+            _print_links(addresses, tokens)
+        if served := served_by(settings.host):
+            print(served, flush=True)
 
     look_as_usual()
     run_service(settings, tell)
@@ -72,18 +88,26 @@ def serve(
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
     from backend.access.tokens import load_tokens
-    from backend.data_folder import address_of_service
+    from backend.data_folder import addresses_of_service
 
     settings = settings_with(data=data)
-    address = address_of_service(settings.data)
-    if address is None:
+    addresses = addresses_of_service(settings.data)
+    if not addresses:
         fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
-    _print_links(address, load_tokens(settings.data) if settings.require_token else None)
+    _print_links(addresses, load_tokens(settings.data) if settings.require_token else None)
 
 
-def _print_links(address: str, tokens: "Tokens | None") -> None:
+def _print_links(addresses: Sequence[str], tokens: "Tokens | None") -> None:
+    """Print the links to sign in at the last of the addresses, the public one where there is one."""
+    *others, base = _bases(addresses)
     if tokens is None:
-        print(f"Sinew answers at {address} without sign-in", flush=True)
+        print(f"Sinew answers at {base} without sign-in", flush=True)
         return
-    print(f"Sinew answers. Sign in: {address}/?token={tokens.operator}", flush=True)
-    print(f"To watch only:          {address}/?token={tokens.viewer}", flush=True)
+    print(f"Sinew answers. Sign in: {base}/?token={tokens.operator}", flush=True)
+    print(f"To watch only:          {base}/?token={tokens.viewer}", flush=True)
+    for other in others:
+        print(f"At this machine:        {other}/?token={tokens.operator}", flush=True)
+
+
+def _bases(addresses: Sequence[str]) -> list[str]:
+    return [address.rstrip("/") for address in addresses]

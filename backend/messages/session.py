@@ -6,7 +6,7 @@ from enum import StrEnum
 from pydantic import Field
 
 from backend.loop.mode import Mode
-from backend.messages.base import Schema, quantity
+from backend.messages.base import Problem, Schema, quantity
 
 
 class Role(StrEnum):
@@ -49,6 +49,18 @@ class SessionView(Schema):
     name: str
     role: Role
     asks_name: bool = Field(description="this browser has given no name yet: the page asks for one")
+
+
+class PageAddress(Schema):
+    """Where a page was opened."""
+
+    url: str = Field(max_length=2000, description="address of the page, without query and fragment")
+
+
+class PageAddressFindings(Schema):
+    """What is wrong with the way from there to the service, and how to set it right; nothing where all is well."""
+
+    problems: list[Problem]
 
 
 class PersonView(Schema):

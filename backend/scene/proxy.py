@@ -79,7 +79,7 @@ def router(authorise: Callable[[HTTPConnection], object], scene: SceneMirror, pa
     @routes.get(path)
     def redirect(request: Request) -> RedirectResponse:
         query = f"?{request.url.query}" if request.url.query else ""
-        return RedirectResponse(f"{path}/{query}", status_code=307)
+        return RedirectResponse(f".{path}/{query}", status_code=307)  # from here: a proxy may have a path before it
 
     @routes.get(f"{path}/")
     def client(request: Request) -> HTMLResponse:

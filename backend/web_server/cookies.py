@@ -5,6 +5,8 @@ from starlette.requests import HTTPConnection
 
 from backend.access.authentication import Authentication, Shown
 from backend.access.people import Person
+from backend.public_url import PublicUrl
+from backend.web_server.proxied import COOKIE_PATH, PUBLIC
 
 COOKIE = "sinew_session_"
 """What a cookie's name begins with; the port of the address follows: all ports of a host share one jar."""
@@ -43,20 +45,44 @@ def grant(authentication: Authentication, connection: HTTPConnection, response: 
     value = authentication.cookie(person)
     if value is not None:
         response.set_cookie(
-            cookie_name(connection), value, max_age=KEPT_BY_BROWSER_S, httponly=True, samesite="strict", path="/"
+            cookie_name(connection),
+            value,
+            max_age=KEPT_BY_BROWSER_S,
+            httponly=True,
+            samesite="strict",
+            secure=_is_secure(connection),
+            path=_path(connection),
         )
 
 
 def forget(authentication: Authentication, connection: HTTPConnection, response: Response) -> None:
     """End the session of the cookie, and take the cookie from this browser."""
     authentication.sign_out(shown_by(connection))
-    response.delete_cookie(cookie_name(connection), httponly=True, samesite="strict", path="/")
+    for path in sorted({"/", _path(connection)}):
+        response.delete_cookie(
+            cookie_name(connection), httponly=True, samesite="strict", secure=_is_secure(connection), path=path
+        )
 
 
 def cookie_name(connection: HTTPConnection) -> str:
     """Return the name of the session cookie at the address that the browser asked for."""
     port = connection.headers.get("host", "").rpartition(":")[2]
     return COOKIE + (port if port.isascii() and port.isdigit() and len(port) <= 5 else "80")
+
+
+def _is_secure(connection: HTTPConnection) -> bool:
+    """Return whether browsers are to send the cookie over https only.
+
+    Behind a public https address always: a request does not show whether it came that way. Chrome and Firefox take
+    http://localhost for secure too, so that somebody at this machine can sign in without the proxy.
+    """
+    public: PublicUrl | None = connection.scope.get(PUBLIC)
+    return public is not None and public.is_secure
+
+
+def _path(connection: HTTPConnection) -> str:
+    path: str = connection.scope.get(COOKIE_PATH, "/")
+    return path
 
 
 def _values(connection: HTTPConnection, name: str) -> list[str]:

@@ -4,6 +4,7 @@ A request's head, its body, the pause until the next request, and an answer that
 """
 
 import asyncio
+from collections.abc import Generator
 from enum import Enum, auto
 from typing import Any
 
@@ -14,8 +15,17 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from uvicorn.server import ServerState
 from websockets.http11 import Response
 from websockets.server import ServerProtocol
+from websockets.streams import StreamReader
 
-from backend.web_server.guard import HEADERS, MAX_BODY_BYTES, most_bytes
+from backend.web_server.guard import (
+    HEADERS,
+    LONGEST_HEAD,
+    MAX_BODY_BYTES,
+    MOST_HEADERS,
+    SHEETS,
+    most_bytes,
+    too_large_a_head,
+)
 from backend.web_server.places import Place, Places
 
 HEAD_S = 10.0
@@ -23,9 +33,6 @@ HEAD_S = 10.0
 
 BODY_S = 10.0
 """So long a body of ``MAX_BODY_BYTES`` may take; where larger ones are taken, as much longer as they may be larger."""
-
-LONGEST_HEAD = 16 * 1024
-"""Bytes that the head of a request may have: cookies, an address with its query, and room to spare."""
 
 REST_S = 1.0
 """So long the rest of a body is taken that the answer did not wait for, so that the answer is read."""
@@ -45,7 +52,8 @@ ALL_PLACES = "places"
 
 def body_s(path: str) -> float:
     """Return how long the body of a request to an address may take [s]: all have to come equally fast."""
-    return BODY_S * most_bytes(path) / MAX_BODY_BYTES
+    asked = SHEETS if path.endswith(SHEETS) else path  # a proxy may have left its prefix before it
+    return BODY_S * most_bytes(asked) / MAX_BODY_BYTES
 
 
 class _Placed(asyncio.Protocol):
@@ -157,12 +165,24 @@ class HttpProtocol(_Placed, H11Protocol):
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Hand over to the other protocol, which has its own times."""
+        if len(event.headers) > MOST_HEADERS:  # the other protocol would close without an answer
+            self._refuse_head()
+            return
         self._unset_patience()
         self._unset_stall()
         super().handle_websocket_upgrade(event)
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no HTTP, with the headers that every answer has."""
+        """Answer what is no HTTP, and a head that is too long, with the headers that every answer has."""
+        if self._waiting() is _Wait.HEAD and len(self.conn.trailing_data[0]) > LONGEST_HEAD:
+            self._refuse_head()
+        else:
+            self._refuse(400, "Bad Request", msg)
+
+    def _refuse_head(self) -> None:
+        self._refuse(431, "Request Header Fields Too Large", too_large_a_head())
+
+    def _refuse(self, status: int, reason: str, msg: str) -> None:
         if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):
             self.end()
             return
@@ -171,7 +191,7 @@ class HttpProtocol(_Placed, H11Protocol):
         headers += [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
         headers += [(b"content-length", str(len(content)).encode())]
         for sent in (
-            h11.Response(status_code=400, headers=headers, reason=b"Bad Request"),
+            h11.Response(status_code=status, headers=headers, reason=reason.encode()),
             h11.Data(data=content),
             h11.EndOfMessage(),
         ):
@@ -223,9 +243,29 @@ class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
         self.place.end = self.end
         self.place.is_answered = lambda: True
 
+    async def send(self, message: Any) -> None:
+        """Send; a handshake that was refused with an answer of its own is complete, which uvicorn does not note."""
+        await super().send(message)
+        if self.initial_response is not None and self.close_sent:
+            self.handshake_complete = True
+
+
+class _WholeLines(StreamReader):
+    """Takes lines of any length: the head was bounded when it was read as that of a request."""
+
+    def read_line(self, m: int) -> Generator[None, None, bytearray]:
+        """Return the next line."""
+        return (yield from super().read_line(2 * LONGEST_HEAD))
+
 
 class _Handshake(ServerProtocol):
-    """Refuses with the headers that every answer has."""
+    """Takes the heads that other requests may have, and refuses with the headers that every answer has."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.reader = _WholeLines()
+        self.parser = self.parse()
+        next(self.parser)  # begins to read, as the first one did
 
     def reject(self, status: int, text: str) -> Response:
         response = super().reject(status, text)

@@ -8,9 +8,10 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from backend.ending import Ending, EndingServer
+from backend.web_server.guard import LONGEST_HEAD
 from backend.web_server.listener import Listener
 from backend.web_server.places import RESERVE, Place, Places, Room, descriptor_limit, open_descriptors
-from backend.web_server.protocols import LONGEST_HEAD, HttpProtocol, SocketProtocol
+from backend.web_server.protocols import HttpProtocol, SocketProtocol
 
 GRACE_S = 3
 

@@ -8,7 +8,7 @@ import pytest
 from fastapi import FastAPI, Request
 from starlette.responses import Response
 
-from backend.web_server import listener, protocols
+from backend.web_server import guard, listener, protocols
 from backend.web_server.guard import MAX_BODY_BYTES, SHEETS, Guard, most_bytes
 from backend.web_server.places import Places
 from tests.api.conftest import PATIENCE_S
@@ -148,13 +148,13 @@ def test_nonsense_behind_a_request_ends_the_connection(address: tuple[str, int])
 
 
 def test_a_head_that_is_too_long_is_refused_by_its_length(address: tuple[str, int]) -> None:
-    lines = b"X: y\r\n" * (2 * protocols.LONGEST_HEAD // 6)
+    lines = b"X: y\r\n" * (2 * guard.LONGEST_HEAD // 6)
     with connected(address, b"GET /thing HTTP/1.1\r\n" + HOST + lines + b"\r\n") as stranger:
-        assert everything_from(stranger).startswith(b"HTTP/1.1 400 ")
+        assert everything_from(stranger).startswith(b"HTTP/1.1 431 ")
 
 
 def test_a_long_body_comes_whole(address: tuple[str, int]) -> None:
-    body = b'{"a": 1' + b" " * 5 * protocols.LONGEST_HEAD + b"}"
+    body = b'{"a": 1' + b" " * 5 * guard.LONGEST_HEAD + b"}"
     answer = httpx.post(
         f"http://localhost:{address[1]}/thing", content=body, headers={"Content-Type": "application/json"}
     )

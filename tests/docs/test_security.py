@@ -32,7 +32,7 @@ def test_numbers_are_those_of_the_code() -> None:
         "connections in all, as far as descriptors allow": f"{places.MOST_PLACES}",
         "connections of one browser session": f"{places.BROWSER_PLACES}",
         "descriptors kept for everything else": f"{places.RESERVE}",
-        "largest head of a request": f"{protocols.LONGEST_HEAD // 1024} kB",
+        "largest head of a request, of a websocket too": f"{guard.LONGEST_HEAD // 1024} kB",
         "time for the head of a request, and for its body": f"{protocols.HEAD_S:g} s each",
         "time for a sheet of charts, which has to come as fast as other bodies": (
             f"{protocols.body_s(guard.SHEETS):g} s"

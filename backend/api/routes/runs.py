@@ -22,7 +22,7 @@ from backend.messages.run import NoteRequest, RunList, RunView, SamplesView
 from backend.messages.run_search import TagRequest
 from backend.storage.index_schema import TAG_MAX
 from backend.storage.run_query import LONGEST
-from backend.web_server.guard import DOCUMENT_POLICY
+from backend.web_server.message_page import DOCUMENT_POLICY
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 

@@ -6,8 +6,20 @@ from backend.access.people import Person
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import ServiceInUse
 from backend.messages.history import Checklist
-from backend.messages.session import FreshTokens, Health, NameRequest, Role, Rotation, SessionView, SignIn
+from backend.messages.session import (
+    FreshTokens,
+    Health,
+    NameRequest,
+    PageAddress,
+    PageAddressFindings,
+    Role,
+    Rotation,
+    SessionView,
+    SignIn,
+)
 from backend.web_server.cookies import authentication_of, forget, grant, shown_by
+from backend.web_server.deployment import findings
+from backend.web_server.proxied import PEER, PUBLIC
 
 router = APIRouter(prefix="/api", tags=["session"])
 
@@ -16,6 +28,13 @@ router = APIRouter(prefix="/api", tags=["session"])
 async def get_health(service: ServiceInUse) -> Health:
     """Tell whether the loop is alive; open to all, without secrets."""
     return service.actuator.present.health()
+
+
+@router.post("/page-address")
+async def check_page_address(body: PageAddress, request: Request) -> PageAddressFindings:
+    """Tell what is wrong with the way from a page's address to this service; open to all. A foreign page gets 403."""
+    public, peer = request.scope[PUBLIC], request.scope[PEER]
+    return PageAddressFindings(problems=findings(body.url, public, request.headers, peer))
 
 
 @router.get("/session")

@@ -1,18 +1,19 @@
 """The pages: sign-in by link, the dashboard's built files, the documentation of the interface."""
 
-import html
 from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
-from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from fastapi.responses import FileResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 
 from backend.api.auth import SignedIn
 from backend.api.errors import STATUS
+from backend.public_url import PublicUrl
 from backend.refusal import RefusalError
 from backend.web_server.cookies import authentication_of, grant, shown_by
-from backend.web_server.guard import DOCUMENT_POLICY
+from backend.web_server.message_page import message_page
+from backend.web_server.proxied import COOKIE_PATH, PUBLIC
 
 STATIC = Path(__file__).parents[2] / "static"
 
@@ -28,8 +29,8 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
     try:
         person = authentication.sign_in(shown_by(request), token, name)
     except RefusalError as error:
-        return _message(STATUS[error.because], str(error))
-    answer = RedirectResponse("/", status_code=303)
+        return message_page(STATUS[error.because], str(error))
+    answer = RedirectResponse("./", status_code=303)  # from here: a proxy may have a path before it
     grant(authentication, request, answer, person)
     await authentication.sessions.save()
     return answer
@@ -38,14 +39,16 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
 @router.get("/api/docs")
 async def documentation() -> RedirectResponse:
     """Show the documentation of this interface, from files of this service alone."""
-    return RedirectResponse("/docs.html")
+    return RedirectResponse("../docs.html")
 
 
 @router.get("/api/openapi.json")
 async def description(request: Request, _person: SignedIn) -> dict[str, Any]:
     """Return the description of this interface."""
     application: FastAPI = request.app
-    return application.openapi()
+    public: PublicUrl | None = request.scope.get(PUBLIC)
+    prefix = "" if public is None or request.scope[COOKIE_PATH] == "/" else public.prefix
+    return {**application.openapi(), **({"servers": [{"url": prefix}]} if prefix else {})}
 
 
 def mount_static(app: FastAPI) -> None:
@@ -57,10 +60,7 @@ def mount_static(app: FastAPI) -> None:
 def _dashboard() -> Response:
     file = STATIC / "index.html"
     if not file.is_file():
-        return _message(503, "The dashboard's pages are not built yet: run make frontend, then load this page again.")
+        return message_page(
+            503, "The dashboard's pages are not built yet: run make frontend, then load this page again."
+        )
     return FileResponse(file, headers={"Cache-Control": "no-cache"})
-
-
-def _message(status: int, text: str) -> HTMLResponse:
-    content = f"<!doctype html><title>Sinew</title><p>{html.escape(text)}</p>"
-    return HTMLResponse(content, status_code=status, headers={"Content-Security-Policy": DOCUMENT_POLICY})

@@ -1,0 +1,86 @@
+"""The address at which browsers reach the service through a reverse proxy, and the proxies that are trusted."""
+
+import ipaddress
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+
+LOOPBACK: tuple[Network, ...] = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
+"""The proxies that are trusted where none is named: those of this machine."""
+
+_PORTS = {"http": 80, "https": 443}
+_HOST = re.compile(r"[a-z0-9]([a-z0-9._-]{0,251}[a-z0-9])?|\[[0-9a-f:.]+\]")
+_PREFIX = re.compile(r"(/[A-Za-z0-9._~-]{1,64}){0,8}/?")
+_FORM = "give scheme, host and path, such as https://rig.lab/sinew/"
+
+
+@dataclass(frozen=True)
+class PublicUrl:
+    """Scheme, host in lower case (an IPv6 address in brackets), port, and path prefix without its last slash."""
+
+    scheme: str
+    host: str
+    port: int
+    prefix: str = ""
+    proxies: tuple[Network, ...] = field(default=LOOPBACK)
+
+    @property
+    def netloc(self) -> str:
+        """Host, and port where it is not the scheme's own: what a browser sends as Host."""
+        return self.host if self.port == _PORTS[self.scheme] else f"{self.host}:{self.port}"
+
+    @property
+    def origin(self) -> str:
+        """What a browser sends as Origin."""
+        return f"{self.scheme}://{self.netloc}"
+
+    @property
+    def is_secure(self) -> bool:
+        """Whether browsers reach it over https."""
+        return self.scheme == "https"
+
+    def trusts(self, address: str) -> bool:
+        """Return whether a connection from an IP address is one of a trusted proxy."""
+        try:
+            found = ipaddress.ip_address(address)
+        except ValueError:
+            return False
+        if isinstance(found, ipaddress.IPv6Address) and found.ipv4_mapped is not None:
+            found = found.ipv4_mapped
+        return any(found in network for network in self.proxies)
+
+    def __str__(self) -> str:
+        return f"{self.origin}{self.prefix}"
+
+
+def read_public_url(text: str) -> PublicUrl:
+    """Return the address that a text says. Raises ValueError with what is wrong and what to write."""
+    try:
+        parts = urlsplit(text.strip())
+        port = parts.port
+    except ValueError as error:
+        raise ValueError(f"{text!r} is no address: {error}; {_FORM}") from None
+    if parts.scheme not in _PORTS:
+        raise ValueError(f"{text!r} does not begin with http:// or https://: {_FORM}")
+    if "@" in parts.netloc or parts.query or parts.fragment or "?" in text or "#" in text:
+        raise ValueError(f"{text!r} has more than scheme, host, port and path: {_FORM}")
+    host = parts.netloc.lower().removesuffix(f":{port}") if port is not None else parts.netloc.lower().rstrip(":")
+    if not _HOST.fullmatch(host) or port == 0:
+        raise ValueError(f"{text!r} has no usable host: {_FORM}")
+    if not _PREFIX.fullmatch(parts.path) or any(part in (".", "..") for part in parts.path.split("/")):
+        raise ValueError(f"{text!r}: the path may have letters, digits and . _ ~ - between slashes: {_FORM}")
+    return PublicUrl(parts.scheme, host, _PORTS[parts.scheme] if port is None else port, parts.path.rstrip("/"))
+
+
+def read_networks(names: Iterable[str]) -> tuple[Network, ...]:
+    """Return the networks that addresses such as 10.0.0.5 or 10.0.0.0/24 name. Raises ValueError."""
+    found: list[Network] = []
+    for name in names:
+        try:
+            found.append(ipaddress.ip_network(name))
+        except ValueError as error:
+            raise ValueError(f"{name!r} is no IP address or network ({error}): give 10.0.0.5 or 10.0.0.0/24") from None
+    return tuple(found)

@@ -1,0 +1,290 @@
+"""What a service behind a reverse proxy believes: hosts, origins, prefix, who asks, and what its cookie is for."""
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI, Request, Response, WebSocket
+from starlette.requests import HTTPConnection
+
+from backend.public_url import PublicUrl, read_networks, read_public_url
+from backend.web_server import cookies
+from backend.web_server.guard import Guard
+from tests.api.serving import served
+from tests.api.sockets import connected, everything_from
+
+PROXY, STRANGER, BROWSER = "127.0.0.1", "10.0.0.7", "192.0.2.44"
+SECURE = read_public_url("https://rig.lab/sinew/")
+PLAIN = read_public_url("http://rig.lab:8080")
+
+app = FastAPI()
+
+
+@app.api_route("/api/thing", methods=["GET", "POST"])
+async def thing(request: Request) -> dict[str, Any]:
+    return {"path": request.url.path, "client": request.client and request.client.host}
+
+
+@app.websocket("/api/live")
+async def live(websocket: WebSocket) -> None:
+    await websocket.accept()
+
+
+def ask(
+    public: PublicUrl | None,
+    method: str = "GET",
+    path: str = "/api/thing",
+    peer: str = PROXY,
+    allowed: tuple[str, ...] = (),
+    **headers: str,
+) -> httpx.Response:
+    """Return the answer to a request; names of headers have _ for -."""
+
+    async def exchange() -> httpx.Response:
+        transport = httpx.ASGITransport(Guard(app, allowed, public), client=(peer, 4711))
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as client:
+            named = {name.replace("_", "-"): value for name, value in headers.items()}
+            return await client.request(method, path, headers=named)
+
+    return asyncio.run(exchange())
+
+
+def code(answer: httpx.Response) -> str:
+    return "" if answer.status_code == 200 else str(answer.json()["error"]["code"])
+
+
+@pytest.mark.parametrize(
+    ("host", "refused"),
+    [
+        ("rig.lab", ""),
+        ("rig.lab:443", ""),
+        ("RIG.LAB", ""),
+        ("127.0.0.1:8000", ""),
+        ("[::1]:8000", ""),
+        ("localhost", ""),
+        ("evil.example", "unknown_host"),
+        ("rig.lab.evil.example", "unknown_host"),
+        ("10.1.2.3", "unknown_host"),
+        ("", "unknown_host"),
+    ],
+)
+def test_hosts_are_the_public_one_and_loopback(host: str, refused: str) -> None:
+    assert code(ask(SECURE, host=host)) == refused
+
+
+def test_a_name_that_is_allowed_stays_so_beside_a_public_url() -> None:
+    assert code(ask(SECURE, host="bench.lab", allowed=("bench.lab",))) == ""
+    own = ask(SECURE, "POST", host="bench.lab:8000", origin="http://bench.lab:8000", allowed=("bench.lab",))
+    assert code(own) == ""
+
+
+@pytest.mark.parametrize(
+    ("host", "origin", "refused"),
+    [
+        ("rig.lab", "https://rig.lab", ""),
+        ("127.0.0.1:8000", "https://rig.lab", ""),  # a proxy that rewrites Host
+        ("127.0.0.1:8000", "http://127.0.0.1:8000", ""),  # without the proxy, at this machine
+        ("rig.lab", "http://rig.lab", "foreign_origin"),
+        ("rig.lab", "https://rig.lab:8443", "foreign_origin"),
+        ("rig.lab", "https://other.lab", "foreign_origin"),
+        ("127.0.0.1:8000", "https://other.lab", "foreign_origin"),
+        ("127.0.0.1:8000", "http://localhost:8000", "foreign_origin"),
+        ("rig.lab", "null", "foreign_origin"),
+    ],
+)
+def test_origins_are_the_public_one_and_loopback(host: str, origin: str, refused: str) -> None:
+    assert code(ask(SECURE, "POST", host=host, origin=origin)) == refused
+
+
+def test_a_browser_that_says_the_page_is_of_another_site_is_believed_before_the_origin() -> None:
+    answer = ask(SECURE, "POST", host="rig.lab", origin="https://rig.lab", sec_fetch_site="cross-site")
+    assert code(answer) == "foreign_origin"
+
+
+def test_without_a_public_url_a_proxy_that_rewrites_the_host_gets_the_remedy(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    answer = ask(None, "POST", host="127.0.0.1:8000", origin="http://rig.lab:8080")
+    assert (answer.status_code, code(answer)) == (403, "foreign_origin")
+    for told in (answer.json()["error"]["message"], caplog.text):
+        assert "http://rig.lab:8080" in told
+        assert "--public-url http://rig.lab:8080/" in told
+
+
+@pytest.mark.parametrize("path", ["/api/thing", "/sinew/api/thing"])
+def test_the_prefix_may_be_left_on_the_path_or_taken_off(path: str) -> None:
+    assert ask(SECURE, path=path, host="rig.lab").json()["path"] == "/api/thing"
+
+
+@pytest.mark.parametrize("path", ["/sinewy/api/thing", "/other/api/thing", "/sinew/sinew/api/thing"])
+def test_another_prefix_is_no_address(path: str) -> None:
+    assert ask(SECURE, path=path, host="rig.lab").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("public", "peer", "forwarded", "client"),
+    [
+        (SECURE, PROXY, BROWSER, BROWSER),
+        (SECURE, "::ffff:127.0.0.1", BROWSER, BROWSER),
+        (SECURE, PROXY, f"10.9.9.9, {BROWSER}", BROWSER),  # what a browser said before is not believed
+        (SECURE, PROXY, f"{BROWSER}, 127.0.0.2", BROWSER),
+        (SECURE, PROXY, "nonsense", PROXY),
+        (SECURE, STRANGER, BROWSER, STRANGER),
+        (None, PROXY, BROWSER, PROXY),
+        (replace(SECURE, proxies=read_networks(["10.0.0.0/24"])), STRANGER, BROWSER, BROWSER),
+        (replace(SECURE, proxies=read_networks(["10.0.0.0/24"])), PROXY, BROWSER, PROXY),
+    ],
+)
+def test_who_asks_is_whom_a_trusted_proxy_names(
+    public: PublicUrl | None, peer: str, forwarded: str, client: str
+) -> None:
+    assert ask(public, peer=peer, x_forwarded_for=forwarded).json()["client"] == client
+
+
+def test_no_header_of_a_proxy_makes_a_host_or_an_origin_known() -> None:
+    evil = "evil.example"
+    host = ask(SECURE, host=evil, x_forwarded_host="rig.lab", x_forwarded_proto="https", forwarded="host=rig.lab")
+    assert code(host) == "unknown_host"
+    origin = ask(
+        SECURE, "POST", host="rig.lab", origin=f"https://{evil}", x_forwarded_host=evil, forwarded=f"host={evil}"
+    )
+    assert code(origin) == "foreign_origin"
+
+
+class Granting:
+    """An authentication that always has a cookie to give."""
+
+    def cookie(self, _person: object) -> str:
+        return "value"
+
+    def sign_out(self, _shown: object) -> None:
+        """Nothing is kept."""
+
+
+def cookie_lines(public: PublicUrl | None, headers: dict[str, str], path: str = "/", peer: str = PROXY) -> list[str]:
+    """Return the Set-Cookie lines of a sign-in and of a sign-out."""
+    said: list[str] = []
+
+    async def route(scope: Any, receive: Any, send: Any) -> None:
+        for granted in (True, False):
+            response, connection = Response(), HTTPConnection(scope)
+            given: Any = Granting()
+            if granted:
+                cookies.grant(given, connection, response, given)
+            else:
+                cookies.forget(given, connection, response)
+            said.extend(response.headers.getlist("set-cookie"))
+        await Response()(scope, receive, send)
+
+    async def exchange() -> None:
+        transport = httpx.ASGITransport(Guard(route, (), public), client=(peer, 1))
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as client:
+            (await client.get(path, headers=headers)).raise_for_status()
+
+    asyncio.run(exchange())
+    return said
+
+
+def attributes(line: str) -> set[str]:
+    return {part.strip().lower() for part in line.split(";")[1:]} - {""}
+
+
+@pytest.mark.parametrize(
+    ("public", "headers", "path", "secure", "cookie_path"),
+    [
+        (None, {"host": "127.0.0.1:8000"}, "/", False, "/"),
+        (None, {"host": "127.0.0.1:8000", "x-forwarded-proto": "https"}, "/", False, "/"),
+        (PLAIN, {"host": "rig.lab:8080"}, "/", False, "/"),
+        (SECURE, {"host": "rig.lab"}, "/", True, "/sinew/"),
+        (SECURE, {"host": "127.0.0.1:8000"}, "/sinew/", True, "/sinew/"),
+        (SECURE, {"host": "127.0.0.1:8000", "x-forwarded-for": BROWSER}, "/", True, "/sinew/"),
+        (SECURE, {"host": "127.0.0.1:8000"}, "/", True, "/"),
+    ],
+)
+def test_the_cookie_is_for_the_path_and_the_scheme_of_the_public_url(
+    public: PublicUrl | None, headers: dict[str, str], path: str, secure: bool, cookie_path: str
+) -> None:
+    granted, *forgotten = cookie_lines(public, headers, path)
+    assert attributes(granted) >= {"httponly", "samesite=strict", f"path={cookie_path}"}
+    assert ("secure" in attributes(granted)) is secure
+    paths = {part for line in forgotten for part in attributes(line) if part.startswith("path=")}
+    assert paths == {"path=/", f"path={cookie_path}"}
+    assert all("max-age=0" in attributes(line) for line in forgotten)
+
+
+def test_a_websocket_that_lost_its_upgrade_is_told_and_logged(caplog: pytest.LogCaptureFixture) -> None:
+    answer = ask(None, path="/api/live", host="localhost", sec_websocket_key="x", origin="http://localhost")
+    assert (answer.status_code, code(answer)) == (426, "upgrade_required")
+    assert "proxy_set_header Upgrade" in caplog.text
+    assert "http://localhost" in caplog.text
+
+
+def test_a_person_at_a_browser_reads_a_refusal_as_a_page() -> None:
+    answer = ask(None, host="evil.example", accept="text/html,application/xhtml+xml")
+    assert answer.status_code == 400
+    assert answer.headers["content-type"].startswith("text/html")
+    assert "evil.example" in answer.text
+    assert "--public-url" in answer.text
+    nasty = ask(None, host="a<script>", accept="text/html")
+    assert "<script>" not in nasty.text
+
+
+COOKIES = "; ".join(f"other{number}={'x' * 3000}" for number in range(7))
+"""Cookies of other applications under the same host name."""
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[tuple[str, int]]:
+    with served(Guard(app)) as answering:
+        yield answering
+
+
+def head(path: str, *lines: str, upgrade: bool) -> bytes:
+    asked = [f"GET {path} HTTP/1.1", "Host: localhost", *lines]
+    if upgrade:
+        key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
+        asked += ["Connection: Upgrade", "Upgrade: websocket", key, "Sec-WebSocket-Version: 13"]
+    else:
+        asked += ["Connection: close"]
+    return "\r\n".join([*asked, "", ""]).encode()
+
+
+def status_of(address: tuple[str, int], words: bytes) -> int:
+    with connected(address, words) as client:
+        first = client.recv(65536) if b"Upgrade: websocket" in words else everything_from(client)
+    assert first.startswith(b"HTTP/1.1 "), first
+    return int(first.split()[1])
+
+
+@pytest.mark.parametrize(
+    ("lines", "plain", "upgraded"),
+    [
+        ([f"Cookie: {COOKIES}"], 200, 101),
+        ([f"Cookie: a={'x' * 31_000}"], 200, 101),
+        ([f"Cookie: a={'x' * 33_000}"], 431, 431),
+        ([f"Cookie: a={'x' * 90_000}"], 431, 431),
+        ([f"X-{number}: y" for number in range(90)], 200, 101),
+        ([f"X-{number}: y" for number in range(101)], 431, 431),
+        ([f"X-{number}: y" for number in range(200)], 431, 431),
+    ],
+    ids=["7 cookies of 3 kB", "31 kB", "33 kB", "90 kB", "90 lines", "101 lines", "200 lines"],
+)
+def test_requests_and_websockets_have_the_same_limits_of_the_head(
+    address: tuple[str, int], lines: list[str], plain: int, upgraded: int
+) -> None:
+    assert status_of(address, head("/api/thing", *lines, upgrade=False)) == plain
+    assert status_of(address, head("/api/live", *lines, upgrade=True)) == upgraded
+
+
+def test_a_refused_websocket_is_logged_with_its_origin_and_nothing_else(
+    address: tuple[str, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    refused = head("/api/live", "Origin: https://rig.lab", upgrade=True)
+    with connected(address, refused) as client:
+        assert everything_from(client).startswith(b"HTTP/1.1 403 ")
+    (record,) = [record for record in caplog.records if record.levelname in ("WARNING", "ERROR")]
+    assert "https://rig.lab" in record.getMessage()
+    assert "--public-url https://rig.lab/" in record.getMessage()
