@@ -6,6 +6,7 @@ import { useQuery } from "@tanstack/react-query";
 import { lazy, Suspense, useEffect, useState } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
+import { AddressProblems, Problems } from "./components/AddressProblems";
 import { ControlLoss } from "./components/ControlLoss";
 import { Explanation } from "./components/Explanation";
 import { Header } from "./components/Header";
@@ -16,6 +17,7 @@ import { StatusStrip } from "./components/StatusStrip";
 import { SetupDrawer } from "./components/setup/SetupDrawer";
 import { Tour } from "./components/setup/Tour";
 import { LiveProvider } from "./live/react";
+import { CookiesBlockedPage } from "./pages/CookiesBlockedPage";
 import { OperatePage } from "./pages/operate/OperatePage";
 import { EXPERIMENTS, RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
@@ -27,6 +29,7 @@ import { StopProvider } from "./service/StopProvider";
 import { useFreshness } from "./service/useFreshness";
 import { useTelling } from "./service/useTelling";
 import { RequestError } from "./wire/client";
+import { keepsCookies } from "./wire/kept";
 
 const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
 const BringUpPage = lazy(() => import("./pages/bringUp/BringUpPage"));
@@ -50,12 +53,20 @@ const DOCS = /^\/docs(?:\/(?<rest>.+))?$/;
 const FLIGHT = /^\/flights\/(?<id>[1-9]\d*)$/;
 
 export function App() {
+  const [isUsable] = useState(keepsCookies);
+  return isUsable ? <Dashboard /> : <CookiesBlockedPage />;
+}
+
+function Dashboard() {
   const session = useQuery(sessionQuery);
   const signedOut = session.error instanceof RequestError && session.error.status === 401;
   return (
     <StopProvider>
       {signedOut ? (
-        <SignInPage />
+        <>
+          <Problems />
+          <SignInPage />
+        </>
       ) : (
         <LiveProvider>
           <Shell />
@@ -97,6 +108,7 @@ function Shell() {
       <div className={styles.shell}>
         <Header onShortcuts={open} onName={name.open} onForm={setForm} />
         <StatusStrip form={form} onForm={setForm} />
+        <AddressProblems />
         <ControlLoss />
         <NameQuestion wanted={naming} onDone={name.close} />
         <Tour />

@@ -6,6 +6,7 @@ import { type FormEvent, useState } from "react";
 import { useSetName } from "../service/commands";
 import { sessionQuery } from "../service/queries";
 import { RefusedFields } from "../service/refusedFields";
+import { keepText, readKept } from "../wire/kept";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";
 import { TextField } from "./TextField";
@@ -21,7 +22,7 @@ interface NameQuestionProps {
 
 export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   const session = useQuery(sessionQuery);
-  const [leftOut, leaveOut] = useState(() => localStorage.getItem(LEFT_OUT) !== null);
+  const [leftOut, leaveOut] = useState(() => readKept("localStorage", LEFT_OUT) !== null);
   const [name, setName] = useState("");
   const set = useSetName();
   const asked = session.data?.asks_name === true && !leftOut;
@@ -34,7 +35,7 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   }
 
   function close(): void {
-    localStorage.setItem(LEFT_OUT, role);
+    keepText("localStorage", LEFT_OUT, role);
     leaveOut(true);
     onDone();
   }

@@ -1,7 +1,8 @@
 /** The live store for React. */
 
 import { createContext, type ReactNode, useContext, useEffect, useState, useSyncExternalStore } from "react";
-import { keepConnected, liveUrl } from "./socket";
+import { liveUrl } from "../wire/address";
+import { keepConnected } from "./socket";
 import { type Live, LiveStore } from "./store";
 
 const StoreContext = createContext<LiveStore | null>(null);
@@ -10,7 +11,7 @@ const StoreContext = createContext<LiveStore | null>(null);
 export function LiveProvider({ children, store }: { children: ReactNode; store?: LiveStore }) {
   const [held] = useState(() => store ?? new LiveStore(performance.now()));
   useEffect(
-    () => (store === undefined ? keepConnected(held, liveUrl(window.location)) : undefined),
+    () => (store === undefined ? keepConnected(held, liveUrl(window.location.href)) : undefined),
     [held, store],
   );
   return <StoreContext value={held}>{children}</StoreContext>;

@@ -85,9 +85,3 @@ export function keepConnected(store: LiveStore, url: string): () => void {
     drop();
   };
 }
-
-/** Address of the live stream beside this page. */
-export function liveUrl(location: Location): string {
-  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  return `${scheme}//${location.host}/api/live`;
-}

@@ -1,12 +1,13 @@
 /** The REST client, typed by the service's own schema, and the one shape in which it fails. */
 
 import createClient from "openapi-fetch";
+import { BASE } from "./address";
 import type { paths } from "./api.gen";
 import { controlledFetch } from "./control";
 import type { Problem } from "./types";
 
 export const api = createClient<paths>({
-  baseUrl: globalThis.location?.origin ?? "",
+  baseUrl: BASE,
   credentials: "same-origin",
   fetch: controlledFetch,
 });

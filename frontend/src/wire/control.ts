@@ -7,6 +7,9 @@
  * other. What the service refuses was not done, and is not sent again.
  */
 
+import { addressOf, pathOf } from "./address";
+import { keepText, readKept } from "./kept";
+
 const HEADER = "Sinew-Control";
 const LEFT_AS = "sinew-control";
 /** What moves the actuator or is going to; STOP needs no control. */
@@ -27,7 +30,7 @@ let last: Promise<unknown> = Promise.resolve();
 const listeners = new Set<() => void>();
 
 globalThis.addEventListener?.("pagehide", () => {
-  if (held !== null) globalThis.sessionStorage?.setItem(LEFT_AS, held.key);
+  if (held !== null) keepText("sessionStorage", LEFT_AS, held.key);
 });
 // brought back whole by the browser's own cache: nothing was left behind after all
 globalThis.addEventListener?.("pageshow", (event) => {
@@ -75,7 +78,7 @@ export function sayOfControl(path: "wishes" | `wishes/${number}`, body: object):
 /** Give control up. */
 export function giveUpControl(): Promise<Response> {
   return inTurn(async () => {
-    const request = new Request(new URL("/api/control", globalThis.location.origin), { method: "DELETE" });
+    const request = new Request(addressOf("/api/control"), { method: "DELETE" });
     givenUp = held?.epoch ?? null;
     const answer = await send(stamped(request));
     keep(null);
@@ -85,7 +88,7 @@ export function giveUpControl(): Promise<Response> {
 
 /** The fetch of all requests of this page. */
 export function controlledFetch(request: Request): Promise<Response> {
-  if (request.method === "GET" || !COMMANDS.test(new URL(request.url).pathname)) return send(request);
+  if (request.method === "GET" || !COMMANDS.test(pathOf(request.url))) return send(request);
   return inTurn(() => command(request));
 }
 
@@ -111,7 +114,7 @@ async function take(
 }
 
 function posted(path: string, body: object): Request {
-  return new Request(new URL(path, globalThis.location.origin), {
+  return new Request(addressOf(path), {
     method: "POST",
     headers: { "Content-Type": "application/json" },
     body: JSON.stringify(body),
@@ -155,7 +158,7 @@ function keep(next: Held | null): void {
 }
 
 function takeLeft(): string | null {
-  const key = globalThis.sessionStorage?.getItem(LEFT_AS) ?? null;
-  globalThis.sessionStorage?.removeItem(LEFT_AS);
+  const key = readKept("sessionStorage", LEFT_AS);
+  keepText("sessionStorage", LEFT_AS, null);
   return key;
 }

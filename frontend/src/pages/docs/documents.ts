@@ -47,6 +47,7 @@ const FIRST = [
   "errata",
   "rig",
   "new-hardware",
+  "network",
   "security",
 ];
 
