@@ -38,13 +38,17 @@ TABLET = ViewportSize(width=1024, height=768)
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """The browser on the path, or the one that Playwright has installed."""
-    executable = next((path for name in NAMES if (path := shutil.which(name))), None)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=list(ARGUMENTS))
+        browser = playwright.chromium.launch(executable_path=executable(), args=list(ARGUMENTS))
         try:
             yield browser
         finally:
             browser.close()
+
+
+def executable() -> str | None:
+    """Return the browser on the path, None for the one that Playwright has installed."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
 @dataclass

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-LINK = re.compile(r"(http://127\.0\.0\.1:\d+)/\?token=[\w-]+")
+LINK = re.compile(r"(https?://127\.0\.0\.1:\d+(?:/\w+)*)/\?token=[\w-]+")
 END_TIMEOUT_S = 30
 
 
