@@ -19,7 +19,7 @@ from backend.experiments.results.again import NotEvaluableError
 from backend.experiments.results.unseen_prediction import NotComparableError
 from backend.experiments.settings import SettingError
 from backend.exports.errors import ExportError
-from backend.identification.errors import IdentificationError
+from backend.identification.errors import DataFileError, IdentificationError
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import ChannelError
 from backend.loop.mode import LEGAL
@@ -143,6 +143,12 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
                 unit=error.unit,
             ),
         )
+
+    @app.exception_handler(DataFileError)
+    async def file_refused(request: Request, error: DataFileError) -> JSONResponse:
+        field = {"--header": "header", "--decimal": "decimal"}.get(error.option or "", "table")
+        problem = Problem(code=error.fault, message=str(error), quantity=field, path=[field], line=error.line)
+        return await answer(request, 422, partial(_in_words, problem))
 
     for kind, because in _BECAUSE.items():
         app.add_exception_handler(kind, _plain_handler(answer, because))

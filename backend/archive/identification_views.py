@@ -7,13 +7,16 @@ from backend.documents.actuator import ChannelName
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.motor import Fitted, Pair
 from backend.documents.motor_grade import grade_of
+from backend.documents.spring import TableReading
 from backend.messages.experiment import SettingValue
 from backend.messages.identification import (
+    ColumnNotRead,
     IdentificationView,
     ModelView,
     MotorEstimate,
     MotorView,
     SpringFitView,
+    SpringTableReading,
     SpringTableView,
     SpringView,
 )
@@ -54,11 +57,24 @@ def spring_table_view(found: Identification) -> SpringTableView:
         id=found.id,
         file=found.table.file,
         sha256=found.table.sha256,
+        read=None if found.table.read is None else _reading(found.table.read),
         created=found.created_at,
         who=found.who,
         usable=found.usable,
         spring=_springs(found)[0],
         message=found.verdict,
+    )
+
+
+def _reading(read: TableReading) -> SpringTableReading:
+    return SpringTableReading.model_validate(
+        {
+            **{name: read.layout[name] for name in SpringTableReading.model_fields if name in read.layout},
+            "x_unit": read.x_unit,
+            "F_unit": read.F_unit,
+            "not_read": [ColumnNotRead(name=name, reason=reason) for name, reason in read.not_read.items()],
+            "notes": list(read.notes),
+        }
     )
 
 

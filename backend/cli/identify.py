@@ -48,6 +48,12 @@ Tensions = Annotated[
     str | None,
     typer.Option("--tensions", metavar="N,N,...", help="Tensions [N], one run at each, one after the other."),
 ]
+Header = Annotated[
+    int | None, typer.Option("--header", metavar="LINE", min=1, help="Line of the table that names its columns.")
+]
+Decimal = Annotated[
+    str | None, typer.Option("--decimal", metavar="MARK", help="Mark before the decimals of the table: point or comma.")
+]
 Table = Annotated[
     Path | None,
     typer.Option("--table", help="Identify from this CSV instead: columns 'x [m]' or 'x [mm]', and 'F [N]'."),
@@ -86,6 +92,8 @@ def motor(
 def spring(
     values: SetWords = None,
     table: Table = None,
+    header: Header = None,
+    decimal: Decimal = None,
     out: OutFolder = None,
     plant: PlantName = None,
     virtual_card: VirtualCard = None,
@@ -105,12 +113,14 @@ def spring(
     settings = settings_with(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
     )
-    if table is None:
+    if table is None and (header is not None or decimal is not None):
+        fail("--header and --decimal are for a --table", status=2)
+    elif table is None:
         _identify(SpringIdentificationPlan, values_of(values or []), out, settings, as_json)
     elif values or out:
         fail("a table is identified as it is: leave --set and --out away", status=2)
     else:
-        _identify_table(table, settings, as_json=as_json)
+        _identify_table(table, settings, header, decimal, as_json=as_json)
 
 
 @app.command()
@@ -182,21 +192,35 @@ def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing
     return Order(chosen, loop_settings, current_user()), tuning
 
 
-def _identify_table(table: Path, settings: Settings, *, as_json: bool) -> None:
+def _identify_table(table: Path, settings: Settings, header: int | None, decimal: str | None, *, as_json: bool) -> None:
     from backend import __version__
+    from backend.cli.identify_data import decimal_mark, show_layout
     from backend.experiments.results.spring_identification import from_table
     from backend.identification.errors import IdentificationError
+    from backend.identification.import_data import decoded
     from backend.storage import identifications
 
     try:
-        new = from_table(table.name, table.read_text(encoding="utf-8"), current_user(), __version__)
-    except (IdentificationError, UnicodeDecodeError) as error:
+        mark = decimal_mark(decimal)
+        text = decoded(table.read_bytes(), table.name)
+        new = from_table(table.name, text, current_user(), __version__, header=header, decimal=mark)
+    except (IdentificationError, OSError) as error:
         fail(f"{table}: {error}", status=2)
     with database_of(settings) as database, database.session() as session:
         found = identifications.add(session, new)
     if as_json:
         print_json(asdict(found))
         return
+    read = found.table.read
+    assert read is not None
+    columns = [("elongation", f"x [{read.x_unit}]"), ("force", f"F [{read.F_unit}]")]
+    show_layout(
+        table.name,
+        read.layout,
+        [*columns, ("rows used", f"{found.table.points} of {read.layout['rows']}")],
+        read.not_read,
+        read.notes,
+    )
     fits = found.springs["table"].model.fits
     rows = [(fit.order, fit.rms_N, fit.max_N, fit.cross_validation_N) for fit in fits]
     print_table(("order", "RMS [N]", "largest [N]", "left out [N]"), rows, title=f"identification {found.id}")

@@ -9,12 +9,19 @@ import typer
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from backend.identification.decimals import DecimalMark
+    from backend.identification.import_data import Reading
     from backend.identification.record import Controller, Record
     from backend.identification.result import CorrelationTest, Estimate
     from backend.identification.table import Columns
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 MOTOR = "motor"
+_TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")
+_SAID = ("format", "rows")
+"""What the table of a reading says in words of its own."""
 STRUCTURES = (
     "first, third, lags2 .. lags6, order:1 .. order:4, each also with a dead time as in first+delay;"
     " motor: angle from voltage, with dead time and dry friction"
@@ -30,6 +37,24 @@ def data(
         float | None,
         typer.Option("--period", metavar="SECONDS", help="Sample time [s]; a time column gives it or is checked."),
     ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMN", help="Column of the time, or none: the file's time column is not read beside --period."
+        ),
+    ] = None,
+    time_unit: Annotated[
+        str | None,
+        typer.Option(metavar="UNIT", help="Unit of the time: s, ms, us, ns, min, h, d; of dates: dmy or mdy."),
+    ] = None,
+    header: Annotated[
+        int | None,
+        typer.Option(metavar="LINE", min=1, help="Line of the file that names the columns; what is above is not read."),
+    ] = None,
+    decimal: Annotated[
+        str | None,
+        typer.Option(metavar="MARK", help="Mark before the decimals of a table of text: point or comma."),
+    ] = None,
     setpoint: Annotated[
         str | None,
         typer.Option(metavar="COLUMN", help="Column of what enters the loop from outside: set point or excitation."),
@@ -41,6 +66,9 @@ def data(
         ),
     ] = None,
     skip: Annotated[int, typer.Option(metavar="ROWS", min=0, help="Leave out so many rows at the start.")] = 0,
+    take: Annotated[
+        int | None, typer.Option(metavar="ROWS", min=1, help="Take so many rows, after those left out.")
+    ] = None,
     within: Annotated[
         str | None, typer.Option("--range", metavar="FROM:TO", help="Take these seconds of the file, as in 2:30 or 2:")
     ] = None,
@@ -58,7 +86,7 @@ def data(
     method: Annotated[str, typer.Option(metavar="NAME", help=f"Estimator: {METHODS}.")] = "default",
     as_json: AsJson = False,
 ) -> None:
-    """Identify a model from a file; nothing is stored.
+    """Identify a model from a file, and say what was read of it; nothing is stored.
 
     A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
     a record that identifies nothing.
@@ -66,67 +94,93 @@ def data(
     from backend.documents.edge import json_ready
     from backend.identification.errors import IdentificationError
     from backend.identification.estimate import estimate
-    from backend.identification.import_data import Selection, record_from
+    from backend.identification.import_data import Selection, TimeChoice, import_record
 
     try:
-        record = record_from(
-            _read(file),
+        record, reading = import_record(
+            _read(file, header, decimal_mark(decimal)),
             u,
             y,
             period_s,
             setpoint=setpoint,
             controller=_controller(controller) if controller else None,
-            selection=Selection(skip, *_range(within), resample),
+            selection=Selection(skip, *_range(within), resample, take),
+            time=TimeChoice(time, time_unit),
+            file=file.name,
         )
         if structure == MOTOR:
-            _show_motor(record, resolution, as_json=as_json)
+            _show_motor(record, reading, resolution, as_json=as_json)
             return
         found = estimate(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
     except (IdentificationError, OSError) as error:
         fail(" ".join(str(error).split()), status=2)
+    if as_json:
+        print_json(json_ready({"read": reading.to_json(), **found.summary()}))
     else:
-        print_json(json_ready(found.summary())) if as_json else _show(found)
+        _show_reading(reading)
+        _show(found)
 
 
-def _read(file: Path) -> "Columns":
-    from backend.identification import import_data
-    from backend.identification.errors import DataFileError
+def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Columns":
+    from backend.identification.errors import DataFileError, FileFault
+    from backend.identification.import_data import decoded, read_parquet
+    from backend.identification.matlab_file import read_mat
     from backend.identification.table import read_csv
 
-    match file.suffix.lower():
-        case ".mat":
-            with file.open("rb") as stream:
-                return import_data.read_mat(stream)
-        case ".parquet":
-            with file.open("rb") as stream:
-                return import_data.read_parquet(stream)
-        case ".csv" | ".txt" | ".tsv" | ".dat":
-            try:
-                return read_csv(file.read_text(encoding="utf-8"))
-            except UnicodeDecodeError:
-                raise DataFileError(f"{file} is not text in UTF-8: save it as CSV in UTF-8") from None
-        case _:
-            raise DataFileError(f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these")
+    suffix = file.suffix.lower()
+    if suffix in _TEXT_FILES:
+        return read_csv(decoded(file.read_bytes(), file.name), header=header, decimal=decimal)
+    if header is not None or decimal is not None:
+        raise DataFileError(
+            f"{file.name} is no table of text: --header and --decimal are for those",
+            FileFault.OPTION,
+            option="--header" if header is not None else "--decimal",
+        )
+    if suffix in (".mat", ".parquet"):
+        with file.open("rb") as stream:
+            return read_mat(stream) if suffix == ".mat" else read_parquet(stream)
+    raise DataFileError(
+        f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these", FileFault.FORMAT
+    )
+
+
+def decimal_mark(words: str | None) -> "DecimalMark | None":
+    """Return the mark that an option names. Raises DataFileError."""
+    from backend.identification.decimals import DecimalMark
+    from backend.identification.errors import DataFileError, FileFault
+
+    try:
+        return None if words is None else DecimalMark(words)
+    except ValueError:
+        raise DataFileError(f"--decimal {words}: write point or comma", FileFault.OPTION, option="--decimal") from None
 
 
 def _range(words: str | None) -> tuple[float, float]:
-    from backend.identification.errors import DataFileError
+    from backend.identification.errors import DataFileError, FileFault
 
     try:
         first, last = (words or ":").split(":")
         return float(first or 0.0), float(last or math.inf)
     except ValueError:
-        raise DataFileError(f"--range {words}: write two times in seconds FROM:TO, for example 2:30 or 2:") from None
+        raise DataFileError(
+            f"--range {words}: write two times in seconds FROM:TO, for example 2:30 or 2:",
+            FileFault.OPTION,
+            option="--range",
+        ) from None
 
 
 def _controller(words: str) -> "Controller":
-    from backend.identification.errors import DataFileError
+    from backend.identification.errors import DataFileError, FileFault
     from backend.identification.record import Controller
 
     try:
         k_p, k_i = (float(word) for word in words.split(","))
     except ValueError:
-        raise DataFileError(f"--controller {words}: write two numbers kp,ki, for example 200,256") from None
+        raise DataFileError(
+            f"--controller {words}: write two numbers kp,ki, for example 200,256",
+            FileFault.OPTION,
+            option="--controller",
+        ) from None
     return Controller(k_p, k_i)
 
 
@@ -140,14 +194,66 @@ def _method(name: str) -> Any:
         raise StructureError(f"method '{name}' does not exist: choose one of {METHODS}") from None
 
 
-def _show_motor(record: "Record", resolution: float | None, *, as_json: bool) -> None:
+def _show_reading(reading: "Reading") -> None:
+    """Print what was read of the file."""
+    rows = [
+        *((role, _with_unit(column, reading.units.get(column))) for role, column in reading.columns.items()),
+        ("time column", _time(reading)),
+        ("sample time", f"{reading.sample_time_s:.6g} s, from {reading.sample_time_from}{_steps(reading)}"),
+        ("rows used", f"{reading.rows_used} of {reading.rows_in_file}, {reading.first_row} to {reading.last_row}"),
+        *([("samples, taken at even instants", str(reading.samples))] if reading.resampled else []),
+    ]
+    show_layout(reading.file, reading.layout, rows, reading.not_read, reading.notes)
+
+
+def show_layout(
+    file: str,
+    layout: "Mapping[str, str | int]",
+    rows: "Sequence[tuple[str, str]]",
+    not_read: "Mapping[str, str]",
+    notes: "Iterable[str]",
+) -> None:
+    """Print how a file is laid out, ``rows`` that say what was read of it, and what was not."""
+    told = [
+        ("file", f"{file}, {layout['format']}"),
+        *((name.replace("_", " "), str(value)) for name, value in layout.items() if name not in _SAID and value != 0),
+        *rows,
+        *(
+            ("not read", f"{', '.join(name for name, other in not_read.items() if other == reason)}: {reason}")
+            for reason in dict.fromkeys(not_read.values())
+        ),
+        *(("note", note) for note in notes),
+    ]
+    print_table(("", "read"), told)
+
+
+def _with_unit(column: str, unit: str | None) -> str:
+    return f"{column} [{unit}]" if unit else column
+
+
+def _time(reading: "Reading") -> str:
+    if reading.time_column is None:
+        return "none"
+    if reading.time_unit_from == "dates":
+        return f"{reading.time_column}, {reading.time_unit}"
+    return f"{reading.time_column}, unit {reading.time_unit} ({reading.time_unit_from})"
+
+
+def _steps(reading: "Reading") -> str:
+    if reading.least_step_s is None or reading.largest_step_s is None:
+        return ""
+    return f"; rows are {reading.least_step_s:.6g} to {reading.largest_step_s:.6g} s apart"
+
+
+def _show_motor(record: "Record", reading: "Reading", resolution: float | None, *, as_json: bool) -> None:
     from backend.documents.edge import json_ready
     from backend.identification.motor_record import NAMES, identify_motor_record
 
     found = identify_motor_record(record, resolution)
     if as_json:
-        print_json(json_ready(found.summary()))
+        print_json(json_ready({"read": reading.to_json(), **found.summary()}))
         return
+    _show_reading(reading)
     units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s", "V"), strict=True))
     rows = [
         (f"{name} [{units[name]}]", value, std or "left out: does not differ from 0")

@@ -80,12 +80,24 @@ class SpringFound:
 
 
 @dataclass(frozen=True)
+class TableReading:
+    """What was read of a table: the units of x and F, how the file is laid out, other columns with the reason."""
+
+    x_unit: str
+    F_unit: str
+    layout: dict[str, str | int]
+    not_read: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class TableRecord:
-    """The file that a table came from."""
+    """The file that a table came from, and what was read of it; None for tables from before that was kept."""
 
     file: str
     sha256: str
     points: int | None = None
+    read: TableReading | None = None
 
 
 MODELS: Edge[SpringModels] = Edge(SpringModels, "its model", VERSION)

@@ -1,5 +1,7 @@
 """Why nothing could be identified. Each message says what was wrong and what to do about it."""
 
+from enum import StrEnum
+
 
 class IdentificationError(ValueError):
     """Base of everything the estimators refuse or fail at."""
@@ -32,8 +34,50 @@ class RecordError(IdentificationError):
         self.remedy = remedy
 
 
+class FileFault(StrEnum):
+    """What is wrong with a file of samples, for programs and tests."""
+
+    UNREADABLE = "unreadable"
+    FORMAT = "format"
+    ENCODING = "encoding"
+    TOO_LONG = "too_long"
+    NO_HEADING = "no_heading"
+    AMBIGUOUS_HEADING = "ambiguous_heading"
+    ROW_WIDTH = "row_width"
+    NOT_A_NUMBER = "not_a_number"
+    AMBIGUOUS_DECIMALS = "ambiguous_decimals"
+    MIXED_DECIMALS = "mixed_decimals"
+    NO_COLUMN = "no_column"
+    AMBIGUOUS_COLUMN = "ambiguous_column"
+    OBJECTS = "objects"
+    NO_TIME = "no_time"
+    AMBIGUOUS_TIME = "ambiguous_time"
+    TIME_UNIT = "time_unit"
+    DATES = "dates"
+    ROWS = "rows"
+    OPTION = "option"
+
+
 class DataFileError(IdentificationError):
-    """A file that cannot be read as columns of numbers."""
+    """A file that cannot be read as columns of numbers: which fault, and where.
+
+    ``option`` is the option of the command line that resolves it, None where only another file does.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        fault: FileFault,
+        *,
+        column: str | None = None,
+        line: int | None = None,
+        option: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.fault = fault
+        self.column = column
+        self.line = line
+        self.option = option
 
 
 class StructureError(IdentificationError):

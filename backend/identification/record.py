@@ -55,7 +55,9 @@ class Record:
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, _signal(name, values))
-        _check_period(self.period_s, self.t)
+        check_period(self.period_s)
+        if self.t is not None:
+            check_time(self.t, self.period_s)
         for name in ("y", "r", "t"):
             values = getattr(self, name)
             if values is not None and values.size != self.u.size:
@@ -217,11 +219,10 @@ def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str
         raise RecordError(quantity, value, minimum, None, unit, remedy)
 
 
-def _check_period(period_s: float, t: Signal | None) -> None:
+def check_period(period_s: float) -> None:
+    """Raise RecordError for a sample time [s] that is none."""
     if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
         raise RecordError("sample time", period_s, 1e-7, 1e3, "s", "give the sample time in seconds")
-    if t is not None:
-        check_time(t, period_s)
 
 
 def mean_period(t: Signal) -> float:
@@ -245,9 +246,11 @@ def check_time(t: Signal, period_s: float) -> None:
     largest = float(np.max(steps))
     typical = float(np.median(steps))
     if largest > MAX_STEP * max(period_s, typical):
+        at = int(np.argmax(steps))
         raise RecordError(
-            f"gap after sample {int(np.argmax(steps))}", largest, None, MAX_STEP * period_s, "s",
-            "samples are missing: use the part before or after the gap (--range), or --resample where it is short",
+            f"gap after sample {at}", largest, None, MAX_STEP * period_s, "s",
+            f"samples are missing: use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
+            f" (--range {t[at + 1]:.6g}:), or --resample where it is short",
         )  # fmt: skip
     mean = mean_period(t)
     if abs(mean / period_s - 1.0) > MAX_PERIOD_ERROR:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from backend.identification.errors import DataFileError, RecordError
+from backend.identification.decimals import DecimalMark
+from backend.identification.errors import DataFileError, FileFault, RecordError
 from backend.identification.record import Signal
-from backend.identification.table import read_csv
+from backend.identification.table import Columns, read_csv
 
 ORDERS = (2, 3, 5)
 MIN_POINTS_PER_ORDER = 2
@@ -64,17 +65,24 @@ def identify_spring(x: Signal, F: Signal, orders: tuple[int, ...] = ORDERS) -> S
     return SpringIdentification(fits, recommended, reason)
 
 
-def read_load_sweep(text: str) -> tuple[Signal, Signal]:
+def read_load_sweep(
+    text: str, *, header: int | None = None, decimal: DecimalMark | None = None
+) -> tuple[Signal, Signal, Columns]:
     """Elongation [m] and force [N], shape (n,) each, from CSV with the columns ``x [m]`` or ``x [mm]``, and ``F [N]``.
 
-    Raises DataFileError.
+    Also the columns as they were read; ``header`` and ``decimal`` as :func:`read_csv` takes them. Raises DataFileError.
     """
-    heading = next((line for line in text.lstrip("\ufeff").splitlines() if line.strip()), "")
-    unit = next((unit for unit in _LENGTH_UNITS if f"x [{unit}]" in heading), None)
-    if unit is None or "F [N]" not in heading:
-        raise DataFileError("the table needs the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading")
-    columns = read_csv(text)
-    return columns.column("x") * _LENGTH_UNITS[unit], columns.column("F")
+    columns = read_csv(text, header=header, decimal=decimal)
+    x, F = columns.column("x"), columns.column("F")
+    for name, units in (("x", ("m", "mm")), ("F", ("N",))):
+        if columns.units[name] not in units:
+            raise DataFileError(
+                f"the unit of '{name}' is '{columns.units[name]}': the table needs the columns 'x [m]' or 'x [mm]', and"
+                " 'F [N]', units in the heading",
+                FileFault.NO_COLUMN,
+                column=name,
+            )
+    return x * _LENGTH_UNITS[columns.units["x"]], F, columns
 
 
 def _check_points(x: Signal, F: Signal, order: int) -> None:

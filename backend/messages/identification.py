@@ -205,6 +205,34 @@ class SpringTableRequest(Schema):
         max_length=400_000,
         description="table of the file; CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading",
     )
+    header: int | None = Field(
+        default=None, ge=1, le=400_000, description="line that names the columns; found where it is left out"
+    )
+    decimal: Literal["point", "comma"] | None = Field(
+        default=None, description="mark before the decimals; found where it is left out"
+    )
+
+
+class ColumnNotRead(Schema):
+    """A column of a file that was not read."""
+
+    name: str
+    reason: str
+
+
+class SpringTableReading(Schema):
+    """What was read of a measured table."""
+
+    x_unit: str
+    F_unit: str
+    rows: int
+    heading_line: int
+    separator: str
+    decimal_mark: str
+    lines_above_heading: int
+    comment_lines: int
+    not_read: list[ColumnNotRead]
+    notes: list[str]
 
 
 class SpringTableView(Schema):
@@ -213,6 +241,9 @@ class SpringTableView(Schema):
     id: int
     file: str
     sha256: str = Field(description="digest of the table")
+    read: SpringTableReading | None = Field(
+        description="what was read of it; null for tables from before that was kept"
+    )
     created: datetime
     who: str
     usable: bool

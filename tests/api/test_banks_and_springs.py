@@ -100,6 +100,29 @@ def test_a_table_becomes_a_spring(operator: httpx.Client) -> None:
     assert "more points" in str(problem(refused)["message"])
 
 
+def test_what_was_read_of_a_table_is_told_and_options_resolve_what_is_not_clear(operator: httpx.Client) -> None:
+    words = table().replace(",", ";").replace(".", ",").replace("\n", ";ok\n").replace("F [N];ok", "F [N];note")
+    view = operator.post("/api/spring-tables", json={"name": "own.csv", "table": f"bench 4\n{words};ok"}).json()
+    read = view["read"]
+    assert (read["x_unit"], read["F_unit"], read["rows"], read["heading_line"]) == ("mm", "N", 40, 2)
+    assert (read["separator"], read["decimal_mark"], read["lines_above_heading"]) == ("semicolon", "comma", 1)
+    assert [column["name"] for column in read["not_read"]] == ["note"]
+    assert view["spring"]["fits"][0]["k"][2] == pytest.approx(8543.8, rel=1e-2)
+    assert operator.get(f"/api/spring-tables/{view['id']}").json() == view
+
+    doubtful = "x [mm];F [N]\n" + "\n".join(f"{8 + at},125;{1 + at},250" for at in range(20))
+    refused = problem(operator.post("/api/spring-tables", json={"name": "own.csv", "table": doubtful}))
+    assert (refused["code"], refused["path"], refused["line"]) == ("ambiguous_decimals", ["decimal"], 2)
+    told = {"name": "own.csv", "table": doubtful, "decimal": "comma"}
+    assert operator.post("/api/spring-tables", json=told).status_code == 201
+
+    two = "x [mm],F [N]\nlower,upper\n" + "\n".join(table().splitlines()[1:])
+    refused = problem(operator.post("/api/spring-tables", json={"name": "own.csv", "table": two}))
+    assert (refused["code"], refused["path"]) == ("ambiguous_heading", ["header"])
+    made = operator.post("/api/spring-tables", json={"name": "own.csv", "table": two, "header": 1})
+    assert made.json()["read"]["rows"] == 40
+
+
 def test_a_bank_is_brought_in_compared_and_taken_out(operator: httpx.Client, viewer: httpx.Client) -> None:
     made = operator.post("/api/banks/file", json=FILE)
     assert made.status_code == 201, made.text

@@ -32,6 +32,7 @@ MATLAB_7_3 = (b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 .".ljus
 Identify = Callable[..., Any]
 CONTROLLER = ["--controller", f"{K_P},{K_I}"]
 SUMMARY = [
+    "read",
     "parameters",
     "std_errors",
     "method",
@@ -221,3 +222,62 @@ def test_a_file_that_is_not_there_is_named(identify: Identify, tmp_path: Path) -
     status, complaint = identify(tmp_path / "nowhere.csv")
     assert status == 2
     assert "nowhere.csv" in complaint
+
+
+def test_options_resolve_what_the_file_leaves_open(identify: Identify, tmp_path: Path) -> None:
+    u, y, _ = closed_loop_record(FIRST, 40.0, 19, samples=4000)
+    rows = "".join(f"{1000 * at};{a!r};{b!r}\n" for at, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True)))
+    file = tmp_path / "log.csv"
+    file.write_text("bench;4;a\nstamp;u;y\nof;the;card\n" + rows.replace(".", ","), encoding="utf-8")
+    assert "--header 2" in identify(file, *CONTROLLER)[1]
+    printed = identify(
+        file,
+        *CONTROLLER,
+        "--header",
+        "2",
+        "--decimal",
+        "comma",
+        "--time",
+        "stamp",
+        "--time-unit",
+        "us",
+        "--take",
+        "3000",
+    )
+    read = printed["read"]
+    assert (read["file"], read["time_column"], read["time_unit"]) == ("log.csv", "stamp", "us")
+    assert (read["rows_in_file"], read["first_row"], read["last_row"], read["rows_used"]) == (4000, 1, 3000, 3000)
+    assert read["columns"] == {"input": "u", "output": "y"}
+    assert (read["sample_time_s"], read["sample_time_from"]) == (PERIOD_S, "--period")
+    assert printed["parameters"] == pytest.approx(FIRST, rel=2e-2)
+
+
+@pytest.mark.parametrize(("structure", "denominator"), [("first", [0.02, 1.0]), ("motor", [0.02, 1.0, 0.0])])
+def test_a_table_says_what_was_read_too(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    structure: str,
+    denominator: list[float],
+) -> None:
+    random = np.random.default_rng(0)
+    u = np.repeat(random.choice([-3.0, -1.5, 1.5, 3.0], 60), 25)
+    t = np.asarray(np.arange(u.size) * PERIOD_S, dtype=np.float64)
+    y = lsim(([2.0], denominator), u, t, interp=False)[1] + 1e-4 * random.standard_normal(u.size)
+    file = write_csv(tmp_path / "bench.csv", t=t, u=u, y=y, z=u)
+    words = ["--input", "u", "--output", "y", "--structure", structure, "--skip", "100"]
+    monkeypatch.setattr(sys, "argv", ["sinew", "identify", "data", str(file), *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    printed = " ".join(capsys.readouterr().out.split())
+    for said in ("bench.csv", "1400 of 1500, 101 to 1500", "t, unit s", "0.001 s", "z: not asked for"):
+        assert said in printed
+
+
+@pytest.mark.parametrize("name", ["data.mat", "data.parquet"])
+def test_options_for_text_are_refused_for_other_files(identify: Identify, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"")
+    status, complaint = identify(tmp_path / name, "--header", "2")
+    assert status == 2
+    assert "--header" in complaint

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +10,17 @@ from scipy.io import savemat
 
 from backend.identification.errors import DataFileError, IdentificationError
 from backend.identification.estimate import estimate
-from backend.identification.import_data import Selection, read_mat, record_from
+from backend.identification.import_data import Selection, import_record
+from backend.identification.matlab_file import read_mat
 from backend.identification.record import Record
 from backend.identification.table import Columns, read_csv
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
+
+
+def record_from(*arguments: Any, **keywords: Any) -> Record:
+    """Record of the columns of that name, without what was read."""
+    return import_record(*arguments, **keywords).record
+
 
 N = 400
 T = np.arange(N) * 0.01
@@ -100,7 +108,7 @@ def test_a_signal_called_t_is_a_signal() -> None:
     [
         ("u,y\n1,2\n3,four\n5,6\n", "y", "column 'y' holds 'four' in line 3, which is not a number"),
         ("u,y,y\n1,2,3\n4,5,6\n", "y", "two columns are called 'y'"),
-        ("u,y\n1,2\n3\n", "y", "line 3 has 1 columns, the heading has 2"),
+        ("u,y\n1,2\n3\n", "y", r"line 3 has 1 columns, the heading \(line 1\) has 2"),
         ("# made by hand\nu,y\n1,2\n3\n", "y", "line 4 has 1 columns"),
         ("1,2\n3,4\n", "y", "put the names of the columns there"),
         ("u,z\n1,2\n3,4\n", "y", "there is no column 'y'; the file has u, z"),

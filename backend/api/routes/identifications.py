@@ -76,7 +76,7 @@ async def add_table(
     request: Request, body: told.SpringTableRequest, service: ServiceInUse, person: Operator
 ) -> told.SpringTableView:
     """Identify a spring from a table measured elsewhere."""
-    asked = body.name, body.table, person.name, __version__
+    asked = body.name, body.table, person.name, __version__, body.header, body.decimal
     new = await service.texts.run(person, request.is_disconnected, from_table, *asked)
     return await service.identifications.add_spring_table(new)
 

@@ -16,10 +16,12 @@ from backend.documents.spring import (
     SpringModels,
     SpringQualities,
     SpringQuality,
+    TableReading,
 )
 from backend.experiments.plans.identification_plans import SpringIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.errors import IdentificationError
+from backend.identification.decimals import DecimalMark
+from backend.identification.errors import DataFileError, FileFault, IdentificationError
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
 from backend.plain_text import PlainTextError, require_plain
 from backend.storage.identifications import NewIdentification
@@ -138,13 +140,35 @@ def to_store(
     )
 
 
-def from_table(name: str, text: str, who: str, software: str) -> NewIdentification:
-    """Fit a table measured elsewhere, columns ``x [m]`` or ``x [mm]`` and ``F [N]``. Raises IdentificationError."""
-    try:
-        require_plain(name)
-    except PlainTextError as error:
-        raise IdentificationError(f"name of the table: {error}") from None
-    x, F = read_load_sweep(text)
+def from_table(
+    name: str,
+    text: str,
+    who: str,
+    software: str,
+    header: int | None = None,
+    decimal: str | None = None,
+) -> NewIdentification:
+    """Fit a table measured elsewhere, columns ``x [m]`` or ``x [mm]`` and ``F [N]``.
+
+    ``header`` is the line that names the columns, ``decimal`` "point" or "comma"; both are found where they are not
+    given. Raises IdentificationError.
+    """
+    for what, words in (("name of the table", name), ("the table", text)):
+        try:
+            require_plain(words.removeprefix("\ufeff"))
+        except PlainTextError as error:
+            raise IdentificationError(f"{what}: {error}") from None
+    if "\ufffd" in text:
+        raise DataFileError(f"{name} is not text in UTF-8: save it as CSV in UTF-8", FileFault.ENCODING)
+    mark = None if decimal is None else DecimalMark(decimal)
+    x, F, columns = read_load_sweep(text, header=header, decimal=mark)
+    reading = TableReading(
+        columns.units["x"],
+        columns.units["F"],
+        columns.layout,
+        {name: reason for name, reason in columns.not_read().items() if name not in ("x", "F")},
+        tuple(columns.notes),
+    )
     rising = np.ones(x.size, dtype=bool)
     pair = LoadSweep(x, F, rising), identify_spring(x, F)
     digest = hashlib.sha256(text.encode()).hexdigest()
@@ -153,7 +177,7 @@ def from_table(name: str, text: str, who: str, software: str) -> NewIdentificati
         {"table": pair},
         {},
         run_id=None,
-        data={"file": name, "sha256": digest, "points": int(x.size)},
+        data={"file": name, "sha256": digest, "points": int(x.size), "read": asdict(reading)},
         options={},
         who=who,
         software=software,

@@ -177,6 +177,22 @@ it.each<Case>([
     () => screen.getByRole("button", { name: /table measured elsewhere/ }),
   ],
   [
+    "decimal mark of a table",
+    <SpringTableForm key="" onTable={nothing} />,
+    [choose("x;F")],
+    "/api/spring-tables",
+    ["decimal"],
+    field("Decimal mark of the table"),
+  ],
+  [
+    "heading of a table",
+    <SpringTableForm key="" onTable={nothing} />,
+    [type("Line that names the columns", "3"), choose("x;F")],
+    "/api/spring-tables",
+    ["header"],
+    field("Line that names the columns"),
+  ],
+  [
     "one of several tensions",
     identification,
     [type("Several tensions in turn [N]", "10, 90"), press("Start identification")],

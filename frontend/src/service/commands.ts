@@ -3,7 +3,15 @@
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../wire/client";
 import { giveUpControl, heldEpoch } from "../wire/control";
-import type { BankFile, IdentificationRequest, Mode, TouchOrder, TuningRequest, Wall } from "../wire/types";
+import type {
+  BankFile,
+  IdentificationRequest,
+  Mode,
+  SpringTableRequest,
+  TouchOrder,
+  TuningRequest,
+  Wall,
+} from "../wire/types";
 import { sessionQuery } from "./queries";
 
 export function useSetMode() {
@@ -74,7 +82,7 @@ export function useStartIdentification() {
 export function useAddSpringTable() {
   const queries = useQueryClient();
   return useMutation({
-    mutationFn: (body: { name: string; table: string }) => answered(api.POST("/api/spring-tables", { body })),
+    mutationFn: (body: SpringTableRequest) => answered(api.POST("/api/spring-tables", { body })),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["spring-tables"] }),
   });
 }

@@ -2986,6 +2986,16 @@ export interface components {
             bank: components["schemas"]["BankReference"] | null;
         };
         /**
+         * ColumnNotRead
+         * @description A column of a file that was not read.
+         */
+        ColumnNotRead: {
+            /** Name */
+            name: string;
+            /** Reason */
+            reason: string;
+        };
+        /**
          * ComparedMetric
          * @description A metric of all compared runs, in their order.
          */
@@ -6085,6 +6095,32 @@ export interface components {
             tables: components["schemas"]["SpringTableView"][];
         };
         /**
+         * SpringTableReading
+         * @description What was read of a measured table.
+         */
+        SpringTableReading: {
+            /** X Unit */
+            x_unit: string;
+            /** F Unit */
+            F_unit: string;
+            /** Rows */
+            rows: number;
+            /** Heading Line */
+            heading_line: number;
+            /** Separator */
+            separator: string;
+            /** Decimal Mark */
+            decimal_mark: string;
+            /** Lines Above Heading */
+            lines_above_heading: number;
+            /** Comment Lines */
+            comment_lines: number;
+            /** Not Read */
+            not_read: components["schemas"]["ColumnNotRead"][];
+            /** Notes */
+            notes: string[];
+        };
+        /**
          * SpringTableRequest
          * @description A spring measured elsewhere.
          */
@@ -6099,6 +6135,16 @@ export interface components {
              * @description table of the file; CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading
              */
             table: string;
+            /**
+             * Header
+             * @description line that names the columns; found where it is left out
+             */
+            header?: number | null;
+            /**
+             * Decimal
+             * @description mark before the decimals; found where it is left out
+             */
+            decimal?: ("point" | "comma") | null;
         };
         /**
          * SpringTableView
@@ -6114,6 +6160,8 @@ export interface components {
              * @description digest of the table
              */
             sha256: string;
+            /** @description what was read of it; null for tables from before that was kept */
+            read: components["schemas"]["SpringTableReading"] | null;
             /**
              * Created
              * Format: date-time

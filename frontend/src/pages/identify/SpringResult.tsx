@@ -9,7 +9,7 @@ import { Verdict } from "../../components/Verdict";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { curvesQuery, springTableCurvesQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
-import type { Identification, Spring, SpringCurves, SpringTable } from "../../wire/types";
+import type { Identification, Spring, SpringCurves, SpringTable, SpringTableReading } from "../../wire/types";
 import page from "../Page.module.css";
 import { ApplyParameters } from "./ApplyParameters";
 import styles from "./Identify.module.css";
@@ -42,10 +42,24 @@ export function SpringTableResult({ table }: { table: SpringTable }) {
       <p className={page.lead}>
         {table.file}, {dateTime(table.created)} by {table.who}. Digest {table.sha256.slice(0, 12)}.
       </p>
+      {table.read && <p className={page.lead}>{readingOf(table.read)}</p>}
       <Verdict good={table.usable}>{table.message}</Verdict>
       <SpringView title={table.file} hue={HUES.F_A} spring={table.spring} curves={curves.data?.springs[0]} />
       <ApplyParameters estimate={table.id} />
     </Card>
+  );
+}
+
+/** What was read of the file, in a few sentences. */
+function readingOf(read: SpringTableReading): string {
+  const above =
+    read.lines_above_heading > 0 ? ` ${read.lines_above_heading} lines above it are not read.` : "";
+  const comments = read.comment_lines > 0 ? ` ${read.comment_lines} lines of comments are not read.` : "";
+  const others = read.not_read.map(({ name, reason }) => ` Not read: ${name} (${reason}).`).join("");
+  const notes = read.notes.map((note) => ` Note: ${note}.`).join("");
+  return (
+    `Read: x [${read.x_unit}] and F [${read.F_unit}], ${read.rows} rows; names in line ${read.heading_line}, ` +
+    `separator ${read.separator}, decimal ${read.decimal_mark}.${above}${comments}${others}${notes}`
   );
 }
 

@@ -1,0 +1,482 @@
+"""Files of other programs are read right, value by value, or refused with what resolves it; none is read silently.
+
+The kinds are those of reports about comparable programs; :mod:`tests.identification.foreign_files` makes each file.
+"""
+
+import io
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from backend.identification.decimals import DecimalMark
+from backend.identification.errors import DataFileError, FileFault, RecordError
+from backend.identification.estimate import estimate
+from backend.identification.import_data import Imported, Selection, TimeChoice, decoded, import_record, read_parquet
+from backend.identification.matlab_file import read_mat
+from backend.identification.table import read_csv
+from backend.identification.timebase import time_of
+from tests.identification.foreign_files import (
+    COUNT,
+    PERIOD_S,
+    T,
+    U,
+    Y,
+    comma,
+    decimals,
+    lines,
+    mat,
+    objects,
+    parquet,
+    plain,
+    scope,
+    stamp,
+    structure_with_time,
+)
+
+LVM = (
+    "LabVIEW Measurement\t",
+    "Writer_Version\t2",
+    "Separator\tTab",
+    "Decimal_Separator\t,",
+    "***End_of_Header***\t",
+    "",
+    "Channels\t2\t\t",
+    "Samples\t400\t400\t",
+    "X_Dimension\tTime\tTime\t",
+    "X0\t0,0000000000000000E+0\t0,0000000000000000E+0\t",
+    "Delta_X\t0,001000\t0,001000\t",
+    "***End_of_Header***\t\t\t",
+)
+EPOCH_S = 1_772_619_630
+WHOLE_MS = np.arange(COUNT)
+
+
+def dated(form: str) -> str:
+    """Return a table whose time is a date; ``form`` takes the milliseconds of each row."""
+    return lines("time;u;y", lambda k: f"{form.format(k)};{U[k]};{Y[k]}")
+
+
+READ: dict[str, tuple[str | bytes, dict[str, Any]]] = {
+    "excel, sep=": (lines("t;u;y", lambda k: f"{comma(T[k])};{comma(U[k])};{comma(Y[k])}", "sep=;"), {}),
+    "excel, sep=, quoted": (lines("t;u;y", lambda k: f"{comma(T[k])};{comma(U[k])};{comma(Y[k])}", '"sep=;"'), {}),
+    "labview": (lines("X_Value\tu\ty\tComment", lambda k: f"{comma(T[k])}\t{comma(U[k])}\t{comma(Y[k])}", *LVM), {}),
+    "labview, comments": (
+        lines("X_Value\tu\ty\tComment", lambda k: f"{comma(T[k])}\t{comma(U[k])}\t{comma(Y[k])}\t", *LVM),
+        {},
+    ),
+    "oscilloscope": (
+        lines("TIME,u,y", plain, "Model,X", "Firmware,1.2", f"Record Length,{COUNT}", ",", "Source,CH1"),
+        {},
+    ),
+    "oscilloscope of two columns of words above": (lines("TIME,u,y", plain, "Model,X,", "Label,CH1,CH2"), {}),
+    "oscilloscope, units": (
+        lines("(ms),(V),(V)", lambda k: f"{1e3 * T[k]:.3f},{U[k]},{Y[k]}", "Time,u,y"),
+        {},
+    ),
+    "units without brackets": (lines("s;V;rad/s", lambda k: plain(k).replace(",", ";"), "t;u;y"), {}),
+    "rostopic": (
+        lines("%time,seq,frame,u,y", lambda k: f"{1486559106139796569 + 1000000 * k},{k},base,{U[k]},{Y[k]}"),
+        {},
+    ),
+    "heading in a comment, a line drawn below it": (lines("# -----", plain, "# measured by hand", "# t,u,y"), {}),
+    "names of numbers": (lines("Time,1,2", plain), {"u": "1", "y": "2", "header": 1}),
+    "names not in the line above": (
+        lines("volts,and,so on", plain, "t,u,y"),
+        {"header": 1},
+    ),
+    "text columns": (
+        lines("t,mode,u,y,note", lambda k: f"{T[k]},run,{U[k]},{Y[k]},ok"),
+        {},
+    ),
+    "R": (lines('"t" "u" "y"', lambda k: f"{T[k]} {U[k]} {Y[k]}"), {}),
+    "vertical bars": (lines("t|u|y", lambda k: plain(k).replace(",", "|")), {}),
+    "carriage returns": (lines("t,u,y", plain, end="\r"), {}),
+    "utf-8 with a mark": (b"\xef\xbb\xbf" + lines("t,u,y", plain).encode(), {}),
+    "utf-16 with a mark": (lines("t,u,y", plain).encode("utf-16"), {}),
+    "empty rows at the end": (lines("t,u,y", plain) + ",,\n,,\n", {}),
+    "thousands": (lines("t,u,y", lambda k: f'{T[k]},{U[k]},"{1e3 * Y[k]:,.1f}"'), {"scale": 1e3}),
+    "thousands with points": (
+        lines("t;u;y", lambda k: f"{comma(T[k])};{comma(U[k])};{comma(1e4 * Y[k], 0)}"),
+        {"scale": 1e4},
+    ),
+    "grouped by points": (
+        lines(
+            "t;u;y",
+            lambda k: f"{comma(T[k])};{comma(U[k])};" + f"{1e4 * Y[k]:,.1f}".translate(str.maketrans(",.", ".,")),
+        ),
+        {"scale": 1e4},
+    ),
+    "three decimals, comma said": (
+        lines("t;u;y", lambda k: f"{k + 1000};{int(U[k])};{comma(Y[k] + 7.0, 3)}"),
+        {"decimal": DecimalMark.COMMA, "time": TimeChoice(unit="ms"), "offset": 7.0, "close": 6e-4},
+    ),
+    "micros, unit said": (
+        lines("timestamp,u,y", lambda k: f"{112_000_000 + 1000 * k},{U[k]},{Y[k]}"),
+        {"time": TimeChoice(unit="us")},
+    ),
+    "micros, sample time said": (
+        lines("timestamp,u,y", lambda k: f"{112_000_000 + 1000 * k},{U[k]},{Y[k]}"),
+        {"period_s": PERIOD_S},
+    ),
+    "millis": (lines("millis,u,y", lambda k: f"{k},{U[k]},{Y[k]}"), {}),
+    "epoch in ms": (lines("time,u,y", lambda k: f"{1000 * EPOCH_S + k},{U[k]},{Y[k]}"), {}),
+    "epoch in us": (lines("time,u,y", lambda k: f"{1_000_000 * EPOCH_S + 1000 * k},{U[k]},{Y[k]}"), {}),
+    "epoch in ns, words beside": (
+        lines("time,u,y,w", lambda k: f"{1_000_000_000 * EPOCH_S + 1_000_000 * k},{U[k]},{Y[k]},x"),
+        {},
+    ),
+    "epoch in s": (lines("time,u,y", lambda k: f"{EPOCH_S + k / 1000:.3f},{U[k]},{Y[k]}"), {}),
+    "days of MATLAB": (
+        lines("time,u,y", lambda k: f"{738_000.5 + k / 86_400_000:.12f},{U[k]},{Y[k]}"),
+        {"time": TimeChoice(unit="d"), "even": 0.05},
+    ),
+    "T beside a sample time": (
+        lines("u,y,T", lambda k: f"{U[k]},{Y[k]},{25.0 + 0.001 * k:.3f}"),
+        {"period_s": PERIOD_S},
+    ),
+    "T [°C] beside a sample time": (
+        lines("u,y,t [°C]", lambda k: f"{U[k]},{Y[k]},{25.0 - 0.001 * k:.3f}"),
+        {"period_s": PERIOD_S},
+    ),
+    "Ts and tmin beside a sample time": (
+        lines("u,y,Ts,tmin", lambda k: f"{U[k]},{Y[k]},0.001,{-k}"),
+        {"period_s": PERIOD_S},
+    ),
+    "T is the time": (lines("T,u,y", plain), {"time": TimeChoice("T")}),
+    "a time of another name": (lines("Zeit,u,y", plain), {"time": TimeChoice("Zeit")}),
+    "a stamp too coarse": (
+        lines("time,u,y", lambda k: f"10:20:30,{U[k]},{Y[k]}"),
+        {"time": TimeChoice("none"), "period_s": PERIOD_S},
+    ),
+    "two times": (lines("time,timestamp,u,y", lambda k: f"{T[k]},{k},{U[k]},{Y[k]}"), {"time": TimeChoice("time")}),
+    "dates": (dated("2026-03-04 10:20:30.{:03d}"), {}),
+    "dates, comma": (dated("2026-03-04T10:20:30,{:03d}"), {}),
+    "dates, zone": (dated("2026/03/04T10:20:30.{:03d}+0530"), {}),
+    "dates, UTC": (dated("2026-03-04 10:20:30.{:03d} UTC"), {}),
+    "dates, day first": (dated("04.03.2026 10:20:30.{:03d}"), {}),
+    "dates, order does not matter": (dated("04/03/2026 10:20:30.{:03d}"), {}),
+    "dates, named month": (dated("04-Mar-2026 10:20:30.{:03d}"), {}),
+    "dates, compact": (dated("20260304T102030.{:03d}Z"), {}),
+    "dates, half of the day": (dated("3/4/2026 10:20:30.{:03d} PM"), {}),
+    "time of day": (lines("time,u,y", lambda k: f"{stamp(k)},{U[k]},{Y[k]}"), {}),
+    "MATLAB, structure with time": (mat(structure_with_time()), {"u": "values_1", "y": "values_2"}),
+    "MATLAB, one signal": (mat({"s": {"time": T, "signals": scope(Y, "y")}, "u": U}), {"y": "values"}),
+    "MATLAB, two structs": (
+        mat({"a": {"t": T, "u": U, "y": Y}, "b": {"u": 2.0 * U, "y": Y}}),
+        {"u": "a.u", "y": "a.y"},
+    ),
+    "MATLAB, logical": (mat({"t": T, "u": U > 0.0, "y": Y}), {"u_read": (U > 0.0).astype(float)}),
+    "MATLAB, tout": (mat({"tout": T, "u": U, "y": Y, "Ts": 1e-3, "name": "x", "c": np.array([1, "a"], object)}), {}),
+    "Parquet, Boolean": (parquet({"t": T, "u": U > 0.0, "y": Y}), {"u_read": (U > 0.0).astype(float)}),
+    "Parquet, decimal": (parquet({"t": decimals(T), "u": decimals(U), "y": decimals(Y)}), {}),
+    "Parquet, dates": (
+        parquet(
+            {
+                "time": pa.array((EPOCH_S * 1_000_000 + 1000 * WHOLE_MS).tolist(), pa.timestamp("us", "UTC")),
+                "u": U,
+                "y": Y,
+            }
+        ),
+        {},
+    ),
+    "Parquet, ns": (parquet({"time": EPOCH_S * 1_000_000_000 + 1_000_000 * WHOLE_MS, "u": U, "y": Y}), {}),
+    "Parquet, texts beside": (parquet({"t": T, "u": U, "y": Y, "w": ["x"] * COUNT, "l": [[1]] * COUNT}), {}),
+}
+
+
+def imported(content: str | bytes, options: dict[str, Any]) -> Imported:
+    """Import a file of this content, whose kind shows at its beginning."""
+    raw = content.encode() if isinstance(content, str) else content
+    if raw.startswith(b"MATLAB"):
+        columns = read_mat(io.BytesIO(raw))
+    elif raw.startswith(b"PAR1"):
+        columns = read_parquet(io.BytesIO(raw))
+    else:
+        text = decoded(raw, "file.csv")
+        columns = read_csv(text, header=options.get("header"), decimal=options.get("decimal"))
+    return import_record(
+        columns,
+        options.get("u", "u"),
+        options.get("y", "y"),
+        options.get("period_s"),
+        time=options.get("time", TimeChoice()),
+        selection=options.get("selection", Selection()),
+    )
+
+
+@pytest.mark.parametrize("kind", READ)
+def test_a_file_is_read_value_by_value(kind: str) -> None:
+    content, options = READ[kind]
+    record, reading = imported(content, options)
+    np.testing.assert_array_equal(record.u, options.get("u_read", U))
+    expected = options.get("scale", 1.0) * Y + options.get("offset", 0.0)
+    np.testing.assert_allclose(record.y, expected, rtol=1e-12, atol=options.get("close", 1e-9))
+    assert record.period_s == pytest.approx(PERIOD_S, rel=options.get("even", 1e-6))
+    assert (reading.rows_used, reading.rows_in_file) == (COUNT, COUNT)
+    if reading.largest_step_s is not None:
+        assert reading.largest_step_s == pytest.approx(PERIOD_S, rel=options.get("even", 1e-3))
+
+
+def test_what_was_read_is_said() -> None:
+    text = lines("t [ms],mode,u [V],y [rad],z,z", lambda k: f"{1e3 * T[k]:.1f},on,{U[k]},{Y[k]},1,2", "# by hand", "x")
+    reading = imported(text, {"selection": Selection(skip=10, take=300)}).reading
+    assert reading.columns == {"input": "u", "output": "y"}
+    assert reading.units == {"u": "V", "y": "rad"}
+    assert (reading.time_column, reading.time_unit, reading.time_unit_from) == ("t", "ms", "heading")
+    assert (reading.rows_in_file, reading.first_row, reading.last_row, reading.rows_used) == (COUNT, 11, 310, 300)
+    assert set(reading.not_read) == {"mode", "z"}
+    assert reading.layout == {
+        "format": "table of text",
+        "heading_line": 3,
+        "separator": "comma",
+        "decimal_mark": "point",
+        "rows": COUNT,
+        "lines_above_heading": 1,
+        "lines_of_units": 0,
+        "comment_lines": 1,
+    }
+    assert reading.sample_time_s == pytest.approx(PERIOD_S)
+
+
+def test_columns_that_are_not_read_have_a_reason() -> None:
+    file = mat({"t": T, "u": U, "y": Y, "name": "x", "z": Y + 1j, "K": 3.0, "w": U})
+    assert set(imported(file, {}).reading.not_read) == {"name", "z", "K", "w"}
+    table = parquet({"t": T, "u": U, "y": Y, "w": ["x"] * COUNT, "l": [[1]] * COUNT})
+    assert set(imported(table, {}).reading.not_read) == {"w", "l"}
+
+
+def back(step: int, at: int = 250) -> str:
+    """Return a table whose time in ms runs back by ``step`` after row ``at``."""
+    return lines("t_ms,u,y", lambda k: f"{k - (step if k >= at else 0) + 10_000_000},{U[k]},{Y[k]}")
+
+
+BACK = {
+    "overflow of 32 bits": (
+        lines("t_us,u,y", lambda k: f"{(2**32 - 250_000 + 1000 * k) % 2**32},{U[k]},{Y[k]}"),
+        -(2.0**32) * 1e-6 + 1e-3,
+    ),
+    "overflow of 16 bits": (
+        lines("t_ms,u,y", lambda k: f"{(2**16 - 250 + k) % 2**16},{U[k]},{Y[k]}"),
+        -(2.0**16) * 1e-3 + 1e-3,
+    ),
+    "end of daylight saving": (back(3_600_000), -3600.0 + 1e-3),
+    "midnight": (
+        lines("time,u,y", lambda k: f"{'23:59:59' if k < 250 else '00:00:00'}.{(k + 750) % 1000:03d},{U[k]},{Y[k]}"),
+        -86400.0 + 1e-3,
+    ),
+    "a clock that is set by 5 ms": (back(5), -5e-3 + 1e-3),
+}
+
+
+@pytest.mark.parametrize("kind", BACK)
+def test_rows_that_run_back_are_refused_and_each_part_can_be_taken(kind: str) -> None:
+    text, step_s = BACK[kind]
+    for resample in (False, True):
+        with pytest.raises(RecordError) as refused:
+            imported(text, {"selection": Selection(resample=resample)})
+        assert refused.value.value == pytest.approx(step_s, abs=1e-6)
+        assert refused.value.minimum == 0.0
+    assert "--skip 0 --take 250" in refused.value.remedy
+    before = imported(text, {"selection": Selection(take=250)})
+    np.testing.assert_array_equal(before.record.y, Y[:250])
+    assert (before.reading.rows_used, before.reading.rows_in_file) == (250, COUNT)
+    with pytest.raises(RecordError, match="length of the record is 150"):  # 200 are the least
+        imported(text, {"selection": Selection(skip=250)})
+
+
+def test_a_range_of_times_that_come_twice_is_refused() -> None:
+    text = lines("t,u,y", lambda k: f"{(k % 300) * PERIOD_S:.3f},{U[k]},{Y[k]}")
+    with pytest.raises(DataFileError) as refused:
+        imported(text, {"selection": Selection(start_s=0.0, end_s=0.05)})
+    assert (refused.value.fault, refused.value.option) == (FileFault.ROWS, "--take")
+
+
+MIXED = lines("t;u;y", lambda k: f"{T[k]:.3f};{int(U[k])};{comma(Y[k])}")
+REFUSED: dict[str, tuple[str | bytes, dict[str, Any], FileFault, str | None]] = {
+    "thousands or decimals": (
+        lines("t;u;y", lambda k: f"{k};{int(U[k])};{comma(Y[k] + 7.0, 3)}"),
+        {"time": TimeChoice(unit="ms")},
+        FileFault.AMBIGUOUS_DECIMALS,
+        "--decimal",
+    ),
+    "thousands or decimals, quoted": (
+        lines("t,u,y", lambda k: f'{T[k]:.3f},{U[k]},"{1000 * int(Y[k] + 9.0) + k:,}"'),
+        {},
+        FileFault.AMBIGUOUS_DECIMALS,
+        "--decimal",
+    ),
+    "points of thousands or decimals": (
+        lines("t;u;y", lambda k: f"{k};{int(U[k])};{Y[k] + 7.0:.3f}"),
+        {"time": TimeChoice(unit="ms")},
+        FileFault.AMBIGUOUS_DECIMALS,
+        "--decimal",
+    ),
+    "one column with points, one with commas": (MIXED, {}, FileFault.MIXED_DECIMALS, "--decimal"),
+    "the other one asked for": (MIXED, {"decimal": DecimalMark.POINT}, FileFault.MIXED_DECIMALS, None),
+    "points and commas in one column": (
+        lines("t;u;y", lambda k: f"{k};{int(U[k])};{comma(Y[k]) if k % 2 else Y[k]}"),
+        {"time": TimeChoice(unit="ms")},
+        FileFault.MIXED_DECIMALS,
+        None,
+    ),
+    "micros without a unit": (
+        lines("timestamp,u,y", lambda k: f"{112_000_000 + 1000 * k},{U[k]},{Y[k]}"),
+        {},
+        FileFault.TIME_UNIT,
+        "--time-unit",
+    ),
+    "micros without a unit, with decimals": (
+        lines("t,u,y", lambda k: f"{1000.25 * k},{U[k]},{Y[k]}"),
+        {},
+        FileFault.TIME_UNIT,
+        "--time-unit",
+    ),
+    "days without a unit": (
+        lines("time,u,y", lambda k: f"{45_000.5 + k / 8_640_000:.12f},{U[k]},{Y[k]}"),
+        {},
+        FileFault.TIME_UNIT,
+        "--time-unit",
+    ),
+    "a unit nobody knows": (
+        lines("time [samples],u,y", lambda k: f"{k},{U[k]},{Y[k]}"),
+        {},
+        FileFault.TIME_UNIT,
+        "--time-unit",
+    ),
+    "T may be the time": (lines("T,u,y", plain), {}, FileFault.AMBIGUOUS_TIME, "--time"),
+    "two times": (
+        lines("time,timestamp,u,y", lambda k: f"{T[k]},{k},{U[k]},{Y[k]}"),
+        {},
+        FileFault.AMBIGUOUS_TIME,
+        "--time",
+    ),
+    "no time": (lines("Zeit,u,y", plain), {}, FileFault.NO_TIME, "--time"),
+    "time twice": (lines("t,u,y,t", lambda k: f"{plain(k)},{k}"), {}, FileFault.AMBIGUOUS_COLUMN, None),
+    "the input is no time": (lines("t,u,y", plain), {"time": TimeChoice("u")}, FileFault.OPTION, "--time"),
+    "a unit of nothing": (lines("t,u,y", plain), {"time": TimeChoice(unit="weeks")}, FileFault.OPTION, "--time-unit"),
+    "a unit of dates": (
+        dated("2026-03-04 10:20:30.{:03d}"),
+        {"time": TimeChoice(unit="ms")},
+        FileFault.OPTION,
+        "--time-unit",
+    ),
+    "a day or a month": (
+        lines("time,u,y", lambda k: f"{1 + k // 60:02d}/{1 + k // 300:02d}/2026 10:20:30,{U[k]},{Y[k]}"),
+        {},
+        FileFault.DATES,
+        "--time-unit",
+    ),
+    "a zone here and there": (
+        lines("time,u,y", lambda k: f"2026-03-04 {stamp(k)}{'Z' if k else ''},{U[k]},{Y[k]}"),
+        {},
+        FileFault.DATES,
+        None,
+    ),
+    "a day that does not exist": (dated("2026-02-30 10:20:30.{:03d}"), {}, FileFault.DATES, None),
+    "words for a time": (lines("time,u,y", lambda k: f"soon,{U[k]},{Y[k]}"), {}, FileFault.DATES, None),
+    "lines that may be the heading": (
+        lines("volts,and,so on", plain, "a,u,y"),
+        {},
+        FileFault.AMBIGUOUS_HEADING,
+        "--header",
+    ),
+    "a first row with a word": (
+        lines("t,u,y", plain).replace("0.000", "start", 1),
+        {},
+        FileFault.AMBIGUOUS_HEADING,
+        "--header",
+    ),
+    "a footer": (lines("t,u,y", plain) + "end of data\n", {}, FileFault.ROW_WIDTH, "--header"),
+    "the heading again": (lines("t,u,y", plain) * 2, {}, FileFault.NOT_A_NUMBER, None),
+    "no heading": (lines("0.0,3.0,0.0", plain), {}, FileFault.NO_HEADING, None),
+    "a line beyond the end": (lines("t,u,y", plain), {"header": 9999}, FileFault.NO_HEADING, "--header"),
+    "apostrophes": (lines("t,u,y", lambda k: f"{T[k]},{U[k]},8'019"), {}, FileFault.NOT_A_NUMBER, None),
+    "underscores": (lines("t,u,y", lambda k: f"{T[k]},{U[k]},8_019"), {}, FileFault.NOT_A_NUMBER, None),
+    "latin-1": (lines("t,u,y [°]", plain).encode("latin-1"), {}, FileFault.ENCODING, None),
+    "control characters": (lines("t,u,y\x1b[31m", plain), {}, FileFault.ENCODING, None),
+    "MATLAB table": (objects(T="table"), {}, FileFault.OBJECTS, None),
+    "MATLAB timetable": (objects(TT="timetable"), {}, FileFault.OBJECTS, None),
+    "MATLAB timeseries": (objects(ts="timeseries"), {}, FileFault.OBJECTS, None),
+    "MATLAB, a field of two structs": (
+        mat({"a": {"t": T, "u": U, "y": Y}, "b": {"u": U}}),
+        {},
+        FileFault.AMBIGUOUS_COLUMN,
+        None,
+    ),
+    "MATLAB, damaged": (mat({"u": U, "y": Y})[:300], {}, FileFault.UNREADABLE, None),
+    "Parquet, damaged": (parquet({"u": U, "y": Y})[:300], {}, FileFault.UNREADABLE, None),
+    "Parquet, words": (parquet({"t": T, "u": ["x"] * COUNT, "y": Y}), {}, FileFault.NOT_A_NUMBER, None),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_is_not_clear_is_refused_with_the_option_that_resolves_it(kind: str) -> None:
+    content, options, fault, option = REFUSED[kind]
+    with pytest.raises(DataFileError) as refused:
+        imported(content, options)
+    assert (refused.value.fault, refused.value.option) == (fault, option)
+    assert option is None or option in str(refused.value)
+
+
+@pytest.mark.parametrize(("kind", "command"), [("table", "y = T.y"), ("timetable", "T.Properties.RowTimes")])
+def test_objects_of_matlab_are_named_with_the_command_that_saves_them(kind: str, command: str) -> None:
+    with pytest.raises(DataFileError) as refused:
+        imported(objects(T=kind, s="string"), {})
+    assert refused.value.column == "T"
+    assert f"T ({kind})" in str(refused.value)
+    assert command in str(refused.value)
+    beside = mat({"t": T, "u": U})
+    with pytest.raises(DataFileError, match=rf"no column 'y'.*'T' is a MATLAB object \({kind}\)"):
+        imported(beside + objects(T=kind)[128:], {})
+
+
+@pytest.mark.parametrize(("unit", "days"), [("dmy", 1), ("mdy", 31)])
+def test_days_and_months_are_told_by_an_option(unit: str, days: int) -> None:
+    columns = read_csv(lines("time,u,y", lambda k: f"{1 + k // 200:02d}/01/2026 00:00:00.{k % 200:03d},{U[k]},{Y[k]}"))
+    time = time_of(columns, ("u", "y"), unit=unit)
+    assert time is not None
+    assert time.seconds[200] == pytest.approx(86400.0 * days)
+
+
+@pytest.mark.parametrize("short", ["t", "y"])
+def test_columns_of_different_length_are_refused(short: str) -> None:
+    values = {"t": T, "u": U, "y": Y}
+    values[short] = values[short][:300]
+    with pytest.raises(RecordError) as refused:
+        imported(mat(values), {})
+    assert {refused.value.value, refused.value.minimum} == {300, 400}
+
+
+def test_a_time_that_is_missing_is_refused() -> None:
+    text = lines("t,u,y", lambda k: f"{T[k] if k < 390 else ''},{U[k]},{Y[k]}")
+    with pytest.raises(RecordError) as refused:
+        imported(text, {})
+    assert (refused.value.value, refused.value.maximum) == (10, 0)
+
+
+def test_samples_that_are_missing_are_not_passed_over_by_resampling() -> None:
+    text = lines("t,u,y", lambda k: f"{T[k]},{U[k]},{Y[k] if k != 200 else 'nan'}")
+    with pytest.raises(DataFileError) as refused:
+        imported(text, {"selection": Selection(resample=True)})
+    assert refused.value.column == "y"
+
+
+def test_stamps_in_nanoseconds_keep_their_digits() -> None:
+    """Floating point has steps of 256 ns at 1.7e18; at 20 kHz that is half a per cent of the sample time."""
+    stamps = EPOCH_S * 1_000_000_000 + 50_000 * np.arange(COUNT)
+    for content in (
+        lines("time,u,y", lambda k: f"{stamps[k]},{U[k]},{Y[k]}"),
+        parquet({"time": stamps, "u": U, "y": Y}),
+        mat({"time": stamps, "u": U, "y": Y}),
+    ):
+        reading = imported(content, {}).reading
+        assert reading.largest_step_s == pytest.approx(5e-5, rel=1e-9)
+        assert reading.least_step_s == pytest.approx(5e-5, rel=1e-9)
+
+
+def test_the_model_is_that_of_the_plain_file() -> None:
+    found = estimate(imported(READ["thousands"][0], {}).record, "first").first_order
+    assert pytest.approx(2000.0, rel=5e-3) == found.K
+    assert pytest.approx(0.02, rel=2e-2) == found.T
