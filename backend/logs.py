@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable
 from threading import Lock
 
+from backend.plain_text import as_line, as_lines
+
 LINES = 5
 WINDOW_S = 30.0
 """Of one kind of line, ``LINES`` are written in each window; the next one after it says how many were left out."""
@@ -45,9 +47,22 @@ class Limit(logging.Filter):
         return count < LINES
 
 
+class _Lines(logging.Formatter):
+    """Writes each message on one line; what a terminal would obey, there and in a traceback, as an escape."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # as its parent calls it
+        """Return the line of a record."""
+        record.message = as_line(record.message)
+        return super().formatMessage(record)
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line of a record, and its traceback."""
+        return as_lines(super().format(record))
+
+
 def begin() -> None:
     """Write everything of level warning and above to standard error, through one handler with the limit."""
     handler = logging.StreamHandler()
     handler.addFilter(Limit())
-    handler.setFormatter(logging.Formatter(_FORMAT))
+    handler.setFormatter(_Lines(_FORMAT))
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)

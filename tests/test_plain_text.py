@@ -1,19 +1,39 @@
-"""A control character or half a character in a text is refused alike on every path that a text comes by."""
+"""A character that is not accepted is refused alike on every path that a text comes by, and shown as an escape."""
 
+import csv
 import json
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
+from backend.documents.study import STUDY
 from backend.experiments.banks.bank_building import require_name
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.bank_files import read_file
 from backend.experiments.composing import text
 from backend.experiments.composing.refused import ExperimentError
 from backend.exports.strict_json import read_strict
-from backend.plain_text import PlainTextError, require_plain, require_plain_texts
+from backend.messages.bank import BankFile, BankRequest
+from backend.messages.identification import SpringTableRequest
+from backend.messages.layouts import ChartLayout
+from backend.messages.session import NameRequest, SignIn
+from backend.plain_text import (
+    STORED,
+    PlainTextError,
+    as_cell,
+    as_comment,
+    as_file_name,
+    as_json,
+    as_json_cells,
+    as_line,
+    as_lines,
+    require_line,
+    require_plain,
+    require_plain_texts,
+)
 from backend.refusal import RefusalError
+from backend.storage.fit import UnfitDocumentError, require_lines
 from backend.web_server.bodies import _require_writable
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]
@@ -25,26 +45,168 @@ def experiment(title: str) -> dict[str, Any]:
     return {"format": 1, "name": "a", "title": title, "description": "", "phases": PARTS}
 
 
-def as_yaml(title: str) -> str:
-    escaped = "".join(f"\\U{ord(letter):08x}" for letter in title)
-    return f'format: 1\nname: a\ntitle: "x{escaped}y"\ndescription: ""\nphases: {json.dumps(PARTS)}\n'
+def described(description: str) -> dict[str, Any]:
+    return {**experiment("x"), "description": description}
+
+
+def as_yaml(title: str = "", description: str = "") -> str:
+    escaped = ["".join(f"\\U{ord(letter):08x}" for letter in words) for words in (title, description)]
+    said = f'title: "x{escaped[0]}y"\ndescription: "x{escaped[1]}y"'
+    return f"format: 1\nname: a\n{said}\nphases: {json.dumps(PARTS)}\n"
 
 
 PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a text": (PlainTextError, require_plain),
     "a key": (PlainTextError, lambda words: require_plain_texts([{"a": {words: 1}}])),
     "a request": (RefusalError, lambda words: _require_writable(json.dumps({"note": words}).encode())),
-    "YAML": (ExperimentError, lambda words: text.read(as_yaml(words))),
-    "JSON as a text": (ExperimentError, lambda words: text.read(json.dumps(experiment(f"x{words}y")))),
-    "a stored experiment": (ExperimentError, lambda words: text.of_canonical(json.dumps(experiment(f"x{words}y")))),
+    "YAML": (ExperimentError, lambda words: text.read(as_yaml(description=words))),
+    "JSON as a text": (ExperimentError, lambda words: text.read(json.dumps(described(f"x{words}y")))),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),
     "an experiment in an import": (
         ValueError,
         lambda words: read_strict(json.dumps({"plan": {"experiment": json.dumps(experiment(words))}})),
     ),
     "a bank file": (BankError, lambda words: read_file(json.dumps({"name": words}))),
-    "the name of a bank": (BankError, lambda words: require_name(f"x{words}y")),
 }
+LINES_REFUSED = (*REFUSED, "\t", "\n", "\r", "\u2028", "\u202e", "\u2066", "\u200f", "\u200b", "\ufeff", "\u00ad")
+LINES_TAKEN = ("λ_q′", "漢字", "x😀y", "1\u202f000", "می\u200cخواهم", "👩\u200d🔧", "❤\ufe0f")
+SETTING = {"name": "b", "symbol": "b", "meaning": "b", "default": 1, "minimum": 0, "maximum": 2}
+
+
+def with_setting(**parts: Any) -> str:
+    return json.dumps({**experiment("x"), "settings": [{**SETTING, **parts}]})
+
+
+LINES: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
+    "a line": (PlainTextError, require_line),
+    "a title in YAML": (ExperimentError, lambda words: text.read(as_yaml(words))),
+    "a title in JSON": (ExperimentError, lambda words: text.read(json.dumps(experiment(words)))),
+    "a phase": (
+        ExperimentError,
+        lambda words: text.read(json.dumps({**experiment("x"), "phases": [{**PARTS[0], "title": words}]})),
+    ),
+    "a symbol": (ExperimentError, lambda words: text.read(with_setting(symbol=words))),
+    "a unit": (ExperimentError, lambda words: text.read(with_setting(unit=words))),
+    "a meaning": (ExperimentError, lambda words: text.read(with_setting(meaning=words))),
+    "a choice": (
+        ExperimentError,
+        lambda words: text.read(with_setting(kind="choice", choices=[words], default=words)),
+    ),
+    "a remedy": (
+        ExperimentError,
+        lambda words: text.read(json.dumps({**experiment("x"), "rules": [{"that": "1 < 2", "remedy": words}]})),
+    ),
+    "the title of a study": (
+        ValueError,
+        lambda words: STUDY.validate_json(json.dumps({"format": 1, "name": "a", "title": words})),
+    ),
+    "the name of a bank": (BankError, require_name),
+    "a bank that is asked for": (ValueError, lambda words: BankRequest(name=words, identifications=[1])),
+    "a bank that is sent": (
+        ValueError,
+        lambda words: BankFile.model_validate(
+            {"name": words, "entries": [{"S_nominal": 9, "K_q": 1, "T_q": 1, "K_S": 1, "T_S": 1}]}
+        ),
+    ),
+    "a person": (ValueError, lambda words: NameRequest(name=words)),
+    "a person who signs in": (ValueError, lambda words: SignIn(token="t", name=words)),
+    "a table of a spring": (ValueError, lambda words: SpringTableRequest(name=words, table="")),
+    "a layout": (
+        ValueError,
+        lambda words: ChartLayout.model_validate(
+            {"version": 1, "name": words, "panels": [{"title": "a", "signals": [], "over": None, "share": 1.0}]}
+        ),
+    ),
+    "a record of an import": (
+        UnfitDocumentError,
+        lambda words: require_lines({"figures": [{"label": words, "value": 1.0}]}),
+    ),
+    "a key of an import": (UnfitDocumentError, lambda words: require_lines({"a": {words: 1.0}})),
+}
+
+
+@pytest.mark.parametrize("path", LINES)
+@pytest.mark.parametrize("words", LINES_REFUSED, ids=ascii)
+def test_a_text_of_one_line_has_nothing_that_is_not_seen(path: str, words: str) -> None:
+    kind, take = LINES[path]
+    with pytest.raises(kind):
+        take(f"x{words}y")
+
+
+@pytest.mark.parametrize("path", [path for path in LINES if path != "a title in YAML"])
+@pytest.mark.parametrize("words", [" ", "   ", "\xa0", "\u3000 "], ids=ascii)
+def test_a_text_of_one_line_is_not_blank(path: str, words: str) -> None:
+    kind, take = LINES[path]
+    with pytest.raises(kind):
+        take(words)
+
+
+@pytest.mark.parametrize("path", LINES)
+@pytest.mark.parametrize("words", LINES_TAKEN, ids=ascii)
+def test_names_of_any_language_are_taken(path: str, words: str) -> None:
+    LINES[path][1](words)
+
+
+@pytest.mark.parametrize("words", [*LINES_REFUSED, " "], ids=ascii)
+def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) -> None:
+    title = f"x{words}y" if words.strip() else words
+    read = text.of_canonical(json.dumps(experiment(title)))
+    assert read.title == as_line(title)
+    assert read.title.isprintable()
+    assert text.read(json.dumps(experiment(title)), stored=True)[0].title == as_line(title)
+    assert STUDY.validate_json(
+        json.dumps({"format": 1, "name": "a", "title": as_line(title)}), context=STORED
+    ).title == as_line(title)
+    assert text.of_canonical(text.canonical(read)) == read
+
+
+def test_a_terminal_is_given_escapes() -> None:
+    assert as_line("a\x1b[2J\u202eb\n\ud800\U000e0041") == "a\\x1b[2J\\u202eb\\x0a\\ud800\\U000e0041"
+    assert as_lines("a\n\tb\r\x9b") == "a\n\tb\\x0d\\x9b"
+    document = {"a\x9b": ["\u202e", "\ud800", "λ", 1.5], "\U000e0041": None}
+    assert json.loads(as_json(document, indent=2)) == document
+    assert as_lines(as_json(document, indent=2)) == as_json(document, indent=2)
+
+
+FORMULAS = ("=1", "+1+1", "-1+1", "@SUM(1)", "=HYPERLINK(1)", "\t=1", " =1", "\r=1", "\n@a", "＝1", "-1|a!b", "+a")
+
+
+@pytest.mark.parametrize("formula", FORMULAS, ids=ascii)
+def test_no_cell_is_a_formula(formula: str) -> None:
+    cell = as_cell(formula)
+    assert cell == f"'{as_line(formula)}"
+    for cut in (",", ";"):
+        line = as_comment(f"run 1: a{cut}{formula}{cut}b, c")
+        assert not any(part.startswith(("=", "+", "-", "@", "＝")) for part in line.split(cut))
+        document = {"note": f"a{cut}{formula}", "b": [formula, -1.5, -1], formula: f'{cut}{formula}"{cut}{formula}'}
+        written = as_json_cells(json.dumps(document, ensure_ascii=False))
+        assert json.loads(written) == document
+        for quoted in (False, True):
+            row = next(csv.reader([written], delimiter=cut)) if quoted else written.split(cut)
+            cells = [part.strip().strip('"') for part in row]
+            assert not any(part.startswith(("=", "+", "@", "＝")) for part in cells)
+            assert all(_is_number(part) for part in (one.rstrip("]}") for one in cells) if part.startswith("-"))
+
+
+def _is_number(words: str) -> bool:
+    try:
+        float(words)
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("value", ["-5", "+1e-3", "a=b", "λ_q′", "1 - 2", "", None, -5, -0.1, True])
+def test_numbers_and_plain_texts_are_cells_as_they_are(value: Any) -> None:
+    assert as_cell(value) == ("" if value is None else repr(value) if isinstance(value, float) else value)
+
+
+def test_a_file_name_is_no_path_and_nothing_hidden() -> None:
+    assert as_file_name("../../etc/passwd") == "etc-passwd"
+    assert as_file_name('.a"\r\nb: c') == "a-x0d-x0ab-c"
+    assert as_file_name("sinew-run-12.csv") == "sinew-run-12.csv"
+    assert as_file_name("\u202e") == "u202e"
+    assert as_file_name("..") == "file"
 
 
 @pytest.mark.parametrize("path", PATHS)

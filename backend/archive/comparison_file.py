@@ -12,6 +12,7 @@ from backend import __version__
 from backend.archive.comparison import compare
 from backend.archive.differences import beside
 from backend.messages.comparison import AlignBy, ComparisonAsked, DifferencesAsked, RunComparison
+from backend.plain_text import as_cell, as_comment
 from backend.sample import FIELDS
 from backend.storage import Database
 
@@ -44,7 +45,10 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
     for run, values in found.others.items():
         words = f"run {run} minus run {found.reference}"
         columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
-    lines = [*_head(compared, asked), *(f"# {name} [{unit}] {words}" for name, (_, unit, words) in columns.items())]
+    lines = [
+        *_head(compared, asked),
+        *(as_comment(f"{name} [{unit}] {words}") for name, (_, unit, words) in columns.items()),
+    ]
     yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
     for begin in range(0, found.t.size, _ROWS):
@@ -59,25 +63,29 @@ def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
     with database.reading() as session:
         found = compare(session, asked)
     text = io.StringIO()
-    text.write("\n".join([*_head(found, asked), "# differences are to the reference, percent is of it"]) + "\n")
+    text.write(
+        "\n".join([*_head(found, asked), as_comment("differences are to the reference, percent is of it")]) + "\n"
+    )
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(_TABLE)
     for metric in found.metrics:
         for run, one in zip(found.runs, metric.values, strict=True):
-            row = (_cell(one.value), _cell(one.difference), _cell(one.percent), one.reason)
-            lines.writerow(("metric", metric.name, metric.label, metric.unit, run.id, *row))
+            row = (one.value, one.difference, one.percent, one.reason)
+            lines.writerow(map(as_cell, ("metric", metric.name, metric.label, metric.unit, run.id, *row)))
     for setting in found.settings:
         for run, value in zip(found.runs, setting.values, strict=True):
             remark = "not set" if value is None else ""
-            lines.writerow(("setting", setting.name, "", setting.unit, run.id, _cell(value), "", "", remark))
+            of_setting = ("setting", setting.name, "", setting.unit, run.id, value, "", "", remark)
+            lines.writerow(map(as_cell, of_setting))
     yield text.getvalue().encode()
 
 
 def _head(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:
-    yield f"# comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad; {_aligned(asked)}"
+    said = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad; {_aligned(asked)}"
+    yield as_comment(said)
     for run in found.runs:
         where = run.not_aligned or f"t is its own time {run.offset_s or 0.0:+.6g} s"
-        yield f"# run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}".replace("\n", " ")
+        yield as_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
 
 
 def _aligned(asked: ComparisonAsked) -> str:
@@ -88,7 +96,3 @@ def _aligned(asked: ComparisonAsked) -> str:
             return f"aligned by step {asked.number} of {asked.step}"
         case AlignBy.EVENT:
             return f"aligned by event {asked.number} of the kind {asked.event}"
-
-
-def _cell(value: Any) -> Any:
-    return "" if value is None else repr(value) if isinstance(value, float) else value

@@ -20,6 +20,7 @@ from backend.messages.identification import (
     SpringTableView,
     SpringView,
 )
+from backend.plain_text import as_line
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
 from plant.parameter_sections import SIDES
@@ -55,7 +56,7 @@ def spring_table_view(found: Identification) -> SpringTableView:
     """Return a spring that was identified from a table."""
     return SpringTableView(
         id=found.id,
-        file=found.table.file,
+        file=as_line(found.table.file),
         sha256=found.table.sha256,
         read=None if found.table.read is None else _reading(found.table.read),
         created=found.created_at,

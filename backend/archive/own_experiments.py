@@ -108,7 +108,7 @@ class OwnExperiments:
     def written(self, name: str) -> WrittenExperiment:
         """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
         written = ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
-        return WrittenExperiment(text=written, document=text.document_of(written)[0])
+        return WrittenExperiment(text=written, document=text.document_of(written, stored=True)[0])
 
     def as_run(self, run_id: int) -> WrittenExperiment:
         """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
@@ -176,7 +176,7 @@ def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
 
 
 def _entry_of(kept: StoredExperiment) -> Entry:
-    experiment, lines = text.read(kept.text)
+    experiment, lines = text.read(kept.text, stored=True)
     return entry_of(experiment, lines, name=f"{kept.name}@{kept.version}")
 
 

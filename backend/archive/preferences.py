@@ -6,6 +6,7 @@ from backend.access.people import Person
 from backend.messages.layouts import look_over
 from backend.messages.preferences import NEW_HERE, Preferences
 from backend.messages.session import Role
+from backend.plain_text import STORED
 from backend.storage import Database, settings
 from backend.storage.settings import StoredSetting
 
@@ -20,7 +21,7 @@ class StoredPreferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
         stored = await asyncio.to_thread(self._newest, _setting_of(person))
         # what was stored before a preference existed lacks it
-        return NEW_HERE if stored is None else Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value})
+        return NEW_HERE if stored is None else _read(stored)
 
     async def put(self, person: Person, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page. Raises RefusalError for a layout that cannot be drawn."""
@@ -35,6 +36,10 @@ class StoredPreferences:
     def _put(self, person: Person, preferences: Preferences) -> None:
         with self._database.session() as session:
             settings.put(session, _setting_of(person), preferences.model_dump(), person.name)
+
+
+def _read(stored: StoredSetting) -> Preferences:
+    return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED)
 
 
 def _setting_of(person: Person) -> str:

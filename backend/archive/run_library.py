@@ -13,6 +13,7 @@ from backend.messages.run_search import (
     SearchWords,
     TagList,
 )
+from backend.plain_text import PlainTextError, require_line
 from backend.refusal import Because, RefusalError
 from backend.storage import Database, run_search, settings, tags
 from backend.storage.records import UnknownRecordError
@@ -88,11 +89,13 @@ class RunLibrary:
     def keep_search(self, name: str, where: str, who: str) -> SavedSearchList:
         """Save a search that can be asked now under a name. Raises QueryError, RefusalError."""
         called = name.strip()
-        if not 1 <= len(called) <= SEARCH_NAME_MAX or not called.isprintable():
-            raise RefusalError(
-                Because.BAD_VALUE,
-                f"name of the search: {called[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} printable characters",
-            )
+        if not 1 <= len(called) <= SEARCH_NAME_MAX:
+            why = f"{called[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
+            raise RefusalError(Because.BAD_VALUE, f"name of the search: {why}")
+        try:
+            require_line(called)
+        except PlainTextError as error:
+            raise RefusalError(Because.BAD_VALUE, f"name of the search: {error}", code="bad_character") from None
         query = parse(where)
         with self._database.session() as session:
             run_search.search(session, query, everywhere=False, limit=1)

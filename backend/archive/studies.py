@@ -10,6 +10,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
 from backend.experiments.settings import describe
 from backend.messages.study import StudyAxis, StudyDetail, StudyFigure, StudyMap, StudyPoint, StudyShare, StudyView
+from backend.plain_text import as_line
 from backend.storage import Database, studies
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies import maps
@@ -118,7 +119,7 @@ def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
     return StudyView(
         id=kept.id,
         name=kept.name,
-        title=kept.title,
+        title=as_line(kept.title),
         who=kept.who,
         created=kept.created_at,
         state=state,

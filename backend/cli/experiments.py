@@ -1,5 +1,6 @@
 """``sinew experiments``: those there are, looking one over, keeping own ones."""
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +11,7 @@ from backend.cli.experiment import entry_of, text_in
 from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, database_of, parameters_in_force, settings_with
+from backend.plain_text import as_lines
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -46,7 +48,7 @@ def show(name: Name, data: DataFolder = None, as_json: AsJson = False) -> None:
     if as_json:
         print_json([asdict(setting) for setting in entry.settings])
         return
-    out.print(f"{entry.title}. {entry.description}", highlight=False, markup=False)
+    out.print(f"{entry.title}. {' '.join(entry.description.split())}", highlight=False, markup=False)
     rows = [
         (s.name, f"{s.default}", ", ".join(s.choices) or f"{s.minimum} … {s.maximum}", s.unit, s.meaning)
         for s in entry.settings
@@ -60,7 +62,8 @@ def text(name: Name, data: DataFolder = None) -> None:
     from backend.archive.own_experiments import OwnExperiments
 
     with database_of(settings_with(data=data)) as database:
-        print(OwnExperiments(database).written(name).text, end="")
+        written = OwnExperiments(database).written(name).text
+    print(as_lines(written) if sys.stdout.isatty() else written, end="")
 
 
 @app.command()

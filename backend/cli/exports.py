@@ -48,16 +48,13 @@ def take_in(
     as_json: AsJson = False,
 ) -> None:
     """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
-    from backend.exports import bundle_import, taking_in
+    from backend.archive.imports import take_in as store
     from backend.exports.errors import ImportRefusedError
 
     settings = settings_with(data=data, station=station)
     with database_of(settings) as database:
         try:
-            if file.suffix.lower() == ".zip":
-                taken = bundle_import.take_in(database, file, current_user(), settings.data)
-            else:
-                taken = taking_in.take_in(database, file, current_user())
+            taken = store(database, file, current_user(), settings.data)
         except (ImportRefusedError, OSError) as error:
             fail(f"{file} is not taken in, and nothing of it: {error}", status=2)
             raise

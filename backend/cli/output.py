@@ -1,7 +1,6 @@
 """How commands speak: tables or JSON on standard output, progress and complaints on standard error."""
 
 import io
-import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,10 +15,20 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from backend.experiments.playing.progress import Doing
+from backend.plain_text import as_json, as_line, as_lines
 from backend.reading import Angles, in_words
 
-out = Console()
-errors = Console(stderr=True)
+
+class Screen(Console):
+    """A terminal that obeys nothing that stands in a text: control characters are shown as escapes."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print texts with what a terminal would obey, or nobody would see, as escapes; tables as they are."""
+        super().print(*(as_lines(one) if isinstance(one, str) else one for one in objects), **options)
+
+
+out = Screen()
+errors = Screen(stderr=True)
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
 
@@ -55,28 +64,28 @@ def print_what_can_be_printed() -> None:
 
 def print_json(document: Any) -> None:
     """Print a document for programs."""
-    print(json.dumps(document, indent=2, ensure_ascii=False, default=str))
+    print(as_json(document, indent=2))
 
 
 def print_table(
     columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None, whole: Sequence[str] = ()
 ) -> None:
     """Print a table; numbers to the right. Columns of ``whole`` keep their width on a narrow terminal."""
-    table = Table(title=title and escape(title), title_justify="left", title_style="bold")
+    table = Table(title=title and escape(as_line(title)), title_justify="left", title_style="bold")
     kept = [[shown(cell) for cell in row] for row in rows]
     for index, column in enumerate(columns):
         numbers = bool(kept) and all(_is_number(row[index]) for row in kept)
-        table.add_column(column, justify="right" if numbers else "left", no_wrap=column in whole)
+        table.add_column(as_line(column), justify="right" if numbers else "left", no_wrap=column in whole)
     for row in kept:
         table.add_row(*row)
     out.print(table, highlight=False, markup=False)
 
 
 def shown(value: object) -> str:
-    """Return a cell: four digits of a number, a dash for what is not there."""
+    """Return a cell: four digits of a number, a dash for what is not there; a text on one line."""
     if value is None or value == "":
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else as_line(value)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from backend.cli.ordering import values_of
 from backend.cli.output import AsJson, errors, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, settings_with
 from backend.cli.running_service import RunningService, running_service
+from backend.plain_text import as_line
 
 if TYPE_CHECKING:  # schemas take a tenth of a second, which no other command shall wait for
     from backend.messages.experiment import QueueView
@@ -113,7 +114,7 @@ def _watch(service: RunningService, *, hidden: bool) -> "QueueView":
     """Show how far the runs of the queue are until none is under way and none starts by itself."""
     from rich.progress import BarColumn, Progress, TextColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]}"))
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[left]}"))
     with Progress(*columns, console=errors, disable=hidden, transient=True) as progress:
         bar = progress.add_task("starting", total=1.0, left="")
         while True:
@@ -122,7 +123,7 @@ def _watch(service: RunningService, *, hidden: bool) -> "QueueView":
             if task is None and found.run is None and not found.running:
                 return found
             if task is not None:
-                words = f"run {task.run}, {task.phase}; {len(found.items)} wait"
+                words = as_line(f"run {task.run}, {task.phase}; {len(found.items)} wait")
                 total = max(task.duration_s, 1e-9)
                 progress.update(bar, description=words, total=total, completed=task.elapsed_s, left=_left(task))
             time.sleep(_LOOK_S)

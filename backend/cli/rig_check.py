@@ -6,6 +6,7 @@ import typer
 
 from backend.cli.output import AsJson, fail, print_json
 from backend.cli.place import WiringFile, settings_with
+from backend.plain_text import as_line
 
 if TYPE_CHECKING:
     from plant.daq import Raw
@@ -35,10 +36,11 @@ def check(
     if as_json:
         print_json({"wiring": found.title, "problems": []} | ({} if read is None else {"read": read._asdict()}))
         return
-    print(f"{found.title}: channels, units and calibrations are in order")
+    title = as_line(found.title)
+    print(f"{title}: channels, units and calibrations are in order")
     if read is not None:
         counts = f"{read.n_q:g}, {read.n_A:g}, {read.n_B:g}"
-        print(f"{found.title}: {read.V_A:.4f} V, {read.V_B:.4f} V; counts {counts}")
+        print(f"{title}: {read.V_A:.4f} V, {read.V_B:.4f} V; counts {counts}")
         tripped, held = "tripped" if read.tripped else "not tripped", "held" if read.at_end else "free"
         print(f"safety module {tripped}, end switch {held}")
     else:

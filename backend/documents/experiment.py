@@ -11,11 +11,15 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass as validated
 
+from backend.plain_text import ONE_LINE
+
 FORMAT = 1
 """Version of this form; another one is refused."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")]
 Words = Annotated[str, Field(max_length=1000)]
+Line = Annotated[str, Field(max_length=1000), ONE_LINE]
+Title = Annotated[str, Field(min_length=1, max_length=100), ONE_LINE]
 Number = int | float | Annotated[str, Field(max_length=200)]
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -238,13 +242,13 @@ class Declared:
 
     name: Name
     kind: Literal["number", "integer", "choice", "boolean"] = "number"
-    symbol: Words
-    unit: Words = "1"
-    meaning: Words
+    symbol: Line
+    unit: Line = "1"
+    meaning: Line
     default: bool | Number
     minimum: Number | None = None
     maximum: Number | None = None
-    choices: tuple[Words, ...] = ()
+    choices: tuple[Line, ...] = ()
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
@@ -252,7 +256,7 @@ class Section:
     """A named stretch of an experiment; the report draws each, and figures may be of one."""
 
     name: Name
-    title: Words
+    title: Line
     parts: Annotated[tuple[Part, ...], Field(min_length=1)]
 
 
@@ -261,7 +265,7 @@ class Rule:
     """A comparison of settings that has to hold, "S_low < S_high", and what to do where it does not."""
 
     that: Annotated[str, Field(max_length=200)]
-    remedy: Words
+    remedy: Line
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
@@ -277,7 +281,7 @@ class Bound:
     name: Name | None = None
     below: Number | None = None
     above: Number | None = None
-    title: Words = ""
+    title: Line = ""
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
@@ -286,7 +290,7 @@ class Experiment:
 
     format: Literal[1]
     name: Name
-    title: Annotated[str, Field(min_length=1, max_length=100)]
+    title: Title
     description: Words = ""
     law: Name = "cascade"
     settings: Annotated[tuple[Declared, ...], Field(max_length=40)] = ()

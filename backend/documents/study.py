@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass as validated
 
-from backend.documents.experiment import Experiment, Name, Words
+from backend.documents.experiment import Experiment, Name, Title, Words
 from backend.documents.run_settings import Value
 
 FORMAT = 1
@@ -62,7 +62,7 @@ class Study:
 
     format: Literal[1]
     name: Name
-    title: Annotated[str, Field(min_length=1, max_length=100)]
+    title: Title
     description: Words = ""
     experiment: Annotated[str, Field(min_length=1, max_length=60)] = "tracking"
     written: Experiment | None = None

@@ -11,7 +11,7 @@ from backend.exports.bundle import recording_of, report_of
 from backend.exports.bundle_file import Bundle, opened
 from backend.exports.errors import ImportRefusedError
 from backend.exports.facts import Facts
-from backend.exports.taking_in import TakenIn, checked, number_of, run_of, same_run, store_run
+from backend.exports.taking_in import LookOver, TakenIn, accept, checked, number_of, run_of, same_run, store_run
 from backend.storage import Database, Session, identifications, origins, results
 from backend.storage.carried import (
     BANK,
@@ -34,10 +34,13 @@ Numbers = dict[tuple[str, int], int]
 """By kind and number there, the number here."""
 
 
-def take_in(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
+def take_in(
+    database: Database, file: Path, who: str, folder: Path, name: str = "", look_over: LookOver = accept
+) -> TakenIn:
     """Store the run of a bundle with all that it came from, of which nothing that is here already is stored again.
 
     ``folder`` has room for it unpacked, ``name`` is what the file is called where its own is another.
+    ``backend.archive.imports`` looks over what each run was set to.
 
     Raises ImportRefusedError, OSError.
     """
@@ -49,7 +52,7 @@ def take_in(database: Database, file: Path, who: str, folder: Path, name: str = 
         with database.session() as session:
             import_alone(session)
             for record in bundle.records:
-                new |= _take_in(session, record, numbers, recorded, origin)
+                new |= _take_in(session, record, numbers, recorded, origin, look_over)
             if (RUN, bundle.run) not in numbers:
                 raise ImportRefusedError(f"run {bundle.run}, which it is of, is not among its records")
             run_id = numbers[RUN, bundle.run]
@@ -86,6 +89,7 @@ def _take_in(
     numbers: Numbers,
     recorded: Mapping[int, tuple[Facts, Path]],
     origin: Origin,
+    look_over: LookOver,
 ) -> bool:
     """Store one record unless it is here; return whether something was. Raises ImportRefusedError with its name."""
     kind, was = record["kind"], record["number"]
@@ -97,7 +101,7 @@ def _take_in(
         here = same_run(session, document, facts) if kind == RUN else find_same(session, kind, document)
         new = here is None or (kind == RUN and not unconnected and connect(session, here, document))
         if here is None:
-            here = _store(session, kind, document, file)
+            here = _store(session, kind, document, file, look_over)
             told = Origin(kind, here, was, origin.file, origin.sha256, origin.who, record["carried"])
             origins.add(session, told)
     except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
@@ -106,10 +110,10 @@ def _take_in(
     return new
 
 
-def _store(session: Session, kind: str, document: Document, file: Path | None) -> int:
+def _store(session: Session, kind: str, document: Document, file: Path | None, look_over: LookOver) -> int:
     """Store a document, and see that what it says can be read. Raises ImportRefusedError, UnreadableDocumentError."""
     if kind == RUN:
-        return store_run(session, document, file)
+        return store_run(session, document, file, look_over)
     number = put(session, kind, document)
     if kind == RESULT:
         results.newest(session, document["run_id"])

@@ -11,6 +11,7 @@ import numpy as np
 from backend.exports.errors import ImportRefusedError
 from backend.exports.facts import Batch, Facts, read_facts
 from backend.exports.source import Export
+from backend.plain_text import as_cell, as_comment, as_json_cells
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -84,9 +85,10 @@ def heading_problem(file: Path, facts: Facts) -> str:
 
     A person reads units and meanings there. Raises OSError, UnicodeDecodeError.
     """
-    found, wanted = "".join(heading_lines(file)).splitlines(), _heading(facts).splitlines()[:-1]
+    found, wanted = [line.rstrip("\n") for line in heading_lines(file)], _heading(facts).split("\n")[:-2]
+    as_before = f"{_MARK}{facts.to_json()}"  # of a file from before cells were guarded
     for number, (line, due) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
-        if line != due:
+        if line not in (due, as_before if due.startswith(_MARK) else due):
             return f"line {number} is “{line[:_SHOWN]}” where “{due[:_SHOWN]}” belongs"
     return ""
 
@@ -106,6 +108,6 @@ def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
 
 
 def _heading(facts: Facts) -> str:
-    told = [f"# {facts.of}, Sinew {facts.software}; {facts.notation}"]
-    told += [f"# {column.name} [{column.unit}] {column.symbol}: {column.meaning}" for column in facts.columns]
-    return "\n".join([*told, f"{_MARK}{facts.to_json()}", ",".join(facts.names)]) + "\n"
+    told = [as_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
+    told += [as_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
+    return "\n".join([*told, f"{_MARK}{as_json_cells(facts.to_json())}", ",".join(map(as_cell, facts.names))]) + "\n"

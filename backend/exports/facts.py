@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from backend import __version__
 from backend.documents.digest import digest_of
 from backend.exports.errors import ImportRefusedError
-from backend.exports.strict_json import read_strict
+from backend.exports.strict_json import read_finite
 from backend.sample import FIELDS, STORED_NAMES
 
 FORMAT = 1
@@ -80,9 +80,9 @@ _FACTS: TypeAdapter[Facts] = TypeAdapter(Facts)
 
 
 def read_facts(text: str | bytes) -> Facts:
-    """Read what ``to_json`` wrote. Raises ImportRefusedError."""
+    """Read what ``to_json`` wrote, of an older run too, whatever its texts are. Raises ImportRefusedError."""
     try:
-        document = read_strict(text)
+        document = read_finite(text)
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
             raise ImportRefusedError(f"what it says of itself is not of format {FORMAT}: take the Sinew that wrote it")
         said = {name: part for name, part in document.items() if name != SEAL}

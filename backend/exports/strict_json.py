@@ -15,12 +15,17 @@ def read_strict(text: str | bytes) -> Any:
 
     Raises ValueError.
     """
+    document = read_finite(text)
+    require_texts(document)
+    return document
+
+
+def read_finite(text: str | bytes) -> Any:
+    """Return a document without nan, infinity and numbers out of all bounds. Raises ValueError."""
     try:
-        document = json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
-        _require_texts(document)
+        return json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    return document
 
 
 def _refuse(word: str) -> NoReturn:
@@ -40,11 +45,14 @@ def _whole(word: str) -> int:
     return int(word)
 
 
-def _require_texts(document: Any) -> None:
+def require_texts(document: Any) -> None:
     """Raise ValueError for texts that are not taken, also in JSON that stands in a text, as an experiment in a plan."""
-    require_plain_texts(document)
-    for inner in _inner_documents(document):
-        _require_texts(inner)
+    try:
+        require_plain_texts(document)
+        for inner in _inner_documents(document):
+            require_texts(inner)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def _inner_documents(document: Any) -> Iterator[Any]:
@@ -58,5 +66,5 @@ def _inner_documents(document: Any) -> Iterator[Any]:
         elif isinstance(part, str) and part.startswith(("{", "[")) and "\\" in part:
             try:
                 yield json.loads(part)
-            except ValueError:  # a text like any other
+            except (ValueError, RecursionError):  # a text like any other
                 continue

@@ -1,7 +1,7 @@
 """Own exports taken in as runs: looked through whole first, then stored in one transaction or not at all."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from backend.exports.facts import Batch, Facts, table_of
 from backend.exports.files import file_digest
 from backend.exports.formats import read
 from backend.exports.source import unbroken
+from backend.exports.strict_json import require_texts
 from backend.recording.codec import pack, summarise
 from backend.recording.digest import SamplesDigest, digest_of_recording
 from backend.recording.recorder import CHUNK_TICKS
@@ -22,6 +23,14 @@ from backend.storage.carried import RUN, find_same, import_alone, put, required
 from backend.storage.fit import UnfitDocumentError
 from backend.storage.origins import Origin
 from backend.storage.recordings import Chunk
+from backend.storage.runs import Run
+
+LookOver = Callable[[Run], None]
+"""Raises ImportRefusedError for a run that is not accepted, before its samples are stored."""
+
+
+def accept(_run: Run) -> None:
+    """Accept each run: that of a file of one's own, as a test has."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +42,13 @@ class TakenIn:
     new: bool
 
 
-def take_in(database: Database, file: Path, who: str, name: str = "") -> TakenIn:
+def take_in(database: Database, file: Path, who: str, name: str = "", look_over: LookOver = accept) -> TakenIn:
     """Store an exported run: with its samples, parameters and settings, but without its banks.
 
     These are not in the file: its origin keeps by which numbers it named them. ``name`` is what the file is called
-    where its own name is another. Raises ImportRefusedError, OSError.
+    where its own name is another. ``backend.archive.imports`` looks over what the run was set to.
+
+    Raises ImportRefusedError, OSError.
     """
     facts = checked(file)
     document, was = run_of(facts), number_of(facts)
@@ -48,7 +59,7 @@ def take_in(database: Database, file: Path, who: str, name: str = "") -> TakenIn
         if (here := same_run(session, document, facts)) is not None:
             return TakenIn(here, was, new=False)
         alone = {**document, "bank_id": None, "settings": without_bank(document["settings"])}
-        run_id = store_run(session, alone if named else document, file)
+        run_id = store_run(session, alone if named else document, file, look_over)
         origins.add(session, Origin(RUN, run_id, was, name or file.name, file_digest(file), who, carried))
     return TakenIn(run_id, was, new=True)
 
@@ -56,6 +67,10 @@ def take_in(database: Database, file: Path, who: str, name: str = "") -> TakenIn
 def checked(file: Path) -> Facts:
     """Read all of an export and return its facts. Raises ImportRefusedError where its samples are others than told."""
     facts, batches = read(file)
+    try:
+        require_texts(asdict(facts))
+    except ValueError as error:
+        raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
     require_told(facts, batches)
     return facts
 
@@ -107,11 +122,13 @@ def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None)
     return here
 
 
-def store_run(session: Session, document: Mapping[str, Any], file: Path | None) -> int:
+def store_run(session: Session, document: Mapping[str, Any], file: Path | None, look_over: LookOver = accept) -> int:
     """Store a run with the samples of an export that was ``checked``. Raises ImportRefusedError."""
     run_id = put(session, RUN, dict(document))
     try:
-        _ = runs.get(session, run_id).set_to
+        run = runs.get(session, run_id)
+        _ = run.set_to
+        look_over(run)
     except UnreadableDocumentError as error:
         raise ImportRefusedError(f"its run: {error}") from None
     if file is not None:

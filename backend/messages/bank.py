@@ -7,14 +7,16 @@ from pydantic import Field
 
 from backend.identification.result import Grade
 from backend.messages.base import Finite, RowNumber, Schema, quantity
+from backend.plain_text import ONE_LINE
 
-Text = Annotated[str, Field(max_length=100)]
+Text = Annotated[str, Field(max_length=100), ONE_LINE]
+BankName = Annotated[str, Field(min_length=1, max_length=60, description="name of the bank"), ONE_LINE]
 
 
 class BankRequest(Schema):
     """A new bank, or a new version of the bank of that name, from chosen identification runs."""
 
-    name: str = Field(min_length=1, max_length=60, description="name of the bank")
+    name: BankName
     identifications: list[RowNumber] = Field(min_length=1, max_length=20)
 
 
@@ -150,7 +152,7 @@ class BankFile(Schema):
 
     format: Text = "sinew-bank"
     version: RowNumber = 1
-    name: str = Field(min_length=1, max_length=60, description="name of the bank")
+    name: BankName
     exported_from: BankOrigin | None = None
     units: dict[Text, Text] = Field(default_factory=dict, max_length=20)
     entries: list[BankFileEntry] = Field(min_length=1, max_length=20)

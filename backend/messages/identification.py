@@ -12,6 +12,7 @@ from backend.identification.fit import Method
 from backend.identification.result import Grade
 from backend.messages.base import Finite, Schema, quantity
 from backend.messages.experiment import Metric, SettingValue, SettingView
+from backend.plain_text import ONE_LINE
 
 
 def _declared(plan: type[Any], name: str) -> Any:
@@ -200,7 +201,7 @@ class SpringView(Schema):
 class SpringTableRequest(Schema):
     """A spring measured elsewhere."""
 
-    name: str = Field(min_length=1, max_length=120, description="name of the file")
+    name: Annotated[str, ONE_LINE] = Field(min_length=1, max_length=120, description="name of the file")
     table: str = Field(
         max_length=400_000,
         description="table of the file; CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading",

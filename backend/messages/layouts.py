@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.messages.base import Schema, quantity
+from backend.plain_text import ONE_LINE
 from backend.refusal import Because, RefusalError
 from backend.sample import UNIT_OF
 
@@ -13,13 +14,13 @@ _NAME = "[A-Za-z][A-Za-z_]{0,19}"
 Drawn = Annotated[str, Field(max_length=43, pattern=f"^{_NAME}( - {_NAME})?$")]
 """A column of the sample, or a difference of two."""
 
-LayoutName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^\S(.*\S)?$")]
+LayoutName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^\S(.*\S)?$"), ONE_LINE]
 
 
 class ChartPanel(Schema):
     """One chart: signals of one unit over time, or over another signal."""
 
-    title: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^\S(.*\S)?$")]
+    title: LayoutName
     signals: list[Drawn] = Field(max_length=8, description="what is drawn, in this order")
     over: Drawn | None = Field(description="signal along the other axis; null for time")
     share: float = quantity("1", "height, as a multiple of that of a plain panel", ge=0.5, le=4.0)

@@ -80,6 +80,8 @@ def _read_number(given: object) -> float | None:
 
 def _said(kind: str, given: object, bounds: Mapping[str, Any], declared: _Declared, angles: Angles) -> str:
     """Return what is wrong and what is wanted; empty where nothing better is known than what pydantic says."""
+    if kind == "value_error":
+        return str(bounds["error"])
     if kind in _SENTENCES:
         return _SENTENCES[kind]
     if kind in ("literal_error", "enum", "union_tag_invalid"):

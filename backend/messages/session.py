@@ -2,11 +2,13 @@
 
 from datetime import datetime
 from enum import StrEnum
+from typing import Annotated
 
 from pydantic import Field
 
 from backend.loop.mode import Mode
 from backend.messages.base import Problem, Schema, quantity
+from backend.plain_text import ONE_LINE
 
 
 class Role(StrEnum):
@@ -20,7 +22,9 @@ class SignIn(Schema):
     """A token from the data folder, exchanged for a session cookie."""
 
     token: str = Field(min_length=1, max_length=200)
-    name: str = Field(default="", max_length=40, description="name shown to others; the role when left out")
+    name: Annotated[str, ONE_LINE] = Field(
+        default="", max_length=40, description="name shown to others; the role when left out"
+    )
 
 
 class Rotation(Schema):
@@ -38,7 +42,7 @@ class FreshTokens(Schema):
 class NameRequest(Schema):
     """What a person wants to be called."""
 
-    name: str = Field(
+    name: Annotated[str, ONE_LINE] = Field(
         min_length=1, max_length=40, description="a number is put behind it while somebody else of this name is here"
     )
 

@@ -1,9 +1,10 @@
 """A report as one HTML page: nothing loaded from elsewhere, readable on screen and on paper."""
 
+import html
 import re
-from html import escape
 from importlib import resources
 
+from backend.plain_text import as_lines
 from backend.reports.document import Block, Code, Figure, Paragraph, Report, Section, Table
 
 _SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)(?P<hat>_hat)?\b|·10\^(?P<power>−?\d+)"
@@ -11,6 +12,11 @@ _SYMBOLS = re.compile(_SYMBOL)
 _SIZES = 1, 2, 4, 8
 """How many times as large a figure can be looked at; ``report.css`` has a rule for each."""
 _SYMBOLS_AND_LETTERS = re.compile(_SYMBOL + r"|\b(?P<lone>[qSKTλ])\b")
+
+
+def escape(text: str) -> str:
+    """Return a text as HTML; what nobody sees, or what turns the text around, is written as an escape."""
+    return html.escape(as_lines(text))
 
 
 def to_html(report: Report) -> str:

@@ -3,10 +3,13 @@
 import json
 from dataclasses import asdict
 from importlib import resources
+from typing import Any
 
 import typst
 
+from backend.plain_text import as_lines
 from backend.reports.document import Block, Report
+from backend.reports.missing_letters import missing_letters, sentence, texts_of, with_boxes
 
 _LAYOUTS = (
     *((width, 2.6) for width in (1.0, 0.96, 0.92, 0.88, 0.84)),
@@ -40,7 +43,10 @@ def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
     for section, plain in zip(report.sections, document["sections"], strict=True):
         plain["blocks"] = [{"kind": _kind(block), **asdict(block)} for block in section.blocks]
     template = resources.files("backend.reports").joinpath("report.typ").read_bytes()
-    data = json.dumps(document)
+    document = escaped(document)
+    missing = missing_letters(texts_of(document))
+    missing_said = sentence(missing, "The report as a page (HTML) shows it.")
+    data = json.dumps(with_boxes(document, missing) | {"missing": missing_said})
     filled: dict[tuple[float, float], float] = {}
     for layout in _LAYOUTS:
         inputs = _inputs(data, *layout)
@@ -49,6 +55,15 @@ def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
         if filled[layout] >= _LEAST_FILLED:
             break
     return template, _inputs(data, *max(filled, key=lambda layout: filled[layout]))
+
+
+def escaped(document: Any) -> Any:
+    """Return a document with escapes for what nobody sees, or what turns the text around."""
+    if isinstance(document, dict):
+        return {name: part if name == "svg" else escaped(part) for name, part in document.items()}
+    if isinstance(document, list | tuple):
+        return [escaped(part) for part in document]
+    return as_lines(document) if isinstance(document, str) else document
 
 
 def fonts() -> typst.Fonts:

@@ -13,7 +13,9 @@ from importlib import resources
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
+from backend.plain_text import as_lines
 from backend.refusal import Because, RefusalError
+from backend.reports.missing_letters import missing_letters, sentence, with_boxes
 
 SVG = "http://www.w3.org/2000/svg"
 LONGEST_MM = 5000.0
@@ -70,6 +72,7 @@ class Sheet:
     width_mm: float
     height_mm: float
     title: str
+    letters: str
 
 
 def sheet_pdf(svg: str) -> bytes:
@@ -77,12 +80,18 @@ def sheet_pdf(svg: str) -> bytes:
     import typst  # takes its time to load
 
     sheet = read_sheet(svg)
+    missing = missing_letters([sheet.letters, sheet.title])
     template = resources.files("backend.reports").joinpath("sheet.typ").read_bytes()
     sizes = {"width": f"{sheet.width_mm}", "height": f"{sheet.height_mm}"}
     pdf: bytes = typst.compile(
         template,
         font_paths=typst.Fonts(include_system_fonts=False),
-        sys_inputs={"svg": sheet.svg, "title": sheet.title, **sizes},
+        sys_inputs={
+            "svg": with_boxes(sheet.svg, missing),
+            "title": with_boxes(sheet.title, missing),
+            "missing": sentence(missing, "The same sheet as SVG shows it."),
+            **sizes,
+        },
     )
     return pdf
 
@@ -109,6 +118,7 @@ class _Reading:
 
     parts: list[str] = field(default_factory=list)
     titles: list[str] = field(default_factory=list)
+    seen: list[str] = field(default_factory=list)
     open: list[str] = field(default_factory=list)
     elements: int = 0
     texts: int = 0
@@ -157,14 +167,16 @@ class _Reading:
             self.letters_in_all += len(letters)
             _require_few("letters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
             _require_few("letters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
-            self.parts.append(escape(letters))
+            seen = as_lines(letters)
+            self.parts.append(escape(seen))
+            self.seen.append(seen)
         elif self.open == ["svg", "title"]:
             self.letters_of_title += len(letters)
             _require_few("letters of the title", self.letters_of_title, MOST_OF_A_TITLE, "shorten it")
             self.titles.append(letters)
 
     def sheet(self) -> Sheet:
-        return Sheet("".join(self.parts), self.width_mm, self.height_mm, "".join(self.titles))
+        return Sheet("".join(self.parts), self.width_mm, self.height_mm, "".join(self.titles), "".join(self.seen))
 
     def _measure(self, attributes: dict[str, str]) -> None:
         missing = [key for key in ("xmlns", "width", "height", "viewBox") if key not in attributes]

@@ -9,6 +9,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from backend.documents.bank_entry import ENTRY, EntryModel
+from backend.plain_text import as_line
 from backend.storage.records import UnknownRecordError, require, to_record
 from backend.storage.schema import BankEntryRow, BankRow, Document
 from backend.storage.stations import station_of
@@ -84,7 +85,8 @@ def own(session: Session, bank_id: int) -> Bank:
 
 def newest_version(session: Session, bank: Bank) -> int:
     """Return the newest version of the bank of this name at the station that has it."""
-    of_name = (BankRow.name == bank.name, BankRow.station == bank.station)
+    name = select(BankRow.name).where(BankRow.id == bank.id).scalar_subquery()  # its own may be shown with escapes
+    of_name = (BankRow.name == name, BankRow.station == bank.station)
     return session.scalar(select(func.max(BankRow.version)).where(*of_name)) or bank.version
 
 
@@ -100,7 +102,7 @@ def _with_entries(session: Session, row: BankRow) -> Bank:
     query = select(BankEntryRow).where(BankEntryRow.bank_id == row.id).order_by(BankEntryRow.position)
     return Bank(
         id=row.id,
-        name=row.name,
+        name=as_line(row.name),
         version=row.version,
         note=row.note,
         who=row.who,

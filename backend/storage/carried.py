@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from backend.documents.run_banks import with_banks, without_bank
 from backend.storage import origins
-from backend.storage.fit import UnfitDocumentError, require_entry, require_fit, require_run, unfit
+from backend.storage.fit import UnfitDocumentError, require_entry, require_fit, require_lines, require_run, unfit
 from backend.storage.records import require
 from backend.storage.schema import (
     BankEntryRow,
@@ -64,6 +64,7 @@ def required(kind: str, document: Any) -> Document:
         raise UnfitDocumentError(f"a {kind} has the parts {', '.join(sorted(parts))}")
     for column in columns:
         require_fit(kind, column, document[column.name])
+    require_lines(document)
     if kind == RUN:
         require_run(dict(document))
     if kind == BANK:

@@ -9,6 +9,7 @@ from sqlalchemy.types import Integer
 
 from backend.documents.bank_entry import EntryModel
 from backend.documents.run_banks import LARGEST
+from backend.plain_text import PlainTextError, require_line
 from backend.storage.origins import BANKS, CALIBRATIONS
 from backend.storage.runs import EndState, RunKind
 from backend.storage.schema import Document, UtcDateTime
@@ -17,6 +18,10 @@ _OVER = [str(state) for state in EndState if state is not EndState.RUNNING]
 _LISTS = ("criteria",)
 """Columns of JSON that hold a list."""
 _MODELS = [name for name in EntryModel.__dataclass_fields__ if name != "version"]
+_LINES = ("name", "title", "label", "symbol", "unit", "kind", "who", "parameters_name", "plant", "software", "method")
+"""Parts of a document that are texts of one line, wherever they are."""
+_LARGEST_NUMBER = 1e12
+"""As of a bank that comes by a request."""
 _CALIBRATION = {"step": str, "fingerprint": str, "calibrations": list}
 
 
@@ -79,12 +84,34 @@ def require_run(document: Document) -> None:
         raise unfit("settings.loop.bank of a run", named, f"its bank_id, {bank}")
 
 
+def require_lines(document: Any) -> None:
+    """Raise UnfitDocumentError for a name, title, label, symbol or unit in a document that is no text of one line."""
+    parts = [document]
+    try:
+        while parts:
+            part = parts.pop()
+            if isinstance(part, Mapping):
+                for name, value in part.items():
+                    require_line(name)
+                    if name in _LINES and isinstance(value, str):
+                        require_line(value)
+                    parts.append(value)
+            elif isinstance(part, list):
+                parts.extend(part)
+    except PlainTextError as error:
+        raise UnfitDocumentError(f"{error}; make the file anew from the run") from None
+
+
 def require_entry(entry: Mapping[str, Any]) -> None:
     """Raise UnfitDocumentError for an entry of a bank that no loop could be made of."""
     if entry["S_nominal"] <= 0.0:
         raise unfit("S_nominal of a bank entry", entry["S_nominal"], "a stiffness above 0 N·m/rad")
     if not set(_MODELS) & set(entry["model"]):
         raise unfit("model of a bank entry", entry["model"], f"an object with {', '.join(_MODELS)}")
+    for name in set(_MODELS) & set(entry["model"]):
+        number = entry["model"][name]
+        if not isinstance(number, int | float) or isinstance(number, bool) or not 0.0 < number <= _LARGEST_NUMBER:
+            raise unfit(f"{name} of a bank entry", number, f"a number above 0, at most {_LARGEST_NUMBER:g}")
 
 
 def require_carried(carried: Mapping[str, Any], *, of_run: bool) -> None:

@@ -3,14 +3,15 @@
 import json
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.plain_text import as_line
 from backend.storage.runs import Run, RunKind
 
 
 def title_of(run: Run) -> str:
-    """Return what was run, in words; of an experiment that is data its own title."""
+    """Return what was run, in words on one line; of an experiment that is data its own title."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
-    return _written(run, "title") or "Experiment that cannot be read"
+    return as_line(_written(run, "title")) or "Experiment that cannot be read"
 
 
 def experiment_of(run: Run) -> str:

@@ -35,12 +35,15 @@ class Surroundings:
     bank_of: BankOf
 
 
-def read(written: str) -> tuple[Study, Lines]:
-    """Return the study that a text says, and the line of each of its parts. Raises ExperimentError."""
-    document, lines = text.document_of(written)
+def read(written: str, *, stored: bool = False) -> tuple[Study, Lines]:
+    """Return the study that a text says, and the line of each of its parts. Raises ExperimentError.
+
+    A ``stored`` text is read as it was accepted.
+    """
+    document, lines = text.document_of(written, stored=stored)
     if not isinstance(document, Mapping):
         raise ExperimentError("a study is a mapping with format, name, title and axes or spread", (), 1)
-    return text.in_form(STUDY, FORMAT, document, lines), lines
+    return text.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
 def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
@@ -64,7 +67,7 @@ def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
 
 def design_of(stored: StoredStudy) -> Design:
     """Return the points of a stored study. Raises UnreadableDocumentError, ExperimentError."""
-    return Design(read(stored.text)[0], BASE.read(stored.base, f"study {stored.id}"))
+    return Design(read(stored.text, stored=True)[0], BASE.read(stored.base, f"study {stored.id}"))
 
 
 def _entry(study: Study, lines: Lines, around: Surroundings) -> Entry:

@@ -20,6 +20,7 @@ from backend.messages.base import Finite
 from backend.messages.history import LONGEST_S, Lineage, Planned, ReplayRequest, RunMarks
 from backend.messages.run import NoteRequest, RunList, RunView, SamplesView
 from backend.messages.run_search import TagRequest
+from backend.plain_text import as_file_name
 from backend.storage.index_schema import TAG_MAX
 from backend.storage.run_query import LONGEST
 from backend.web_server.message_page import DOCUMENT_POLICY
@@ -191,7 +192,7 @@ def report(content: bytes, format: str, name: str = "") -> Response:
 
 def download(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
     """Return content, whole or piece by piece, to be saved under a name."""
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    headers = {"Content-Disposition": f'attachment; filename="{as_file_name(name)}"'}
     if isinstance(content, bytes):
         return Response(content, media_type=media_type, headers=headers)
     return StreamingResponse(content, media_type=media_type, headers=headers)

@@ -14,7 +14,7 @@ from backend.experiments.banks.bank_consistency import (
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
-from backend.plain_text import PlainTextError, require_plain
+from backend.plain_text import PlainTextError, require_line
 from backend.storage import Database, Session, banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification
@@ -72,7 +72,7 @@ def require_name(name: str) -> None:
     if not name.strip():
         raise BankError("a bank needs a name")
     try:
-        require_plain(name)
+        require_line(name)
     except PlainTextError as error:
         raise BankError(f"name of a bank: {error}") from None
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from backend.experiments.banks.bank_building import require_name
 from backend.experiments.banks.bank_consistency import MODEL_NAMES, BankError, NamedEntry, require_consistent
-from backend.plain_text import PlainTextError, require_plain_texts
+from backend.plain_text import PlainTextError, as_line, require_plain_texts
 from backend.storage import Database, banks
 from backend.storage.banks import Bank, BankEntry
 from plant.parameters import PlantParameters
@@ -33,8 +33,8 @@ def to_document(bank: Bank) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "name": bank.name,
-        "exported_from": {"bank": bank.id, "version": bank.version, "who": bank.who, "made": made},
+        "name": as_line(bank.name),
+        "exported_from": {"bank": bank.id, "version": bank.version, "who": as_line(bank.who), "made": made},
         "units": _UNITS,
         "entries": entries,
     }

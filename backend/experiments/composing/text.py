@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from backend.documents.experiment import EXPERIMENT, FORMAT, Experiment
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
-from backend.plain_text import PlainTextError, require_plain, require_plain_texts
+from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
 from backend.refusal import Path
 
 MAX_CHARACTERS = 100_000
@@ -48,20 +48,27 @@ _Loader.add_implicit_resolver(
 _PLAIN = "tag:yaml.org,2002:"
 
 
-def read(text: str) -> tuple[Experiment, Lines]:
-    """Return the experiment that a text says, and the line of each of its parts. Raises ExperimentError."""
-    document, lines = document_of(text)
-    return of_document(document, lines), lines
+def read(text: str, *, stored: bool = False) -> tuple[Experiment, Lines]:
+    """Return the experiment that a text says, and the line of each of its parts; ``stored`` as for ``document_of``.
+
+    Raises ExperimentError.
+    """
+    document, lines = document_of(text, stored=stored)
+    return of_document(document, lines, stored=stored), lines
 
 
-def document_of(text: str) -> tuple[Any, Lines]:
-    """Return what a text says as plain data, and the line of each of its parts. Raises ExperimentError."""
+def document_of(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
+    """Return what a text says as plain data, and the line of each of its parts. Raises ExperimentError.
+
+    A ``stored`` text is read as it was accepted: characters that are refused now are escapes in what is returned.
+    """
     if len(text) > MAX_CHARACTERS:
         raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are taken: shorten it")
     lines: dict[Path, int] = {}
     try:
         node = _Loader(text).get_single_node()
-        return None if node is None else _value(node, (), lines, 0), lines
+        document = None if node is None else _value(node, (), lines, 0, stored=stored)
+        return as_stored(document) if stored else document, lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
@@ -71,20 +78,22 @@ def document_of(text: str) -> tuple[Any, Lines]:
         raise ExperimentError(f"it is neither YAML nor JSON: {error}") from None
 
 
-def of_document(document: Any, lines: Lines) -> Experiment:
-    """Return the experiment that a document is. Raises ExperimentError naming the place."""
+def of_document(document: Any, lines: Lines, *, stored: bool = False) -> Experiment:
+    """Return the experiment that a document is; ``stored`` as for ``document_of``. Raises ExperimentError."""
     if not isinstance(document, Mapping):
         raise ExperimentError("an experiment is a mapping with format, name, title and phases", (), 1)
-    return in_form(EXPERIMENT, FORMAT, document, lines)
+    return in_form(EXPERIMENT, FORMAT, document, lines, stored=stored)
 
 
-def in_form(form: TypeAdapter[_T], known: int, document: Mapping[str, Any], lines: Lines) -> _T:
+def in_form(
+    form: TypeAdapter[_T], known: int, document: Mapping[str, Any], lines: Lines, *, stored: bool = False
+) -> _T:
     """Return what a document of the ``known`` format says. Raises ExperimentError naming the place."""
     if document.get("format") != known:
         why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
         raise ExperimentError(why, ("format",), line_of(("format",), lines))
     try:
-        return form.validate_json(json.dumps(document))
+        return form.validate_json(json.dumps(document), context=STORED if stored else None)
     except ValidationError as error:
         found = error.errors(include_url=False)
         # a word that is not known is what made another one missing
@@ -94,16 +103,13 @@ def in_form(form: TypeAdapter[_T], known: int, document: Mapping[str, Any], line
 
 
 def of_canonical(line: str) -> Experiment:
-    """Return the experiment that ``canonical`` has written. Raises ExperimentError."""
+    """Return the experiment that ``canonical`` has written and a run has kept. Raises ExperimentError."""
     try:
-        document = json.loads(line)
-        require_plain_texts(document)
-        return of_document(document, {})
+        return of_document(as_stored(json.loads(line)), {}, stored=True)
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
-        why = str(error) if isinstance(error, PlainTextError) else f"it is not JSON: {error}"
-        raise ExperimentError(why) from None
+        raise ExperimentError(f"it is not JSON: {error}") from None
 
 
 def canonical(experiment: Experiment) -> str:
@@ -111,7 +117,7 @@ def canonical(experiment: Experiment) -> str:
     return EXPERIMENT.dump_json(experiment, exclude_defaults=True).decode()
 
 
-def _value(node: Any, path: Path, lines: dict[Path, int], depth: int) -> Any:
+def _value(node: Any, path: Path, lines: dict[Path, int], depth: int, *, stored: bool) -> Any:
     line = node.start_mark.line + 1
     lines.setdefault(path, line)
     if depth > _DEEPEST:
@@ -119,23 +125,24 @@ def _value(node: Any, path: Path, lines: dict[Path, int], depth: int) -> Any:
     if isinstance(node, yaml.MappingNode) and node.tag == f"{_PLAIN}map":
         mapping: dict[str, Any] = {}
         for key_node, value_node in node.value:
-            key = _value(key_node, path, {}, depth + 1)
+            key = _value(key_node, path, {}, depth + 1, stored=stored)
             if not isinstance(key, str):
                 raise ExperimentError(f"the key {key!r} is not a text", path, key_node.start_mark.line + 1)
             if key in mapping:
                 raise ExperimentError("it is said twice", (*path, key), key_node.start_mark.line + 1)
             lines[*path, key] = key_node.start_mark.line + 1
-            mapping[key] = _value(value_node, (*path, key), lines, depth + 1)
+            mapping[key] = _value(value_node, (*path, key), lines, depth + 1, stored=stored)
         return mapping
     if isinstance(node, yaml.SequenceNode) and node.tag == f"{_PLAIN}seq":
-        return [_value(item, (*path, place), lines, depth + 1) for place, item in enumerate(node.value)]
+        return [_value(item, (*path, place), lines, depth + 1, stored=stored) for place, item in enumerate(node.value)]
     if not isinstance(node, yaml.ScalarNode):
         raise ExperimentError(f"the tag {node.tag} is not taken", path, line)
     match node.tag.removeprefix(_PLAIN):
         case "str":
             words = _with_pairs_joined(node.value)
             try:
-                require_plain(words)
+                if not stored:
+                    require_plain(words)
             except PlainTextError as error:
                 raise ExperimentError(str(error), path, line) from None
             return words
@@ -199,4 +206,5 @@ def _told(first: Any) -> str:
         return "a part says by `do` what it does"
     if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":
         return "it is missing"
-    return _WORDS.get(first["type"]) or str(first["msg"]).replace("Input should be", "it should be")
+    said = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
+    return _WORDS.get(first["type"]) or said

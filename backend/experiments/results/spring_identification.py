@@ -23,7 +23,7 @@ from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.decimals import DecimalMark
 from backend.identification.errors import DataFileError, FileFault, IdentificationError
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
-from backend.plain_text import PlainTextError, require_plain
+from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s
@@ -153,9 +153,9 @@ def from_table(
     ``header`` is the line that names the columns, ``decimal`` "point" or "comma"; both are found where they are not
     given. Raises IdentificationError.
     """
-    for what, words in (("name of the table", name), ("the table", text)):
+    for what, words, require in (("name of the table", name, require_line), ("the table", text, require_plain)):
         try:
-            require_plain(words.removeprefix("\ufeff"))
+            require(words.removeprefix("\ufeff"))
         except PlainTextError as error:
             raise IdentificationError(f"{what}: {error}") from None
     if "\ufffd" in text:

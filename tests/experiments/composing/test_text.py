@@ -12,6 +12,7 @@ from backend.documents.experiment import EXPERIMENT, Experiment, Hold, Section, 
 from backend.experiments.composing.ready_made import NAMES, text_of
 from backend.experiments.composing.refused import ExperimentError, in_words, line_of
 from backend.experiments.composing.text import MAX_CHARACTERS, canonical, of_canonical, of_document, read
+from backend.plain_text import as_line
 
 SMALL = """\
 # a comment
@@ -82,7 +83,11 @@ def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
     assert read(SMALL.replace("title: Small", f"title: {word}"))[0].title == word
 
 
-@given(st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), min_size=1, max_size=100))
+@given(
+    st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Cn", "Cs")), min_size=1, max_size=100).filter(
+        lambda title: as_line(title) == title and title.strip() != ""
+    )
+)
 def test_a_title_is_the_same_in_the_text_that_a_run_keeps(title: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=title)
     assert of_canonical(canonical(experiment)) == experiment

@@ -1,0 +1,170 @@
+"""Texts that a terminal, a spreadsheet or a reader would obey, stored by an earlier version, through all writers.
+
+Whatever prints or writes them gives them as escapes, and no cell of a CSV file is a formula.
+"""
+
+import csv
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from backend.archive.comparison_file import curves_file, table_file
+from backend.documents.result import Criterion, Figure, Metrics
+from backend.exports.formats import DataFormat, write_file
+from backend.exports.source import of_run
+from backend.messages.comparison import ComparisonAsked, DifferencesAsked
+from backend.plain_text import as_line
+from backend.reading import Angles
+from backend.reports.files import write_files
+from backend.storage import banks, experiments, open_database, results
+from backend.storage.banks import BankEntry
+from backend.storage.results import NewResult
+from backend.storage.runs import RunKind
+from tests.cli.conftest import Command
+from tests.exports.stored import NEW, noise, recorded
+
+EVIL = '=HYPERLINK("http://x"),+1;@SUM(1)\x1b]0;x\x07\x1b[2J\u202egpj\r\nrun 9: no\t\x9b31m'
+SYMBOL = "@SUM(1)\r\x1b[31m"
+OBEYED = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069]")
+FORMULA = ("=", "+", "-", "@")
+
+
+def written(value: float) -> dict[str, object]:
+    setting = {
+        "name": "gain",
+        "symbol": SYMBOL,
+        "unit": SYMBOL,
+        "meaning": EVIL,
+        "default": 1,
+        "minimum": 0,
+        "maximum": 9,
+    }
+    part = {"do": "hold", "duration_s": value}
+    return {
+        "format": 1,
+        "name": "evil",
+        "title": EVIL[:100],
+        "description": EVIL,
+        "settings": [setting],
+        "phases": [{"name": "a", "title": EVIL, "parts": [part]}],
+        "criteria": [{"figure": "peak_voltage_V", "below": 9, "title": EVIL}],
+    }
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[int], int]:
+    """A data folder, its runs and its bank."""
+    folder = tmp_path_factory.mktemp("evil")
+    database = open_database(folder)
+    made = []
+    with database.session() as session:
+        bank = banks.add(session, EVIL, [BankEntry(10.5, {"K_q": 0.5, "T_q": 0.1, "K_S": 9.0, "T_S": 0.1})], who=EVIL)
+        experiments.add(session, "evil", json.dumps(written(1.0)), EVIL)
+        for value in (1.0, 2.0):
+            declared = [{"name": SYMBOL, "symbol": SYMBOL, "unit": SYMBOL, "meaning": EVIL, "value": f"{EVIL}{value}"}]
+            settings = {"plan": {"experiment": json.dumps(written(value)), "gain": value}, "declared": declared}
+            new = replace(
+                NEW, kind=RunKind.EXPERIMENT, settings=settings, who=EVIL, note=EVIL, bank_id=bank.id, plant=EVIL[:40]
+            )
+            run = recorded(session, new, noise(1_200))
+            figure = Figure(SYMBOL, SYMBOL, EVIL, EVIL, value, EVIL)
+            criterion = Criterion(SYMBOL, EVIL, "<", 1.0, value, SYMBOL, True, EVIL)
+            measured = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(figure,), problem=EVIL)
+            results.add(session, NewResult(run, measured, (criterion,), EVIL[:40]))
+            made.append(run)
+    database.close()
+    return folder, made, bank.id
+
+
+def commands(made: list[int], bank: int) -> list[list[str]]:
+    one, other = map(str, made)
+    return [
+        ["runs", "list"],
+        ["runs", "list", "--json"],
+        ["runs", "show", one],
+        ["runs", "show", one, "--json"],
+        ["runs", "compare", one, other],
+        ["runs", "compare", one, other, "--json"],
+        ["runs", "history", "evil"],
+        ["runs", "lineage", one],
+        ["runs", "lineage", one, "--json"],
+        ["experiments", "list"],
+        ["experiments", "list", "--json"],
+        ["experiments", "show", "evil"],
+        ["experiments", "show", "evil", "--json"],
+        ["bank", "list"],
+        ["bank", "show", str(bank)],
+        ["bank", "show", str(bank), "--json"],
+        ["runs", "evaluate", one],
+        ["db", "check"],
+    ]
+
+
+def test_no_command_prints_what_a_terminal_obeys(stored: tuple[Path, list[int], int], command: Command) -> None:
+    folder, made, bank = stored
+    for words in commands(made, bank):
+        ended = command(*words, folder=folder)
+        printed = ended.stdout + ended.stderr
+        assert printed.strip(), words
+        assert OBEYED.search(printed) is None, (words, OBEYED.search(printed))
+        assert not re.search(r"^run 9: no", printed, re.MULTILINE), words
+        if "--json" in words:
+            json.loads(ended.stdout)
+    listed = command("experiments", "list", "--json", folder=folder).stdout
+    assert as_line(EVIL[:100]) in [one["title"] for one in json.loads(listed)]
+
+
+def cells(line: str) -> list[str]:
+    return [cell for cut in (",", ";") for cell in next(csv.reader([line], delimiter=cut))]
+
+
+def harmless(line: str) -> None:
+    assert OBEYED.search(line) is None, line
+    for cell in cells(line):
+        if cell.lstrip().startswith(FORMULA):
+            float(cell.rstrip("]}"))  # a number
+
+
+def test_no_cell_of_a_file_is_a_formula(stored: tuple[Path, list[int], int], tmp_path: Path) -> None:
+    folder, made, _ = stored
+    database = open_database(folder)
+    files = {
+        "table.csv": b"".join(table_file(database, ComparisonAsked(run=made))),
+        "curves.csv": b"".join(curves_file(database, DifferencesAsked(run=made))),
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    write_file(of_run(database, made[0]), DataFormat.CSV, tmp_path / "run.csv")
+    database.close()
+    for name in ("table.csv", "curves.csv", "run.csv"):
+        lines = (tmp_path / name).read_bytes().decode().split("\n")
+        for line in lines[:40]:
+            harmless(line)
+        comments = sum(line.startswith("#") for line in lines)
+        assert not any(line.startswith("#") for line in lines[comments:])
+        rows = pd.read_csv(tmp_path / name, skiprows=comments)
+        assert len(rows) == len(lines) - comments - 2
+    rows = pd.read_csv(tmp_path / "table.csv", comment="#")
+    assert {"setting", "metric"} == set(rows["what"])
+    assert any(str(value).startswith("'=HYPERLINK") for value in rows["value"])
+    assert f"'{as_line(SYMBOL)}" in set(rows["name"])
+
+
+def test_a_report_has_nothing_that_turns_the_text_around(
+    stored: tuple[Path, list[int], int], tmp_path: Path, command: Command
+) -> None:
+    folder, made, _ = stored
+    database = open_database(folder)
+    write_files(database, made[0], tmp_path, Angles.DEGREES)
+    database.close()
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    title = re.search(r"<h1[^>]*>(.*?)</h1>", page, re.DOTALL)
+    assert title is not None
+    assert OBEYED.search(title[1]) is None
+    assert OBEYED.search(re.sub(r"<template.*?</template>", "", page, flags=re.DOTALL)) is None
+    verified = command("report", "verify", str(tmp_path / "report.html"), folder=folder)
+    assert verified.returncode == 0, verified.stderr
