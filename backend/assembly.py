@@ -229,6 +229,7 @@ def assemble(
         replay=replay,
         texts=texts,
         sheets=ChartSheets(processes.sheets),
+        dry_runs=dry_runs,
         database=database,
         downloads=downloads,
         maintenance=Maintenance(database, settings.data, supervisor),

@@ -1,10 +1,14 @@
 """Who sends a request is known before anything of its body is taken; then the body is read, whole and in time."""
 
+from contextlib import ExitStack
+
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from backend.access.people import Person
 from backend.api.auth import signed_in
 from backend.api.errors import answer_to
+from backend.api.service import Service
 from backend.refusal import Because, RefusalError
 from backend.web_server.bodies import has_body, once_more, read_whole
 from backend.web_server.cookies import authentication_of, shown_by
@@ -21,8 +25,9 @@ CLOSED = ("/api/", "/scene", "/replay")
 class Admission:
     """ASGI middleware before the routes: nobody who is not signed in has a body or a websocket taken.
 
-    Whoever is signed in gets a place. A body is read here: refused are more than ``most_bytes`` whatever its head
-    said, and JSON that holds what cannot be written down again, half a character or the one of code 0.
+    Whoever is signed in gets a place; costly work has to find one of its own before its body is read. A body is read
+    here: refused are more than ``most_bytes`` whatever its head said, JSON of too many parts, and JSON that holds what
+    cannot be written down again, half a character or the one of code 0.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -34,34 +39,50 @@ class Admission:
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        try:
-            _show_in(connection)
-            if has_body(connection):
-                receive = once_more(await read_whole(receive, most_bytes(scope["path"])), receive)
-        except RefusalError as error:
-            await answer_to(error)(scope, receive, send)
-        except ClientDisconnect:
-            return
-        else:
-            await self._app(scope, receive, send)
+        with ExitStack() as stack:
+            try:
+                person = _show_in(connection)
+                _take_place(connection, person, stack)
+                if has_body(connection):
+                    receive = once_more(await read_whole(receive, most_bytes(scope["path"])), receive)
+            except RefusalError as error:
+                await answer_to(error)(scope, receive, send)
+            except ClientDisconnect:
+                return
+            else:
+                await self._app(scope, receive, send)
 
 
-def _show_in(connection: HTTPConnection) -> None:
-    """Give who is signed in a place. Raises RefusalError for who has to be, and for one websocket too many."""
+def _take_place(connection: HTTPConnection, person: Person | None, stack: ExitStack) -> None:
+    """Take the place of a costly work until ``stack`` ends. Raises RefusalError, before any of the body is read."""
+    scope = connection.scope
+    if person is None or scope["type"] != "http":
+        return
+    service: Service | None = getattr(connection.app.state, "service", None)
+    places = None if service is None else service.places_for(scope["method"], scope["path"])
+    if places is not None:
+        stack.enter_context(places.held(person))
+
+
+def _show_in(connection: HTTPConnection) -> Person | None:
+    """Give who is signed in a place, and return them.
+
+    Raises RefusalError for who has to be signed in, and for one websocket too many.
+    """
     scope = connection.scope
     is_socket = scope["type"] == "websocket"
     if not is_socket and (scope["path"] in OPEN or not scope["path"].startswith(CLOSED)):
-        return
+        return None
     person = authentication_of(connection).recognise(shown_by(connection))
     if person is None:
         if is_socket or has_body(connection):
             signed_in(connection)  # says what is to be done
-        return  # a route may still let in somebody whose session is over, to press STOP
+        return None  # a route may still let in somebody whose session is over, to press STOP
     state = scope.get("state", {})
     place: Place | None = state.get(PLACE)
     places: Places | None = state.get(ALL_PLACES)
     if places is None or place is None or places.recognise(place, person, is_socket=is_socket) or not is_socket:
-        return
+        return person
     raise RefusalError(
         Because.UNAVAILABLE,
         f"{person.name} has too many connections open: close other pages first",

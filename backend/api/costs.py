@@ -42,6 +42,11 @@ TEXT = Cost(
     processes.TEXTS,
     _places(text_work.PLACES, text_work.VIEWERS_PLACES, text_work.PLACES_EACH),
 )
+PREVIEW = Cost(
+    "the process for texts: one for operators, one for viewers",
+    processes.TEXTS,
+    _places(text_work.PREVIEWS, text_work.VIEWERS_PREVIEWS, text_work.PREVIEWS_EACH),
+)
 ORDERED_TEXT = Cost("the process for texts of operators", processes.TEXTS)
 DRY_RUN = Cost(
     "the process for dry runs", processes.DRY_RUNS, _places(dry_runs.PLACES, dry_runs.VIEWERS_PLACES, each=1)
@@ -103,13 +108,13 @@ COSTS: dict[str, Cost] = {
     "POST /api/tuning/trial/keep": ROWS,
     "GET /api/tuning/saved": FORMULAS,
     "PUT /api/tuning/saved": ROWS,
-    "GET /api/tuning/preview": FORMULAS,
-    "GET /api/tuning/motor": FORMULAS,
-    "GET /api/tuning/robust": FORMULAS,
-    "POST /api/identifications": FORMULAS,
+    "GET /api/tuning/preview": PREVIEW,
+    "GET /api/tuning/motor": PREVIEW,
+    "GET /api/tuning/robust": PREVIEW,
+    "POST /api/identifications": ORDERED_TEXT,
     "GET /api/identifications": ROWS,
     "PUT /api/identifications/pause": AT_HAND,
-    "POST /api/identifications/prediction": FORMULAS,
+    "POST /api/identifications/prediction": PREVIEW,
     "GET /api/identification-kinds": AT_HAND,
     "GET /api/identifications/{id}": ROWS,
     "GET /api/identifications/{id}/curves": ROWS,

@@ -28,12 +28,15 @@ from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
 from backend.operating.chart_sheets import ChartSheets
+from backend.operating.dry_runs import DryRuns
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
+from backend.operating.work_places import WorkPlaces
 from backend.storage import Database
+from backend.web_server.guard import SHEETS
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 
@@ -62,11 +65,25 @@ class Service:
     replay: Replay
     texts: TextWork
     sheets: ChartSheets
+    dry_runs: DryRuns
     database: Database
     downloads: Downloads
     maintenance: Maintenance
     retention: Retention
     studies: StudiesUnderWay
+
+    def places_for(self, method: str, path: str) -> WorkPlaces | None:
+        """Return where a request takes its place before its body is read; None for one that needs none."""
+        if method != "POST":
+            return None
+        return {
+            SHEETS: self.sheets.places,
+            "/api/experiments/check": self.texts.places,
+            "/api/experiments/own": self.texts.places,
+            "/api/spring-tables": self.texts.places,
+            "/api/identifications/prediction": self.texts.previews,
+            "/api/experiments/dry-run": self.dry_runs.places,
+        }.get(path)
 
 
 def service_of(connection: HTTPConnection) -> Service:

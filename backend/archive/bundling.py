@@ -3,17 +3,27 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from backend.archive.imports import look_over
 from backend.experiments.results.again import catch_up
 from backend.exports import bundle
+from backend.exports.errors import ExportError, ImportRefusedError
 from backend.reports.rendering import render
 from backend.reports.source import load_source
-from backend.storage import Database, results
+from backend.storage import Database, results, runs
 from backend.storage.runs import EndState, RunKind
 
 
 def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[bytes]:
-    """Return the bundle of a run, piece by piece; sessions have no report. Raises UnknownRecordError, ExportError."""
+    """Return the bundle of a run, piece by piece; sessions have no report.
+
+    Raises UnknownRecordError, and ExportError for what no installation would take in.
+    """
     with database.reading() as session:
+        run = runs.get(session, run_id)
+        try:
+            look_over(run)
+        except ImportRefusedError as error:
+            raise ExportError(f"run {run_id}: {error}") from None
         kept = results.newest_report(session, run_id, "html")
     report = None if kept is None else kept.content
     if report is None:

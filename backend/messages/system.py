@@ -1,8 +1,9 @@
 """How the machine, the loop's timing, the disk and the database do; backups."""
 
 from datetime import datetime
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import FailFast, Field
 
 from backend.messages.base import RowNumber, Schema, quantity
 
@@ -82,4 +83,4 @@ class RecordingsView(Schema):
 class RemovalRequest(Schema):
     """The runs whose samples are to be deleted, each of them on the list as it is now."""
 
-    runs: list[RowNumber] = Field(min_length=1, max_length=10_000)
+    runs: Annotated[list[RowNumber], FailFast()] = Field(min_length=1, max_length=10_000)

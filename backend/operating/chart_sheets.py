@@ -16,9 +16,9 @@ class ChartSheets:
 
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
-        self._places = WorkPlaces("a sheet of charts", "sheets of charts", PLACES, VIEWERS_PLACES, PLACES_EACH)
+        self.places = WorkPlaces("a sheet of charts", "sheets of charts", PLACES, VIEWERS_PLACES, PLACES_EACH)
 
     async def pdf(self, svg: str, person: Person, has_left: HasLeft) -> bytes:
         """Return a sheet as PDF. Raises RefusalError for what is no sheet or finds no place, WorkLimitError."""
-        with self._places.held(person):
+        with self.places.held(person):
             return await unless_left(self._offload.run(sheet_pdf, svg), has_left)

@@ -43,7 +43,7 @@ class DryRuns:
 
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
-        self._places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
+        self.places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
 
     def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
@@ -64,7 +64,7 @@ class DryRuns:
         duration_s = order.plan.program().duration_s
         remedy = "play it with `sinew experiment` on the command line"
         require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
-        with self._places.held(person):
+        with self.places.held(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             try:
                 played = await unless_left(

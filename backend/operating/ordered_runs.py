@@ -36,7 +36,7 @@ from backend.operating.pause import Pause, not_begun
 from backend.operating.results_under_way import ResultsUnderWay
 from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
-from backend.operating.text_work import TextWork
+from backend.operating.text_work import Compute, TextWork
 from backend.operating.tuning_in_use import Chosen
 from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage import Database
@@ -175,14 +175,17 @@ class OrderedRuns:
             parameters = self._station.parameters
             loop, bank = self._loop_settings(), self._actuator.present.tuning.bank
             start = start_from(self._station.loop.ring.newest())
-            told = await asyncio.to_thread(forecast, plans, parameters, start, loop.lam_motor)
+            told = await self._texts.order(forecast, plans, parameters, start, loop.lam_motor)
             told.require_within_range(parameters)
             return await self._start(bank, *(Order(plan, loop, who) for plan in plans))
 
-    async def predict_identification(self, request: IdentificationRequest) -> Prediction:
+    async def predict_identification(
+        self, request: IdentificationRequest, compute: Compute = asyncio.to_thread
+    ) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
         tuning, start = self._actuator.present.tuning, start_from(self._station.loop.ring.newest())
-        return await asyncio.to_thread(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
+        told: Prediction = await compute(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
+        return told
 
     def is_evaluating(self, run_id: int) -> bool:
         """Whether the result of a run is being computed."""

@@ -8,7 +8,6 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
-from functools import partial
 
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.access import LoopDiedError
@@ -26,10 +25,13 @@ from backend.messages.tuning import (
     TuningRequest,
     TuningView,
 )
+from backend.operating import tuning_previews
 from backend.operating.journal import Journal
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.present_state import PresentState
+from backend.operating.text_work import Compute
 from backend.operating.tuning_in_use import TuningInUse
+from backend.operating.tuning_previews import AskedTuning
 from backend.operating.tuning_trial import Trial
 from backend.refusal import Because, RefusalError, require_within
 from backend.storage.banks import Bank
@@ -163,6 +165,7 @@ class Retuning:
         u_plan: float | None = None,
         k_ext: float | None = None,
         printed: bool = False,
+        compute: Compute = asyncio.to_thread,
     ) -> TuningPreview:
         """Predict what λ, a motion, its limit [V] and a share of pushes would do at S [N·m/rad]; None: as now.
 
@@ -172,26 +175,20 @@ class Retuning:
         if S is None:
             S = min(max(present.references.S_ref, bounds.S_min), bounds.S_max)
         require_within("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
-        computed = partial(
-            present.tuning.preview,
-            lam_q,
-            lam_S,
-            S,
-            present.entry,
-            motion=motion,
-            u_plan=u_plan,
-            k_ext=k_ext,
-            printed=printed,
-        )
-        return await asyncio.to_thread(computed)
+        asked = AskedTuning.of(present.tuning)
+        wanted = lam_q, lam_S, S, present.entry, motion, u_plan, k_ext, printed
+        previewed: TuningPreview = await compute(tuning_previews.preview, asked, *wanted)
+        return previewed
 
-    async def motor(self, lam_motor: float) -> MotorPreview:
+    async def motor(self, lam_motor: float, compute: Compute = asyncio.to_thread) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""
-        return await asyncio.to_thread(self._present.tuning.motor, lam_motor)
+        found: MotorPreview = await compute(tuning_previews.motor, AskedTuning.of(self._present.tuning), lam_motor)
+        return found
 
-    async def robust(self, M_s: float) -> RobustTuning:
+    async def robust(self, M_s: float, compute: Compute = asyncio.to_thread) -> RobustTuning:
         """Find the λ of each loop for a wanted M_s."""
-        return await asyncio.to_thread(self._present.tuning.robust, M_s)
+        found: RobustTuning = await compute(tuning_previews.robust, AskedTuning.of(self._present.tuning), M_s)
+        return found
 
     async def _change(
         self, request: TuningRequest, who: str, put: Callable[[TuningInUse], Awaitable[int]]

@@ -109,6 +109,7 @@ class Previewer:
     """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only.
 
     ``b`` counts where the range ends by the voltage: a reference that is felt at once takes more of it.
+    ``ranges``: the smallest lam_q and lam_S [s] of each point, where they are known.
     Raises OutOfRangeError for a ``lam_motor`` [s] that is not offered.
     """
 
@@ -119,6 +120,7 @@ class Previewer:
         motor: MotorModel | None = None,
         lam_motor: float = Lambdas().lam_motor,
         b: float = 0.0,
+        ranges: Sequence[tuple[float, ...]] | None = None,
     ) -> None:
         self._parameters = parameters
         self._motor = motor
@@ -127,7 +129,7 @@ class Previewer:
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
         self._lam_motor, self._b = lam_motor, b
         self._models_at = lru_cache(_STIFFNESSES_KEPT)(self._new_models)
-        self._ranges = [
+        self.ranges = ranges or [
             remembered(("outer ranges", parameters, motor, point, lam_motor, b), 2, partial(self._safe_ranges, entry))
             for entry, point in enumerate(self.points)
         ]
@@ -156,7 +158,7 @@ class Previewer:
 
     def safe_range(self) -> tuple[float, float]:
         """Smallest lam_q and lam_S [s] that are robust and leave the voltage unclipped at every point of the bank."""
-        return max(q for q, _ in self._ranges), max(S for _, S in self._ranges)
+        return max(q for q, _ in self.ranges), max(S for _, S in self.ranges)
 
     def motor_range(self) -> tuple[float, float]:
         """Smallest and largest lam_motor [s] that are offered for both motors. Raises TuningError."""

@@ -30,9 +30,13 @@ async def pause(body: told.PauseRequest, service: ServiceInUse, _person: InContr
 
 
 @router.post("/identifications/prediction")
-async def predict(body: told.IdentificationRequest, service: ServiceInUse, _person: SignedIn) -> told.Prediction:
+async def predict(
+    request: Request, body: told.IdentificationRequest, service: ServiceInUse, person: SignedIn
+) -> told.Prediction:
     """Tell what joint motion a run would cause, before it starts."""
-    return await service.ordered_runs.predict_identification(body)
+    return await service.ordered_runs.predict_identification(
+        body, service.texts.previewing(person, request.is_disconnected)
+    )
 
 
 @router.get("/identifications")

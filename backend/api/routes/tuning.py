@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, ServiceInUse
@@ -85,8 +85,9 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
 
 @router.get("/preview")
 async def preview_tuning(
+    request: Request,
     service: ServiceInUse,
-    _person: SignedIn,
+    person: SignedIn,
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
     S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: of the present reference")] = None,
@@ -99,25 +100,34 @@ async def preview_tuning(
 ) -> TuningPreview:
     """Predict M_s, margins, a step of each reference and the recovery from a push, at one stiffness."""
     return await service.actuator.retuning.preview(
-        lam_q, lam_S, S, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed
+        lam_q,
+        lam_S,
+        S,
+        motion=motion,
+        u_plan=u_plan,
+        k_ext=k_ext,
+        printed=printed,
+        compute=service.texts.previewing(person, request.is_disconnected),
     )
 
 
 @router.get("/motor")
 async def motor_margins(
+    request: Request,
     service: ServiceInUse,
-    _person: SignedIn,
+    person: SignedIn,
     lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
 ) -> MotorPreview:
     """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
-    return await service.actuator.retuning.motor(lam_motor)
+    return await service.actuator.retuning.motor(lam_motor, service.texts.previewing(person, request.is_disconnected))
 
 
 @router.get("/robust")
 async def robust_tuning(
+    request: Request,
     service: ServiceInUse,
-    _person: SignedIn,
+    person: SignedIn,
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
     """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
-    return await service.actuator.retuning.robust(M_s)
+    return await service.actuator.retuning.robust(M_s, service.texts.previewing(person, request.is_disconnected))
