@@ -8,6 +8,7 @@ import fcntl
 import hashlib
 import logging
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
@@ -45,6 +46,8 @@ _COMPILED_SOURCES = (
 
 FALLBACK = "SINEW_CACHE_FALLBACK"
 """Variable that names a folder for machine code where no usual one can be written; a command puts its data folder."""
+PREPARED = "SINEW_CACHE_PREPARED"
+"""Variable that names a folder with what was compiled when an image was built: copied where nothing is compiled yet."""
 _IN_MEMORY = "SINEW_CACHE_IN_MEMORY"
 """Variable that tells further processes that no folder can be written: only the first says so."""
 
@@ -59,6 +62,7 @@ def _cache_folder() -> Path | None:
     for place in (*usual, *further):
         folder = place / name
         if _can_be_used(folder):
+            _copy_what_is_prepared(folder)
             if place != next(iter(usual), None):
                 os.environ["NUMBA_CACHE_DIR"] = str(place)  # further processes look there first, and say nothing
                 _log.warning("%s cannot be used: compiled code is kept in %s", named, folder)
@@ -67,6 +71,21 @@ def _cache_folder() -> Path | None:
         os.environ[_IN_MEMORY] = "1"
         _log.warning("no folder for compiled code can be used: each start compiles anew; name one by NUMBA_CACHE_DIR")
     return None
+
+
+def _copy_what_is_prepared(folder: Path) -> None:
+    """Copy what an image has compiled into a folder without machine code, and the figures that go with it.
+
+    What cannot be read is compiled anew, as is what was compiled for another processor.
+    """
+    prepared = os.environ.get(PREPARED)
+    if not prepared or any(folder.iterdir()):
+        return
+    with suppress(OSError, shutil.Error):
+        shutil.copytree(Path(prepared) / folder.name, folder, dirs_exist_ok=True)
+        for figures in Path(prepared).glob("figures-*.json"):
+            if not (folder.parent / figures.name).exists():
+                shutil.copyfile(figures, folder.parent / figures.name)
 
 
 def _usual_places() -> Iterator[Path]:

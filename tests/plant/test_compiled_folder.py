@@ -159,3 +159,20 @@ def test_an_account_without_name_and_home_is_recorded_by_its_number(open_folder:
 def test_an_account_without_name_and_home_plays_an_experiment(open_folder: Path) -> None:
     words = ["experiment", "sequence", "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.0, "S_ref": 10}]']
     assert "completed" in by_stranger(open_folder, *words)
+
+
+HITS = SHOWS + "\nprint(sum(more.stats.cache_hits.values()), sum(more.stats.cache_misses.values()))\n"
+
+
+def test_what_an_image_has_compiled_is_copied_and_not_compiled_again(program: Path, open_folder: Path) -> None:
+    program.write_text(HITS)
+    (folder, first), said = kept_in(program, XDG_CACHE_HOME=open_folder / "image")
+    assert (first, said) == ("0 1", [])
+    prepared = Path(folder).parent
+    (prepared / "figures-1.json").write_text("{}")
+    (copied, second), said = kept_in(program, XDG_CACHE_HOME=open_folder / "volume", SINEW_CACHE_PREPARED=prepared)
+    assert (second, said) == ("1 0", [])
+    assert Path(copied).parent == open_folder / "volume" / "sinew"
+    assert (Path(copied).parent / "figures-1.json").read_text() == "{}"
+    _, third = kept_in(program, XDG_CACHE_HOME=open_folder / "other", SINEW_CACHE_PREPARED=open_folder / "nowhere")[0]
+    assert third == "0 1"
