@@ -8,10 +8,11 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import FastAPI, Request, Response, WebSocket
+from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 
 from backend.public_url import PublicUrl, read_networks, read_public_url
-from backend.web_server import cookies
+from backend.web_server import cookies, deployment
 from backend.web_server.guard import Guard
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from
@@ -230,6 +231,31 @@ def test_a_person_at_a_browser_reads_a_refusal_as_a_page() -> None:
     assert "--public-url" in answer.text
     nasty = ask(None, host="a<script>", accept="text/html")
     assert "<script>" not in nasty.text
+
+
+@pytest.mark.parametrize(
+    ("page", "public", "peer", "headers", "found"),
+    [
+        ("http://127.0.0.1:8000/", None, PROXY, {}, []),
+        ("http://rig.lab:8080/index.html", None, PROXY, {}, []),
+        ("https://rig.lab/", None, PROXY, {}, ["no_public_url"]),
+        ("http://rig.lab/sinew/", None, PROXY, {}, ["no_public_url"]),
+        ("https://rig.lab/sinew/", SECURE, PROXY, {"X-Forwarded-For": BROWSER}, []),
+        ("http://127.0.0.1:8000/", SECURE, PROXY, {}, []),
+        ("https://rig.lab/", SECURE, PROXY, {}, ["other_prefix"]),
+        ("https://rig.lab/sinew2/", SECURE, PROXY, {}, ["other_prefix"]),
+        ("https://rig.lab/sinew/", SECURE, STRANGER, {"X-Forwarded-For": BROWSER}, ["untrusted_proxy"]),
+        ("https://rig.lab/sinew/", SECURE, STRANGER, {}, []),
+        ("nonsense", SECURE, PROXY, {}, []),
+    ],
+)
+def test_what_is_wrong_with_the_way_of_a_page_is_found(
+    page: str, public: PublicUrl | None, peer: str, headers: dict[str, str], found: list[str]
+) -> None:
+    problems = deployment.findings(page, public, Headers(headers), peer)
+    assert [problem.code for problem in problems] == found
+    for problem in problems:
+        assert ("--public-url" in problem.message) != ("--trusted-proxy" in problem.message)
 
 
 COOKIES = "; ".join(f"other{number}={'x' * 3000}" for number in range(7))

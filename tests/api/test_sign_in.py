@@ -16,7 +16,7 @@ def test_the_link_gives_a_cookie_and_an_address_without_the_token(service: Servi
     with httpx.Client(base_url=service.url) as browser:
         answer = browser.get(service.link)
         assert answer.status_code == 303
-        assert answer.headers["location"] == "/"
+        assert answer.headers["location"] == "./"
         cookie = answer.headers["set-cookie"]
         assert "HttpOnly" in cookie
         assert "SameSite=strict" in cookie
