@@ -144,7 +144,7 @@ def assemble(
     journal.on_mark(live.announce)
     actuator.on_change(live.state_changed)
     keep(LIVE, live.run)
-    watch = FolderWatch((folder.problem, soundness.displaced), actuator.changed)
+    watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
     keep(FOLDER, watch.run)
     soundness.start()
 

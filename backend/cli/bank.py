@@ -36,7 +36,10 @@ def list_banks(data: DataFolder = None, station: StationName = None, as_json: As
     """List all versions of all banks, newest first."""
     from backend.storage import banks
 
-    with database_of(settings_with(data=data, station=station)) as database, database.reading() as session:
+    with (
+        database_of(settings_with(data=data, station=station), reading=True) as database,
+        database.reading() as session,
+    ):
         found = banks.find(session)
     if as_json:
         print_json([asdict(bank) for bank in found])
@@ -56,7 +59,10 @@ def show(
     from backend.storage import banks, identifications
     from backend.storage.bank_entry import fits_in
 
-    with database_of(settings_with(data=data, station=station)) as database, database.reading() as session:
+    with (
+        database_of(settings_with(data=data, station=station), reading=True) as database,
+        database.reading() as session,
+    ):
         found = banks.get(session, bank)
         _print(found, identifications.runs_of(session), fits_in(session, found), as_json=as_json)
 
@@ -114,7 +120,7 @@ def diff(
         fail("give either a second bank or --with identifications", status=2)
     lambdas = from_values(LoopSettings, values_of(values or [])).lambdas
     settings = settings_with(data=data, params=params, station=station)
-    with database_of(settings) as database, database.reading() as session:
+    with database_of(settings, reading=True) as database, database.reading() as session:
         old = banks.get(session, before).entries
         if after is None:
             new = with_entries(old, [entry_of(identifications.of_run(session, run_id)) for run_id in again or ()])
@@ -139,7 +145,10 @@ def export(
     from backend.experiments.banks.bank_files import to_document
     from backend.storage import banks
 
-    with database_of(settings_with(data=data, station=station)) as database, database.reading() as session:
+    with (
+        database_of(settings_with(data=data, station=station), reading=True) as database,
+        database.reading() as session,
+    ):
         document = to_document(banks.get(session, bank))
     file.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     out.print(f"wrote {file}", highlight=False, markup=False)

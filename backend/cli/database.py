@@ -1,13 +1,16 @@
 """``sinew db``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from backend.cli.output import AsJson, fail, out, print_json
 from backend.cli.place import DataFolder, database_of, settings_with
 from backend.cli.recordings import recordings
+
+if TYPE_CHECKING:
+    from backend.settings import Settings
 
 app = typer.Typer(
     help="The database: bring it up to date, copy it, check it.", no_args_is_help=True, rich_markup_mode=None
@@ -60,8 +63,26 @@ def restore(
     if settings.database_url is not None:
         raise BackupError("a database given by SINEW_DATABASE_URL is restored with its own tools")
     with only_service_on(settings.data):
-        bring_back(file, settings.data / FILE_NAME)
+        target = (settings.data / FILE_NAME).resolve()
+        if target.exists() and (by := _claimed_by(settings)):
+            raise BackupError(f"{by} works on {target}, from another folder: end it first; nothing was changed")
+        bring_back(file, target)
     out.print(f"restored {file}", highlight=False, markup=False)
+
+
+def _claimed_by(settings: "Settings") -> str:
+    """Say which service works on the database; "" where none does, or where the file cannot be read."""
+    from backend.storage import StorageError
+    from backend.storage.claims import claimed_by
+    from backend.storage.database import connect, sqlite_url
+
+    engine = connect(sqlite_url(settings.data))
+    try:
+        return claimed_by(engine)
+    except StorageError:
+        return ""
+    finally:
+        engine.dispose()
 
 
 @app.command("name-station")
@@ -72,18 +93,21 @@ def name_station(
     """Give all that a database without stations holds to one; refused while a service works on it."""
     from backend.data_folder import only_service_on
     from backend.station import require_station_name
+    from backend.storage.claims import HeldClaim
     from backend.storage.station_names import give_all
     from backend.storage.stations import HeldStation
 
     if not require_station_name(station):
         fail("say what the station is to be called", status=2)
     settings = settings_with(data=data, station="")
-    with only_service_on(settings.data), database_of(settings) as database:
+    with only_service_on(settings.data), database_of(settings, held=True) as database:
         held = HeldStation(database.engine, "")
+        claim = HeldClaim(database.engine, "")
         try:
             with database.session() as session:
                 given = give_all(session, station)
         finally:
+            claim.let_go()
             held.let_go()
     with database_of(settings):  # what runs are searched by is renewed
         out.print(f"{given} runs are of station {station} now; start its service with --station {station}")
@@ -98,7 +122,7 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
     from backend.recording.soundness import Checked, check_recordings
     from backend.storage.maintenance import check as problems_of
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data), reading=True) as database:
         problems = problems_of(database.engine)
         # what a damaged file still gives of its samples says nothing
         checked = Checked(0, (), ()) if problems else check_recordings(database)

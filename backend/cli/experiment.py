@@ -90,7 +90,7 @@ def entry_of(name: str, settings: Settings) -> "Entry":
         return catalogue.entry_of(*text.read(text_in(Path(name))))
     if name in catalogue.experiments():
         return catalogue.experiment(name)
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         return OwnExperiments(database).entry(name)
 
 

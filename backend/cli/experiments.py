@@ -32,7 +32,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
     """List all experiments that can be run, own ones in their newest version."""
     from backend.archive.own_experiments import OwnExperiments
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data), reading=True) as database:
         found = OwnExperiments(database).all()
     rows = [(entry.name, entry.title, f"{entry.usual.program().duration_s:.6g}") for entry in found]
     if as_json:
@@ -61,7 +61,7 @@ def text(name: Name, data: DataFolder = None) -> None:
     """Print the text of an experiment, to keep it elsewhere or to begin an own one with."""
     from backend.archive.own_experiments import OwnExperiments
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data), reading=True) as database:
         written = OwnExperiments(database).written(name).text
     print(as_lines(written) if sys.stdout.isatty() else written, end="")
 
@@ -73,7 +73,7 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
 
     settings = settings_with(params=params, data=data)
     tuning = _tuning(settings)
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         parameters = parameters_in_force(settings, database)
         looked_over = OwnExperiments(database).checked(text_in(file), parameters, tuning)
         peaks = _peaks(database, looked_over, parameters, tuning)

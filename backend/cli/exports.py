@@ -25,7 +25,7 @@ def export(
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
         fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         try:
             write_file(of_run(database, run), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
@@ -81,7 +81,7 @@ def bundle(
     from backend.storage.records import UnknownRecordError
 
     settings = settings_with(data=data, station=station)
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         try:
             write_whole(bundle_pieces(database, run, settings.data), file)
         except (UnknownRecordError, ExportError) as error:

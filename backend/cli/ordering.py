@@ -91,7 +91,7 @@ def in_force(settings: Settings) -> Standing:
     from backend.refusal import OutOfRangeError
 
     _figures().restore()
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         parameters = parameters_in_force(settings, database)
         try:
             kept = kept_choice.newest(database, parameters)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,16 +57,61 @@ def settings_with(**chosen: object) -> Settings:
 
 
 @contextmanager
-def database_of(settings: Settings) -> "Iterator[Database]":
-    """Open the database, migrated to the newest schema, for the block."""
-    from backend.storage import open_database
+def database_of(settings: Settings, *, reading: bool = False, held: bool = False) -> "Iterator[Database]":
+    """Open the database for the block, to write, or only for ``reading``; ``held`` says that the folder is ours.
 
-    database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
+    A writer migrates a database of an earlier schema, unless a service works on it. A reader never does: it reads the
+    database as it is, where it can. Raises SchemaError.
+    """
+    from backend.storage import open_database
+    from backend.storage.migrate import OutdatedError, is_outdated
+
+    _complete_restore(settings, held=held)
+    where = settings.data, settings.database_url, settings.database_password(), settings.station
     try:
-        _close_interrupted(settings, database)
+        database = open_database(*where, outdated="read" if reading else "refuse")
+    except OutdatedError:
+        if reading:
+            raise
+        database = _migrated(settings, held=held)
+    try:
+        if not (reading and is_outdated(database.engine)):
+            _close_interrupted(settings, database)
         yield database
     finally:
         database.close()
+
+
+def _complete_restore(settings: Settings, *, held: bool) -> None:
+    """Complete or take back a restore that was killed, unless somebody works in the folder; say so."""
+    from backend.cli.output import errors
+    from backend.data_folder import held_by_nobody
+    from backend.storage.database import database_file
+    from backend.storage.maintenance import is_cut_short, recover
+
+    file = database_file(settings.data, settings.database_url)
+    if file is None or not is_cut_short(file):
+        return
+    with nullcontext(True) if held else held_by_nobody(settings.data) as free:
+        for sentence in recover(file) if free else []:
+            errors.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
+def _migrated(settings: Settings, *, held: bool) -> "Database":
+    """Migrate the database and open it, unless somebody works in its folder: that may be a service of before claims."""
+    from backend.data_folder import held_by_nobody
+    from backend.storage import open_database
+    from backend.storage.migrate import SchemaError
+
+    with nullcontext(True) if held or settings.database_url else held_by_nobody(settings.data) as free:
+        if not free:
+            raise SchemaError(
+                f"a service or command of another version works on {settings.data}, and this version would migrate its "
+                "database: end it first"
+            )
+        return open_database(
+            settings.data, settings.database_url, settings.database_password(), settings.station, outdated="migrate"
+        )
 
 
 def parameters_in_force(settings: Settings, database: "Database") -> "PlantParameters":
@@ -78,23 +123,28 @@ def parameters_in_force(settings: Settings, database: "Database") -> "PlantParam
 
 
 def has_database(settings: Settings) -> bool:
-    """Whether there is something to read: to open it would make a folder that is not there."""
+    """Whether there is, or was, something to read: to open it would make a folder that is not there."""
     from backend.storage.database import FILE_NAME
+    from backend.storage.maintenance import is_cut_short
+    from backend.storage.soundness import traces_of
 
-    return settings.database_url is not None or (settings.data / FILE_NAME).exists()
+    file = settings.data / FILE_NAME
+    was_there = is_cut_short(file) or bool(traces_of(file, settings.data / "backups"))
+    return settings.database_url is not None or file.exists() or was_there
 
 
 def _close_interrupted(settings: Settings, database: "Database") -> None:
     """Close the runs of commands and services that were killed; of a database server only a service can tell them."""
     from backend.data_folder import held_by_nobody
     from backend.storage import StorageError, runs
+    from backend.storage.claims import claimed_by
 
     if settings.database_url is not None:
         return
     with suppress(StorageError):  # of a damaged file as much is done as can be
         with database.reading() as session:
             interrupted = runs.open_ones(session)
-        if interrupted:
+        if interrupted and not claimed_by(database.engine):
             with held_by_nobody(settings.data) as free:
                 if free:
                     with database.session() as session:

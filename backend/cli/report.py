@@ -35,7 +35,7 @@ def series(
     unknown = next((file for file in files if file.suffix not in kinds), None)
     if unknown is not None:
         fail(f"{unknown}: a report is written as .html or .pdf")
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data), reading=True) as database:
         sources = load_series(database, numbers, angles())
     for file in files:
         file.write_bytes(render_series(sources, kinds[file.suffix]))
@@ -184,5 +184,5 @@ def _stored(settings: Settings, evidence: "Evidence") -> "tuple[Columns | None, 
 
     if not has_database(settings):
         return None, None
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         return stored_samples(database, evidence)

@@ -62,7 +62,7 @@ def not_done(settings: Settings) -> list[StepId]:
     """Return what is to be done; the zero, which no loop leaves to the next, by hand and only where it is needed."""
     from backend.bring_up.standing import StepState
 
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         states = _states_at_rest(settings, database)
     by_hand = [step for step in STEPS if step.id in states and step.id is not StepId.HOME]
     missing = [step for step in by_hand if states[step.id].state is not StepState.CURRENT]
@@ -73,7 +73,7 @@ def not_done(settings: Settings) -> list[StepId]:
 
 def show(settings: Settings, *, as_json: bool) -> None:
     """Tell how the steps stand; nothing is started."""
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         _show(_standing_of(settings, _states_at_rest(settings, database), database), as_json=as_json)
 
 
@@ -84,7 +84,7 @@ def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
     if not settings.plant_choice.simulated and not sys.stdin.isatty():
         fail("standard input is no terminal: a rig is brought up by a person who stands at it and confirms each step")
     try:
-        with only_service_on(settings.data), database_of(settings) as database:
+        with only_service_on(settings.data), database_of(settings, held=True) as database:
             _require_free(settings, database, orders)
             stands = asyncio.run(_played(settings, database, orders))
     except AlreadyRunningError as error:

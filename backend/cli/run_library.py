@@ -35,7 +35,7 @@ def list_runs(
     from backend.archive.run_library import RunLibrary
     from backend.archive.stored_runs import Asked
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         kept = RunLibrary(database).where_of(saved) if saved else ""
         asked = Asked(search=search, where=(kept, where), everywhere=all_stations, limit=limit)
         found = _stored_runs(database).found(asked)
@@ -74,7 +74,7 @@ def compare(
     from backend.archive.run_library import RunLibrary
     from backend.messages.comparison import ComparisonAsked
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -107,7 +107,7 @@ def history(
     """Print a metric of a kind of runs over their dates."""
     from backend.archive.run_library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).history(kind, metric, where, everywhere=all_stations)
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -138,7 +138,7 @@ def lineage(
     from backend.archive.history import History
 
     settings = settings_with(params=params, data=data, station=station)
-    with database_of(settings) as database:
+    with database_of(settings, reading=True) as database:
         found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage_of(run)
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -210,7 +210,7 @@ def searches(data: DataFolder = None, station: StationName = None, as_json: AsJs
     """List the saved searches."""
     from backend.archive.run_library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).saved_searches()
     if as_json:
         print_json([one.model_dump() for one in found.searches])

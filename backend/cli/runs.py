@@ -35,7 +35,7 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
     from backend.reports.files import metrics_document
     from backend.reports.source import load_source
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         source = load_source(database, run)
     if as_json:
         print_json(metrics_document(source))
@@ -66,6 +66,6 @@ def report(
     """Write the report of a run with its data."""
     from backend.reports.files import write_files
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         for path in write_files(database, run, folder, angles()):
             out.print(f"wrote {path}", highlight=False, markup=False)

@@ -76,7 +76,7 @@ def list_studies(data: DataFolder = None, station: StationName = None, as_json: 
     """List studies, newest first, and how far they are."""
     from backend.archive.studies import Studies
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = Studies(database).all()
     if as_json:
         print_json([study.model_dump(mode="json") for study in found])
@@ -99,7 +99,7 @@ def show(
     """Show how far a study is and how its figures are spread."""
     from backend.archive.studies import Studies
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = Studies(database).detail(study, None if rows or as_json else 0)
     _say(found, as_json=as_json)
 
@@ -148,7 +148,7 @@ def draw(
     from backend.studies.maps import PICK_WORDS, SHARES, axis_labels, figure_names
     from backend.studies.point import UNSTABLE
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
         found, design = Studies(database).map(study, figure, pick, over)
     named = figure_names(of_canonical(design.base.experiment)) | SHARES
     if figure not in named:

@@ -27,6 +27,7 @@ from backend.storage.carried import (
     required,
 )
 from backend.storage.fit import UnfitDocumentError, require_carried
+from backend.storage.maintenance import IMPORTING
 from backend.storage.origins import Origin
 from backend.storage.schema import Document
 
@@ -44,7 +45,7 @@ def take_in(
 
     Raises ImportRefusedError, OSError.
     """
-    with opened(file) as bundle, TemporaryDirectory(dir=folder) as unpacked:
+    with opened(file) as bundle, TemporaryDirectory(prefix=IMPORTING, dir=folder) as unpacked:
         recorded = _recordings(bundle, Path(unpacked))
         numbers: Numbers = {}
         new = False

@@ -17,11 +17,15 @@ from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
 from backend.settings import Settings
 from backend.storage import Database, open_database, runs
+from backend.storage.claims import HeldClaim
+from backend.storage.database import database_file
+from backend.storage.maintenance import recover
 from backend.storage.stations import HeldStation
-from backend.supervision import Supervision
+from backend.supervision import Part, Supervision
 from plant.parameters import ParameterError, PlantParameters, load_parameters
 
 SEED = 0
+_CLAIM = Part("The sign of life on the database", "Another service may take the database over.")
 
 _log = logging.getLogger(__name__)
 
@@ -36,6 +40,7 @@ class Foundation:
     base: PlantParameters
     parameters: PlantParameters
     database: Database
+    claim: HeldClaim
     soundness: Soundness
     figures: KeptFigures
     kept: KeptTuning
@@ -53,9 +58,15 @@ def lay_foundation(
     Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
     """
     base = load_parameters(settings.params)
+    file = database_file(settings.data, settings.database_url)
+    for sentence in [] if file is None else recover(file):
+        _log.warning("%s", sentence)
     database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     stack.callback(database.close)
     stack.callback(HeldStation(database.engine, settings.station).let_go)
+    claim = HeldClaim(database.engine, settings.station)
+    stack.callback(claim.let_go)
+    supervision.keep_thread(_CLAIM, claim.run, claim.end)
     soundness = Soundness(database, settings.data)
     soundness.before_start()
     _close_interrupted(database)
@@ -73,7 +84,7 @@ def lay_foundation(
     drives_off = hands.left is not None
     setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
     supervisor = Supervisor(setup, supervision, launched)
-    return Foundation(base, parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
+    return Foundation(base, parameters, database, claim, soundness, figures, kept, tuning, said, hands, supervisor)
 
 
 def in_force(database: Database, base: PlantParameters) -> tuple[applied_parameters.Version, str]:

@@ -9,18 +9,28 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from backend import __version__
 from backend.private import make_private
 from backend.storage import run_index
+from backend.storage.claims import claimed_by
 from backend.storage.errors import DamagedError, StorageError, UnfitError
-from backend.storage.maintenance import backup
-from backend.storage.migrate import is_outdated, revision, upgrade
+from backend.storage.maintenance import backup, is_cut_short
+from backend.storage.migrate import (
+    OutdatedError,
+    SchemaError,
+    can_read,
+    is_outdated,
+    newest_revision,
+    revision,
+    upgrade,
+)
 from backend.storage.soundness import (
     Identity,
     file_of,
@@ -89,10 +99,22 @@ class Database:
         return _reopened, (self.engine.url, self._opened, self.station)
 
 
-def open_database(data_dir: Path, url: str | None = None, password: str | None = None, station: str = "") -> Database:
+Outdated = Literal["migrate", "refuse", "read"]
+"""What to do with a database of an earlier schema; ``read`` opens it as it is, where this version can read it."""
+
+
+def open_database(
+    data_dir: Path,
+    url: str | None = None,
+    password: str | None = None,
+    station: str = "",
+    *,
+    outdated: Outdated = "migrate",
+) -> Database:
     """Create the data folder and the database where missing, migrate to the newest schema, and open it.
 
-    Before an SQLite database of an earlier schema is migrated, a copy goes to ``data_dir/backups``.
+    Before an SQLite database of an earlier schema is migrated, a copy goes to ``data_dir/backups``. No database is
+    migrated while a service works on it. Raises ``OutdatedError`` where ``outdated`` does not let it be migrated.
     ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``, ``password`` goes into it. Raises ``SchemaError``
     when the database was written by a newer version, ``StorageError`` when it cannot be reached, ``DamagedError`` when
     the file was emptied or is none of SQLite's, ``BackupError``.
@@ -102,10 +124,16 @@ def open_database(data_dir: Path, url: str | None = None, password: str | None =
     file, backups = file_of(engine), data_dir / "backups"
     try:
         with _told():
-            if file is not None and not require_usable(file, backups):
-                _create(file)
-            if is_outdated(engine) and engine.dialect.name == "sqlite":
-                backup(engine, backups / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
+            if file is not None:
+                _require_no_restore(file)
+                if not require_usable(file, backups):
+                    _create(file)
+            if is_outdated(engine):
+                if outdated == "read" and can_read(engine):
+                    return Database(engine, station=station)
+                _require_migratable(engine, data_dir, outdated)
+                if engine.dialect.name == "sqlite":
+                    backup(engine, backups / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
             upgrade(engine)
         for sentence in make_private(data_dir):  # the file that was made just now
             _log.warning("%s", sentence)
@@ -124,6 +152,25 @@ def open_database(data_dir: Path, url: str | None = None, password: str | None =
     except BaseException:
         engine.dispose()
         raise
+
+
+def _require_no_restore(file: Path) -> None:
+    """Raise StorageError while a restore is under way, or was killed and nobody could complete it yet."""
+    if is_cut_short(file):
+        raise StorageError("a restore is under way, or was killed while a service works on the folder: try it again")
+
+
+def _require_migratable(engine: Engine, data_dir: Path, outdated: Outdated) -> None:
+    """Raise SchemaError while a service works on the database, OutdatedError where it is not to be migrated."""
+    found = f"the database has schema {revision(engine)}, version {__version__} works with {newest_revision()}"
+    if by := claimed_by(engine):
+        raise SchemaError(
+            f"{by} works on this database and {found}: stop that service first, or use the commands of its version"
+        )
+    if outdated != "migrate":
+        raise OutdatedError(
+            f"{found}: `sinew db upgrade --data {data_dir}` migrates it and keeps a copy of it as it is"
+        )
 
 
 def _require_writable(data_dir: Path) -> None:
@@ -205,6 +252,16 @@ def _told() -> Iterator[None]:
 def sqlite_url(data_dir: Path) -> URL:
     """SQLAlchemy URL of the database file in a data folder."""
     return _url_of((data_dir / FILE_NAME).resolve())
+
+
+def database_file(data_dir: Path, url: str | None = None) -> Path | None:
+    """Return the file of the SQLite database that a data folder or a URL names; None for any other database."""
+    if url is None:
+        return (data_dir / FILE_NAME).resolve()
+    engine = connect(url)
+    found = file_of(engine)
+    engine.dispose()
+    return None if found is None else found.resolve()
 
 
 def _url_of(file: Path) -> URL:

@@ -1,6 +1,7 @@
 """Keep a database sound: a copy while it is in use, and a check of all of it."""
 
 import os
+import shutil
 import sqlite3
 from contextlib import closing, suppress
 from datetime import UTC, datetime
@@ -12,6 +13,13 @@ from sqlalchemy.exc import DatabaseError
 
 from backend.private import FILE, FOLDER
 from backend.storage.migrate import broken_references, newest_revision, require_models_match, revision
+
+_RESTORING, _RESTORED, _UNFINISHED = ".restoring", ".restored", ".unfinished"
+"""Ends of names: a copy that is being restored, one that is whole and to be the database, a backup being written."""
+
+BEFORE_RESTORE = ".before-restore-"
+IMPORTING = "importing-"
+"""How the folder begins into which a bundle is unpacked."""
 
 
 class BackupError(Exception):
@@ -29,7 +37,7 @@ def backup(engine: Engine, target: Path) -> None:
         raise BackupError(f"a {engine.dialect.name} database is backed up with its own tools (pg_dump)")
     if target.exists():
         raise BackupError(f"{target} exists already: choose another name")
-    unfinished = target.with_name(f"{target.name}.unfinished")
+    unfinished = target.with_name(f"{target.name}{_UNFINISHED}")
     try:
         target.parent.mkdir(mode=FOLDER, parents=True, exist_ok=True)
         unfinished.touch(mode=FILE)
@@ -41,33 +49,76 @@ def backup(engine: Engine, target: Path) -> None:
         os.replace(unfinished, target)
     except (sqlite3.Error, OSError) as error:
         with suppress(OSError):
-            unfinished.unlink(missing_ok=True)
+            _remove_with_logs(unfinished)
         raise BackupError(f"{target} could not be written: {error}") from error
 
 
 def restore(copy: Path, target: Path) -> None:
     """Put a backup in the place of the SQLite database ``target``; nothing may use it meanwhile. Raises BackupError.
 
-    The copy is checked first. What was there before stays beside it, with ``.before-restore`` in its name.
+    The copy is checked first. What was there before stays beside it, with ``.before-restore`` in its name. ``recover``
+    takes back a restore that was killed, or completes it: it counts once its copy is called ``.restored``.
     """
     if not copy.is_file():
         raise BackupError(f"{copy} is not there: choose a file of DATA/backups")
-    fresh = target.with_name(f"{target.name}.restoring")
+    recover(target)
+    unfinished = target.with_name(f"{target.name}{_RESTORING}")
     try:
-        with closing(sqlite3.connect(f"file:{quote(str(copy))}?mode=ro", uri=True)) as source:
+        # A copy without a log is read as it is: SQLite would write a log beside it, which a kill would leave there.
+        alone = "" if copy.with_name(f"{copy.name}-wal").exists() else "&immutable=1"
+        with closing(sqlite3.connect(f"file:{quote(str(copy))}?mode=ro{alone}", uri=True)) as source:
             _require_ours(source, copy)
-            fresh.touch(mode=FILE)
-            with closing(sqlite3.connect(fresh)) as made:
+            unfinished.touch(mode=FILE)
+            with closing(sqlite3.connect(unfinished)) as made:
                 source.backup(made)
-        if target.exists():
-            _fold_in_log(target)
-        _move_aside(target)
-        os.replace(fresh, target)
+        _sync(unfinished)
+        os.replace(unfinished, target.with_name(f"{target.name}{_RESTORED}"))
+        _complete_restore(target)
     except (sqlite3.Error, OSError) as error:
-        raise BackupError(f"{copy} cannot be restored: {error}; nothing was changed") from error
+        begun = target.with_name(f"{target.name}{_RESTORED}").exists()
+        outcome = "the next start completes it" if begun else "nothing was changed"
+        raise BackupError(f"{copy} cannot be restored: {error}; {outcome}") from error
     finally:
         with suppress(OSError):
-            fresh.unlink(missing_ok=True)
+            _remove_with_logs(unfinished)
+
+
+def recover(file: Path) -> list[str]:
+    """Complete or take back what killed commands began at an SQLite database; return a sentence for each.
+
+    For whoever has the data folder for itself. Leftovers of copies, new databases and imports are removed.
+    """
+    said = []
+    if file.with_name(f"{file.name}{_RESTORED}").exists():
+        _complete_restore(file)
+        said.append("a restore that was cut short has been completed: the database is the backup now")
+    unfinished = file.with_name(f"{file.name}{_RESTORING}")
+    if unfinished.exists():
+        _remove_with_logs(unfinished)
+        said.append("a restore that was cut short has been taken back: the database is as it was before")
+    backups = file.parent / "backups"
+    leftovers = [*backups.glob(f"*{_UNFINISHED}"), *file.parent.glob(f"{file.name}.*.creating")]
+    for leftover in leftovers:
+        _remove_with_logs(leftover)
+        said.append(f"{leftover.name} was removed: the command that wrote it was killed")
+    for folder in file.parent.glob(f"{IMPORTING}*"):
+        shutil.rmtree(folder, ignore_errors=True)
+        said.append(f"{folder.name} was removed: the import that unpacked it was killed, and stored nothing")
+    return said
+
+
+def is_cut_short(file: Path) -> bool:
+    """Return whether a restore was killed in the middle of it, or is under way."""
+    return any(file.with_name(f"{file.name}{end}").exists() for end in (_RESTORING, _RESTORED))
+
+
+def _complete_restore(file: Path) -> None:
+    """Give the restored copy the database's name; what was there before keeps its log beside it under another name."""
+    if file.exists():
+        _fold_in_log(file)
+    _move_aside(file)
+    os.replace(file.with_name(f"{file.name}{_RESTORED}"), file)
+    _sync(file.parent)
 
 
 def _fold_in_log(file: Path) -> None:
@@ -78,11 +129,25 @@ def _fold_in_log(file: Path) -> None:
 
 def _move_aside(file: Path) -> None:
     """Give a database another name, with the log that is left of a damaged one: SQLite would play it into the next."""
-    kept = file.with_name(f"{file.stem}.before-restore-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
+    kept = file.with_name(f"{file.stem}{BEFORE_RESTORE}{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
     for end in ("", "-wal", "-shm"):
         part = file.with_name(file.name + end)
         if part.exists():
             os.replace(part, kept.with_name(kept.name + end))
+
+
+def _remove_with_logs(file: Path) -> None:
+    for end in ("", "-journal", "-wal", "-shm"):
+        file.with_name(file.name + end).unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _require_ours(connection: sqlite3.Connection, copy: Path) -> None:

@@ -24,6 +24,10 @@ class SchemaError(Exception):
     """The schema of the database is not one this version can work with; the message says what to do."""
 
 
+class OutdatedError(SchemaError):
+    """The database has an earlier schema, and whoever opens it may not migrate it."""
+
+
 def is_outdated(engine: Engine) -> bool:
     """Tell whether the database holds an earlier schema than the newest. Raises SchemaError for a later one."""
     found = revision(engine)
@@ -35,6 +39,19 @@ def is_outdated(engine: Engine) -> bool:
             "it was written by a newer version; install that one, or choose another data folder"
         )
     return True
+
+
+def can_read(engine: Engine) -> bool:
+    """Tell whether a database of an earlier schema has every table and column that this version reads."""
+    from backend.storage.schema import Base
+
+    found = inspect(engine)
+    there = set(found.get_table_names())
+    return all(
+        table.name in there
+        and {column.name for column in table.columns} <= {c["name"] for c in found.get_columns(table.name)}
+        for table in Base.metadata.tables.values()
+    )
 
 
 def upgrade(engine: Engine) -> None:
@@ -52,11 +69,18 @@ def upgrade(engine: Engine) -> None:
 
 
 def revision(engine: Engine) -> str | None:
-    """Return the schema revision the database is at, None for an empty database."""
+    """Return the schema revision the database is at, None for an empty database. Raises SchemaError."""
     with engine.connect() as connection:
-        if not inspect(connection).has_table("alembic_version"):
+        there = inspect(connection).get_table_names()
+        if "alembic_version" not in there:
             return None
-        return connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one_or_none()
+        found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one_or_none()
+        if found is None and len(there) > 1:
+            raise SchemaError(
+                "the database has tables, but the table alembic_version, which names their schema, is empty: bring a "
+                "backup back with `sinew db restore FILE`"
+            )
+        return found
 
 
 def newest_revision() -> str:

@@ -12,6 +12,7 @@ from urllib.parse import quote
 from sqlalchemy import Engine
 
 from backend.storage.errors import DamagedError, GoneError
+from backend.storage.maintenance import BEFORE_RESTORE
 
 CHECKED_AT_START_BYTES = 64 * 1024**2
 """Up to here a start waits until the whole file was looked at: seconds from a slow disk, 0.1 s where it is cached."""
@@ -58,7 +59,18 @@ def require_usable(file: Path, backups: Path) -> bool:
             f"{file} is gone, but the log beside it ({_log_of(file).name}) is still there: "
             f"put the database back; or {way_back(file, backups)}"
         )
+    if traces := traces_of(file, backups):
+        named = ", ".join(trace.name for trace in sorted(traces)[-NEWEST_BACKUPS:])
+        raise DamagedError(
+            f"{file} is gone, but copies of it are still there ({named}): no empty database is made in its place. "
+            f"Put the database back; or {way_back(file, backups)}; or choose another --data to begin with an empty one"
+        )
     return file.exists()
+
+
+def traces_of(file: Path, backups: Path) -> list[Path]:
+    """Return the copies that show that there was a database where there is none any more."""
+    return [*file.parent.glob(f"{file.stem}{BEFORE_RESTORE}*.db"), *backups.glob("*.db")]
 
 
 def quick_check(file: Path, backups: Path) -> None:

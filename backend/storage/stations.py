@@ -20,11 +20,11 @@ _KEY = "sinew_station"
 class StationTakenError(RefusalError):
     """Another service works on this database under the same name."""
 
-    def __init__(self, station: str) -> None:
+    def __init__(self, station: str, by: str = "another service") -> None:
         named = f"as station {station}" if station else "without a station"
         super().__init__(
             Because.NOT_NOW,
-            f"another service works on this database {named}: end it, or give this one its own name with --station",
+            f"{by} works on this database {named}: end it, or give this one its own name with --station",
         )
 
 
@@ -41,8 +41,8 @@ def station_of(session: Session) -> str:
 class HeldStation:
     """That this service alone works for its station, as long as it is held; for a server of many stations.
 
-    An SQLite database lies in its data folder, of which only one service is let in. The lock is the server's own: it
-    is let go with the connection, so that a service that was killed is in nobody's way. Raises StationTakenError.
+    The lock is the server's own: it is let go with the connection, so that a service that was killed is in nobody's
+    way. ``backend.storage.claims`` has the claim that every database knows. Raises StationTakenError.
     """
 
     def __init__(self, engine: Engine, station: str) -> None:

@@ -114,10 +114,11 @@ def test_on_a_phone_what_is_so_comes_before_what_is_done(browser: Browser, servi
 
 
 def _out_of_order(page: Page, selector: str) -> list[str]:
-    """Return the elements that lie wholly above the one before them."""
+    """Return the elements that lie wholly above the one before them; an input of no size is drawn by its label."""
     found = page.evaluate(
         """selector => {
-            const seen = [...document.querySelectorAll(selector)].filter(one => one.offsetParent !== null);
+            const drawn = one => one.offsetParent !== null && one.getBoundingClientRect().width > 0;
+            const seen = [...document.querySelectorAll(selector)].filter(drawn);
             const boxes = seen.map(one => one.getBoundingClientRect());
             return seen.filter((_, at) => at > 0 && boxes[at].bottom <= boxes[at - 1].top).map(one => one.outerHTML);
         }""",

@@ -1,0 +1,190 @@
+"""The claim of a service on its database, with a sign of life, by whatever path or URL the database is reached.
+
+The locks of a data folder do not see a database that lies in another folder, and a database server's lock ends with a
+connection. So a service writes into the database itself who it is, and counts a beat up every second. Whoever finds a
+claim asks the kernel whether its process lives, where both see the same processes; elsewhere (another machine, a
+container) it waits for a beat. No clocks are compared.
+"""
+
+import json
+import os
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from sqlalchemy import Connection, Engine, insert, text
+from sqlalchemy.exc import SQLAlchemyError
+
+from backend import __version__
+from backend.storage.schema import SettingRow
+from backend.storage.stations import StationTakenError
+
+BEAT_S = 1.0
+"""Time between two beats [s]."""
+
+LIFE_S = 10.0
+"""A claim that does not beat for so long [s] is given up: a beat may wait 5 s for the write lock of another program."""
+
+_LOOK_S = 0.1
+_SETTING = "service_claim"
+_PROC = Path("/proc")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Who works on a database: a key of its own, version, host, and its process as the kernel of ``seen_by`` counts."""
+
+    key: str
+    version: str
+    host: str
+    process: int
+    began: str
+    seen_by: str
+    beat: int = 0
+
+    @property
+    def said(self) -> str:
+        """Who it is, for a person."""
+        return f"a service of version {self.version} (process {self.process} on {self.host})"
+
+
+def own_claim() -> Claim:
+    """Return the claim of this process."""
+    me = os.getpid()
+    return Claim(secrets.token_hex(8), __version__, socket.gethostname(), me, _began(me), _seen_by())
+
+
+class HeldClaim:
+    """The claim of this service. ``run`` keeps it alive in a thread; ``problem`` says why it is lost, "" while held."""
+
+    def __init__(self, engine: Engine, station: str) -> None:
+        """Claim the database for a station. Raises StationTakenError while another service has it."""
+        self._engine, self._station, self._claim = engine, station, own_claim()
+        self._over, self._problem = threading.Event(), ""
+        found = _read(engine, station)
+        if found is not None and is_alive(engine, station, found):
+            raise StationTakenError(station, found.said)
+        with engine.begin() as connection:
+            now = _claim_of(connection, station)
+            if now is not None and now != found:
+                raise StationTakenError(station, now.said)
+            _write(connection, station, self._claim)
+
+    def problem(self) -> str:
+        """Return why the claim is lost, "" while it is held."""
+        return self._problem
+
+    def run(self) -> None:
+        """Beat once a second until ``end``; a beat that cannot be written is tried again."""
+        while not self._over.wait(BEAT_S):
+            with suppress(SQLAlchemyError):  # a database that cannot be written is told by what is recorded into it
+                self.beat()
+
+    def end(self) -> None:
+        """Let ``run`` return."""
+        self._over.set()
+
+    def beat(self) -> None:
+        """Count the beat up, or note that another service has the claim."""
+        with self._engine.begin() as connection:
+            now = _claim_of(connection, self._station)
+            if now is None or now.key != self._claim.key:
+                by = "another service" if now is None else now.said
+                self._problem = (
+                    f"{by} has taken over this database, as this service gave no sign of life for {LIFE_S:g} s: "
+                    "both write to it now. Stop one of the two"
+                )
+                return
+            self._claim = replace(self._claim, beat=self._claim.beat + 1)
+            _write(connection, self._station, self._claim)
+
+    def let_go(self) -> None:
+        """Give the claim up, if it is still held."""
+        self.end()
+        with suppress(SQLAlchemyError), self._engine.begin() as connection:
+            now = _claim_of(connection, self._station)
+            if now is not None and now.key == self._claim.key:
+                _delete(connection, self._station)
+
+
+def claimed_by(engine: Engine) -> str:
+    """Say which service works on a database, of whatever schema, under any station; "" where none does."""
+    try:
+        with engine.connect() as connection:
+            rows = connection.execute(text("SELECT station, value FROM setting WHERE name = :name"), {"name": _SETTING})
+            found = [(str(station), _parsed(value)) for station, value in rows]
+    except SQLAlchemyError:  # of a schema before stations, which no service has claimed
+        return ""
+    alive = (claim for station, claim in found if claim is not None and is_alive(engine, station, claim))
+    return next((claim.said for claim in alive), "")
+
+
+def is_alive(engine: Engine, station: str, claim: Claim) -> bool:
+    """Return whether the service of a claim lives: at once where its process can be seen, else after LIFE_S at most."""
+    if claim.seen_by and claim.seen_by == _seen_by():
+        return _began(claim.process) == claim.began
+    end = time.monotonic() + LIFE_S
+    while time.monotonic() < end:
+        now = _read(engine, station)
+        if now is None:
+            return False
+        if now != claim:
+            return True
+        time.sleep(_LOOK_S)
+    return False
+
+
+def _read(engine: Engine, station: str) -> Claim | None:
+    with engine.connect() as connection:
+        return _claim_of(connection, station)
+
+
+def _claim_of(connection: Connection, station: str) -> Claim | None:
+    of_station = {"name": _SETTING, "station": station}
+    found = connection.scalar(text("SELECT value FROM setting WHERE name = :name AND station = :station"), of_station)
+    return _parsed(found)
+
+
+def _parsed(value: object) -> Claim | None:
+    """Return the claim of a row; None for what is none, so that a spoilt row keeps nobody out."""
+    with suppress(TypeError, ValueError):
+        document = json.loads(value) if isinstance(value, str) else value
+        if isinstance(document, Mapping):
+            return Claim(**document)
+    return None
+
+
+def _write(connection: Connection, station: str, claim: Claim) -> None:
+    _delete(connection, station)
+    row = {"name": _SETTING, "station": station, "who": "service", "value": asdict(claim), "at": datetime.now(UTC)}
+    connection.execute(insert(SettingRow).values(row))
+
+
+def _delete(connection: Connection, station: str) -> None:
+    of_station = {"name": _SETTING, "station": station}
+    connection.execute(text("DELETE FROM setting WHERE name = :name AND station = :station"), of_station)
+
+
+def _seen_by() -> str:
+    """Name the kernel and its namespace of processes, in which a number names one process; "" where that is unknown."""
+    try:
+        boot = (_PROC / "sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        return f"{boot} {os.readlink(_PROC / 'self/ns/pid')}"
+    except OSError:
+        return ""
+
+
+def _began(process: int) -> str:
+    """Return when a process began, in ticks since the kernel did; "" where there is none of that number."""
+    try:
+        stat = (_PROC / str(process) / "stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    state, *rest = stat[stat.rindex(")") + 2 :].split()
+    return "" if state == "Z" else rest[18]

@@ -1,0 +1,140 @@
+"""One service works on a database at a time, by whatever path it is reached; a dead one is in nobody's way."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.storage import Database, migrate, open_database
+from backend.storage import claims as of_claims
+from backend.storage.claims import BEAT_S, LIFE_S, HeldClaim, claimed_by, is_alive, own_claim
+from backend.storage.migrate import OutdatedError, SchemaError, can_read, newest_revision, revision
+from backend.storage.stations import StationTakenError
+from tests.migrations.old_schema import at_revision
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path / "data")
+    yield opened
+    opened.close()
+
+
+def test_a_second_service_is_refused_by_whatever_path(database: Database, tmp_path: Path) -> None:
+    held = HeldClaim(database.engine, "")
+    (tmp_path / "link").symlink_to(tmp_path / "data")
+    (tmp_path / "elsewhere").mkdir()
+    begun = time.monotonic()
+    for url in (None, f"sqlite:///{tmp_path}/data/sinew.db", f"sqlite:///{tmp_path}/link/sinew.db"):
+        other = open_database(tmp_path / ("link" if url is None else "elsewhere"), url)
+        with pytest.raises(StationTakenError):
+            HeldClaim(other.engine, "")
+        other.close()
+    assert time.monotonic() - begun < LIFE_S  # at once, not after a life without a beat
+    held.let_go()
+    HeldClaim(database.engine, "").let_go()
+
+
+def test_stations_of_one_database_are_claimed_apart(database: Database) -> None:
+    first, second = HeldClaim(database.engine, "rig-a"), HeldClaim(database.engine, "rig-b")
+    with pytest.raises(StationTakenError, match="rig-a"):
+        HeldClaim(database.engine, "rig-a")
+    first.let_go()
+    second.let_go()
+
+
+def test_a_service_that_was_killed_is_in_nobodys_way(database: Database, tmp_path: Path) -> None:
+    claiming = (
+        "import os, sys; from pathlib import Path; from backend.storage import open_database; "
+        "from backend.storage.claims import HeldClaim; "
+        "HeldClaim(open_database(Path(sys.argv[1])).engine, ''); os.kill(os.getpid(), 9)"
+    )
+    ended = subprocess.run([sys.executable, "-c", claiming, str(tmp_path / "data")], check=False)
+    assert ended.returncode == -9
+    HeldClaim(database.engine, "").let_go()
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each claim seem to come from a kernel of its own, and a life be short."""
+    monkeypatch.setattr(of_claims, "_seen_by", lambda: os.urandom(4).hex())
+    monkeypatch.setattr(of_claims, "LIFE_S", 1.0)
+
+
+@pytest.mark.usefixtures("elsewhere")
+def test_what_another_machine_claims_is_told_by_its_beats(database: Database) -> None:
+    held = HeldClaim(database.engine, "")
+    found = held._claim
+    for _ in range(3):
+        held.beat()
+    assert is_alive(database.engine, "", found)  # a beat came since it was read
+    assert not is_alive(database.engine, "", held._claim)  # none came for a life
+    HeldClaim(database.engine, "")
+    held.beat()
+    assert "taken over" in held.problem()
+    held.let_go()  # is not the other's to give up
+    assert of_claims._read(database.engine, "") is not None
+
+
+@pytest.mark.usefixtures("elsewhere")
+def test_a_claim_that_beats_is_never_taken(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = HeldClaim(database.engine, "")
+    monkeypatch.setattr("backend.storage.claims.time.sleep", lambda _: held.beat())
+    with pytest.raises(StationTakenError):
+        HeldClaim(database.engine, "")
+    assert held.problem() == ""
+
+
+def test_another_process_of_the_same_number_is_not_the_one_that_claimed(database: Database) -> None:
+    mine = own_claim()
+    assert is_alive(database.engine, "", mine)
+    assert not is_alive(database.engine, "", replace(mine, began="1"))
+    assert not is_alive(database.engine, "", replace(mine, process=2**22 + 1))
+
+
+def test_a_life_is_longer_than_a_beat_may_wait() -> None:
+    assert LIFE_S > 5.0 + 2.0 * BEAT_S  # busy_timeout of SQLite
+
+
+def test_no_database_is_migrated_while_a_service_works_on_it(tmp_path: Path) -> None:
+    with at_revision(tmp_path, "0012_chunk_digest") as engine:
+        held = HeldClaim(engine, "")
+        with pytest.raises(SchemaError, match="service of version"):
+            open_database(tmp_path)
+        assert revision(engine) == "0012_chunk_digest"
+        assert claimed_by(engine)
+        held.let_go()
+        open_database(tmp_path).close()
+        assert revision(engine) != "0012_chunk_digest"
+
+
+def test_readers_migrate_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A schema with all that is read is read as it is; who writes is refused with the command."""
+    open_database(tmp_path / "data").close()
+    newest = newest_revision()
+    later = tmp_path / "later"
+    shutil.copytree(migrate.SCRIPTS, later)
+    revised = f'"""Nothing."""\nrevision = "0099_nothing"\ndown_revision = "{newest}"\n\ndef upgrade():\n    pass\n'
+    (later / "versions" / "0099_nothing.py").write_text(revised, encoding="utf-8")
+    monkeypatch.setattr(migrate, "SCRIPTS", later)
+    database = open_database(tmp_path / "data", outdated="read")
+    with database.reading() as session:
+        assert session.connection().exec_driver_sql("SELECT count(*) FROM run").scalar() == 0
+    with pytest.raises(OutdatedError, match="sinew db upgrade"):
+        open_database(tmp_path / "data", outdated="refuse")
+    assert revision(database.engine) == newest
+    database.close()
+
+
+def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with at_revision(tmp_path, "0003_recording_size") as engine:
+        assert not can_read(engine)
+        with pytest.raises(OutdatedError, match="sinew db upgrade"):
+            open_database(tmp_path, outdated="read")
+        assert revision(engine) == "0003_recording_size"
