@@ -7,6 +7,8 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
+from backend.operating.chart_sheets import PLACES_EACH
+from backend.web_server.bodies import MOST_LISTED, MOST_NAMES
 from tests.api.conftest import until
 from tests.e2e.service import Service
 
@@ -83,3 +85,46 @@ def test_who_is_not_signed_in_learns_nothing_of_what_a_body_needs(service: Servi
 def test_a_length_that_is_none_is_refused(service: Service, length: str) -> None:
     status, _ = exchange(service, f"POST /api/session HTTP/1.1\r\nContent-Length: {length}\r\n")
     assert status in (400, 413)
+
+
+def begun(service: Service, token: str, length: int) -> socket.socket:
+    """Send the head of a sheet of charts, and nothing of its body."""
+    parts = urlsplit(service.url)
+    connection = socket.create_connection((str(parts.hostname), int(parts.port or 0)), 20)
+    head = f"POST /api/chart-sheet.pdf HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Type: application/json\r\n"
+    connection.sendall(f"{head}Authorization: {token}\r\nContent-Length: {length}\r\n\r\n".encode())
+    return connection
+
+
+def test_where_no_place_is_free_a_body_is_not_waited_for(service: Service, viewer: httpx.Client) -> None:
+    token = viewer.headers["Authorization"]
+    waiting = [begun(service, token, 1_000_000) for _ in range(PLACES_EACH)]
+    until(lambda: viewer.post("/api/chart-sheet.pdf", json={"svg": "x"}).status_code == 429)
+    with begun(service, token, 1_000_000) as one_more:
+        answer = one_more.recv(4096).lower()
+    assert answer.split()[1] == b"429"
+    assert b"retry-after: 1" in answer
+    for connection in waiting:
+        connection.close()
+    until(lambda: viewer.post("/api/chart-sheet.pdf", json={"svg": "x"}).status_code == 422)
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/api/preferences", {f"a{number}": 1 for number in range(MOST_NAMES + 1)}),
+        ("/api/preferences", {"layouts": [{f"a{number}": 1 for number in range(40)}] * 40}),
+        ("/api/preferences", {"hidden": [0] * (MOST_LISTED + 1)}),
+    ],
+    ids=["names", "names in lists", "lists"],
+)
+def test_a_body_of_more_parts_than_any_request_has_is_refused(
+    operator: httpx.Client, path: str, body: dict[str, object]
+) -> None:
+    refused = operator.put(path, json=body)
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "too_many_parts")
+
+
+def test_a_body_of_the_most_parts_is_told_what_is_wrong_with_it(operator: httpx.Client) -> None:
+    refused = operator.put("/api/preferences", json={f"a{number}": 1 for number in range(MOST_NAMES)})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "missing")

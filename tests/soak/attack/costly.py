@@ -132,8 +132,9 @@ async def _ask(signals: Signals, url: str, token: str, wanted: Request) -> None:
                 signals.failed.value += answer.status_code == 500
                 if answer.status_code == 429:
                     await asyncio.sleep(0.2)
-            except httpx.HTTPError:
+            except httpx.HTTPError as error:
                 signals.failed.value += 1
+                print(f"{method} {path[:80]}: {type(error).__name__}: {error}", flush=True)
                 await asyncio.sleep(0.2)
             finally:
                 signals.now.value -= 1

@@ -10,6 +10,7 @@ from tests.soak.attack.costly import under_costly_requests
 from tests.soak.attack.ending import end_service
 from tests.soak.attack.frozen import freeze
 from tests.soak.attack.full_disk import fill_disk
+from tests.soak.attack.generated import REQUESTS, under_generated_requests
 from tests.soak.attack.kill_loop import kill_card_loop, kill_loop
 from tests.soak.attack.kill_pool import kill_pool
 from tests.soak.attack.kill_service import kill_service
@@ -45,6 +46,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--kills", type=int, default=KILLS_IN_ALL, help=f"kills in all, spread over those that kill ({KILLS_IN_ALL})"
     )
     parser.add_argument("--presses", type=int, default=40, help="how often STOP is pressed under each crowd (40)")
+    parser.add_argument("--requests", type=int, default=REQUESTS, help=f"generated requests in all ({REQUESTS})")
     parser.add_argument("--sockets", type=int, default=5000, help="idle sockets at the door (5000)")
     parser.add_argument("--turns", type=int, default=3, help="how often all else is done to the service (3)")
 
@@ -54,6 +56,7 @@ def parts(chosen: Iterable[str]) -> dict[str, Part]:
     shares = {name: share for name, (share, _) in KILLS.items() if name in chosen} or dict.fromkeys(KILLS, 1)
     made: dict[str, Part] = {"crowds": lambda given, console: under_load(given.presses, given.sockets, console)}
     made["costly"] = lambda given, console: under_costly_requests(given.presses, console)
+    made["generated"] = lambda given, console: under_generated_requests(given.requests, given.seed, console)
     for name, (share, kill) in KILLS.items():
         made[name] = partial(_killing, kill, share / sum(shares.values()))
     for name, attack in TURNS.items():
@@ -69,4 +72,4 @@ def _in_turns(attack: Callable[[int, Console], bool], given: argparse.Namespace,
     return attack(given.turns, console)
 
 
-NAMES = ("crowds", "costly", *KILLS, *TURNS)
+NAMES = ("crowds", "costly", "generated", *KILLS, *TURNS)

@@ -1,0 +1,28 @@
+"""What a tuning would do is the same computed from what goes to another process as from the tuning in use."""
+
+import pickle
+from dataclasses import replace
+
+from backend.operating import tuning_previews
+from backend.operating.tuning_in_use import by_default
+from backend.operating.tuning_previews import AskedTuning
+from plant.parameters import load_parameters
+
+
+def test_it_is_the_same_from_what_goes_to_another_process() -> None:
+    tuning, _ = by_default(load_parameters("lab"))
+    asked = pickle.loads(pickle.dumps(AskedTuning.of(tuning)))
+    wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
+    assert tuning_previews.preview(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
+    assert tuning_previews.motor(asked, 0.2) == tuning.motor(0.2)
+    assert tuning_previews.robust(asked, 1.5) == tuning.robust(1.5)
+
+
+def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:
+    tuning, _ = by_default(load_parameters("lab"))
+    asked = AskedTuning.of(tuning)
+    first = asked.made().previewer
+    assert asked.made().previewer is first
+    assert replace(asked, choice=replace(asked.choice, lam_q=0.9)).made().previewer is first
+    assert replace(asked, choice=replace(asked.choice, lam_motor=0.1)).made().previewer is not first
+    assert replace(asked, parameters=load_parameters("ideal")).made().previewer is not first
