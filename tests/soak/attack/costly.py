@@ -26,6 +26,12 @@ CONNECTIONS = 6
 HOLDING = "round(1, -1000000000)"
 """Computes a power of ten with a billion digits, where whole numbers are taken as they are."""
 
+ROLES = ("operator", "viewer")
+"""Who presses STOP, in turn; in the order of the tokens."""
+
+LONGEST_PREDICTION = {"kind": "actuator", "chip_s": 0.29, "bits": 9, "periods": 4}
+"""An identification of nearly ten minutes."""
+
 _RUN = "run"
 """Stands for the number of the imported run in a path."""
 
@@ -80,6 +86,9 @@ def costly_requests() -> dict[str, list[Request]]:
         "sheets of a million letters": [("POST", "/api/chart-sheet.pdf", {"svg": long_letters()})],
         "sheets at their bounds": [("POST", "/api/chart-sheet.pdf", {"svg": largest_sheet()})],
         "previews of the tuning": [("GET", preview, None)],
+        "previews at 10 s": [("GET", preview.replace("=0.5", "=10"), None)],
+        "predictions": [("POST", "/api/identifications/prediction", LONGEST_PREDICTION)],
+        "bodies of unknown names": [("PUT", "/api/preferences", {f"a{number}": 1 for number in range(20_000)})],
     }
 
 
@@ -151,7 +160,10 @@ def under_costly_requests(presses: int, console: Console) -> bool:
             wanted = costly_requests()
             for name, requests in {**wanted, "all of them": [one for all_ in wanted.values() for one in all_]}.items():
                 tally = Tally(f"STOP under {name}", console)
-                button = StopButton(bench)
+                buttons = [
+                    StopButton(bench, f"at the button, {role}", token)
+                    for role, token in zip(ROLES, tokens, strict=True)
+                ]
                 here = [
                     (method, path.replace(_RUN + "/planned", f"{run}/planned"), body) for method, path, body in requests
                 ]
@@ -159,10 +171,13 @@ def under_costly_requests(presses: int, console: Console) -> bool:
                 with crowds(crowd) as (signals,):
                     for turn in range(presses):
                         wind_up(bench, loop)
-                        stop_and_check(button, loop, tally, fresh=turn % 2 == 1)
+                        role = turn % len(ROLES)
+                        what = f"STOP as {ROLES[role]}"
+                        stop_and_check(buttons[role], loop, tally, fresh=turn // 2 % 2 == 1, what=what)
                     tally.note(f"{signals.ever.value} answers, {signals.failed.value} failed")
                     tally.lost(signals.failed.value > 0, f"{signals.failed.value} requests failed")
-                button.release()
+                for button in buttons:
+                    button.release()
                 whole &= tally.close()
             loop.close()
     return whole

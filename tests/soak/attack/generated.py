@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 from rich.console import Console
 
-from tests.soak.attack.costly import store_costly_run
+from tests.soak.attack.costly import ROLES, store_costly_run
 from tests.soak.attack.crowd import Crowd, Signals, crowds
 from tests.soak.attack.generated_requests import generated
 from tests.soak.attack.stop_button import StopButton, rest, stop_and_check
@@ -22,7 +22,11 @@ EACH = 100
 """Requests between two presses of STOP."""
 CONNECTIONS = 4
 """Of each role."""
+LEAVES_S = 5.0
+"""So long whoever asked for a dry run waits: it may take minutes, and ends when they leave."""
 STUCK_S = 300.0
+TOLD = 1_000
+"""Requests after which it is told how far it is."""
 
 
 def ask(signals: Signals, url: str, token: str, seed: int) -> None:
@@ -47,9 +51,13 @@ async def _ask(signals: Signals, url: str, token: str, seed: int) -> None:
         while True:
             method, path, body = generated(dice)
             content = None if body is None else json.dumps(body)
+            leaves_s = LEAVES_S if path == "/api/experiments/dry-run" else httpx.USE_CLIENT_DEFAULT
             try:
-                answer = await client.request(method, path, content=content)
+                answer = await client.request(method, path, content=content, timeout=leaves_s)
             except httpx.HTTPError as error:
+                if isinstance(error, httpx.ReadTimeout) and leaves_s == LEAVES_S:
+                    signals.ever.value += 1
+                    continue
                 signals.failed.value += 1
                 print(f"{method} {path[:80]}: {type(error).__name__}: {error}", flush=True)
                 continue
@@ -70,7 +78,9 @@ def under_generated_requests(requests: int, seed: int | None, console: Console) 
             loop = Loop(bench.service.pid)
             tokens = [(bench.service.data / name).read_text("ascii").strip() for name in ("token", "viewer-token")]
             tally = Tally(f"STOP under generated requests, seed {seed}", console)
-            button = StopButton(bench)
+            buttons = [
+                StopButton(bench, f"at the button, {role}", token) for role, token in zip(ROLES, tokens, strict=True)
+            ]
             wanted: list[Crowd] = [
                 (ask, (bench.service.url, token, 1000 * seed + 100 * number)) for number, token in enumerate(tokens)
             ]
@@ -83,12 +93,17 @@ def under_generated_requests(requests: int, seed: int | None, console: Console) 
                             break
                         time.sleep(0.005)
                         continue
-                    stop_and_check(button, loop, tally, fresh=pressed % 2 == 1)
+                    role = pressed % len(ROLES)
+                    what = f"STOP as {ROLES[role]}"
+                    stop_and_check(buttons[role], loop, tally, fresh=pressed // 2 % 2 == 1, what=what)
+                    if due % TOLD == 0:
+                        tally.note(f"{due} of {requests}")
                     due, begun, pressed = due + EACH, time.monotonic(), pressed + 1
                 failed = sum(one.failed.value for one in signals)
                 tally.note(f"{sum(one.ever.value for one in signals)} answers, {failed} failed")
                 tally.lost(failed > 0, f"{failed} requests failed")
-            button.release()
+            for button in buttons:
+                button.release()
             rest(bench)
             loop.close()
     return tally.close()

@@ -28,12 +28,15 @@ class Press:
 
 
 class StopButton:
-    """Presses STOP by the cookie of a page, on a connection that is kept or on a new one each time."""
+    """Presses STOP by the cookie of a page, on a connection that is kept or on a new one each time.
 
-    def __init__(self, bench: Bench, name: str = "at the button") -> None:
+    ``token``: whose page it is; the operator's by default.
+    """
+
+    def __init__(self, bench: Bench, name: str = "at the button", token: str = "") -> None:
         self._address = urlsplit(bench.service.url)
         self._kept: http.client.HTTPConnection | None = None
-        token = bench.client.headers["Authorization"].removeprefix("Bearer ")
+        token = token or bench.client.headers["Authorization"].removeprefix("Bearer ")
         with httpx.Client(base_url=bench.service.url, timeout=TIMEOUT_S) as page:
             page.post("/api/session", json={"token": token, "name": name}).raise_for_status()
             self._cookie = "; ".join(f"{cookie}={value}" for cookie, value in page.cookies.items())
