@@ -83,6 +83,8 @@ def _copy_what_is_prepared(folder: Path) -> None:
         return
     with suppress(OSError, shutil.Error):
         shutil.copytree(Path(prepared) / folder.name, folder, dirs_exist_ok=True)
+        for copied in (folder, *(part for part in folder.rglob("*") if part.is_dir())):
+            copied.chmod(0o700)  # those of an image may be read-only
         for figures in Path(prepared).glob("figures-*.json"):
             if not (folder.parent / figures.name).exists():
                 shutil.copyfile(figures, folder.parent / figures.name)
