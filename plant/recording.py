@@ -80,7 +80,8 @@ def _table(path: Path) -> Any:
 def _facts(path: Path) -> int:
     """Return how many lines stand before the heading: they begin with # and say what the samples are."""
     with path.open("rb") as lines:
-        return next((number for number, line in enumerate(lines) if not line.startswith(b"#")), 0)
+        told = (line.removeprefix(b"\xef\xbb\xbf") for line in lines)  # editors put a byte order mark before the first
+        return next((number for number, line in enumerate(told) if not line.startswith(b"#")), 0)
 
 
 def _column(path: Path, table: Any, name: str, unit: str = "") -> Signal:

@@ -160,7 +160,10 @@ def _range(words: str | None) -> tuple[float, float]:
 
     try:
         first, last = (words or ":").split(":")
-        return float(first or 0.0), float(last or math.inf)
+        start_s, end_s = float(first or 0.0), float(last or math.inf)
+        if not end_s > start_s:
+            raise ValueError
+        return start_s, end_s
     except ValueError:
         raise DataFileError(
             f"--range {words}: write two times in seconds FROM:TO, for example 2:30 or 2:",

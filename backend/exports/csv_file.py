@@ -74,7 +74,7 @@ def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
 def heading_lines(file: Path) -> list[str]:
     """Return the lines before the heading, which begin with #. Raises OSError, UnicodeDecodeError."""
     lines: list[str] = []
-    with file.open(encoding="utf-8") as text:
+    with file.open(encoding="utf-8-sig") as text:  # editors put a byte order mark before the first line
         while (line := text.readline(_LONGEST)).startswith("#"):
             lines.append(line)
     return lines

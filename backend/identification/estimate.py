@@ -4,7 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from backend.identification.errors import IdentificationError, NotConvergedError
+from backend.identification.errors import (
+    IdentificationError,
+    NoStartError,
+    NotContinuousError,
+    NotConvergedError,
+    UnstableModelError,
+)
 from backend.identification.excitation import external_signal
 from backend.identification.feedback import reacts_to_noise
 from backend.identification.fit import Fit, Method, fit
@@ -62,9 +68,31 @@ def estimate(
             found = _estimate(record, structure(structure_name), method, gain_geometry, y_resolution)
             return with_hint(record, found) if hint else found
     except np.linalg.LinAlgError:
-        raise NotConvergedError(
+        raise _cause_in(record, structure_name) or NotConvergedError(
             f"{structure_name}: the record does not determine it; try a simpler structure"
         ) from None
+    except (NoStartError, NotConvergedError, NotContinuousError, UnstableModelError) as error:
+        cause = _cause_in(record, structure_name)
+        if cause is None:
+            raise
+        raise cause from error
+
+
+def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
+    """Name what of the record keeps any model from being found; None where nothing is known to."""
+    wrap = wrap_of(record.y)
+    if wrap is not None:
+        return NotConvergedError(
+            f"{structure_name}: no model is found, as the output jumps by {wrap[1]:.4g} and back after sample"
+            f" {wrap[0]}, as an angle does that wraps: unwrap it (numpy.unwrap)"
+        )
+    lead = _lead(record, float("inf"))
+    if lead is None:
+        return None
+    return NotConvergedError(
+        f"{structure_name}: no lag is found, as the output follows the input of the same sample (y = {lead:.3g} u +"
+        " offset): check that the columns are two signals, sample faster"
+    )
 
 
 def with_hint(record: Record, found: Estimate) -> Estimate:

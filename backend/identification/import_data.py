@@ -15,6 +15,7 @@ from backend.identification.timebase import TimeColumn, even, require_forward, t
 if TYPE_CHECKING:
     import pyarrow
 
+_LARGEST_WHOLE = 2.0**63
 _CONTROL = re.compile("[\0-\x08\x0e-\x1f\x7f]")
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 
@@ -43,7 +44,7 @@ def read_parquet(stream: BinaryIO) -> Columns:
     import pyarrow.parquet
 
     try:
-        table = pyarrow.parquet.read_table(stream)
+        table = pyarrow.parquet.ParquetFile(stream).read()  # unlike read_table it takes two columns of one name
     except (pyarrow.ArrowException, OSError, ValueError):
         raise DataFileError(
             "not a readable Parquet file: it is damaged, or of another kind", FileFault.UNREADABLE
@@ -60,7 +61,10 @@ def read_parquet(stream: BinaryIO) -> Columns:
             columns.texts.pop(name, None)
             columns.leave_out(name, f"two columns are called '{name}'", FileFault.AMBIGUOUS_COLUMN)
         else:
-            _take(columns, name, values)
+            try:
+                _take(columns, name, values)
+            except pyarrow.ArrowException:
+                columns.leave_out(name, f"column '{name}' holds values of the kind {values.type}, which are not read")
             unit = (table.schema.field(index).metadata or {}).get(b"unit", b"").decode(errors="replace")
             columns.units.setdefault(name, unit)
     return columns
@@ -77,7 +81,7 @@ def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
     if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_decimal(kind):
         columns[name] = np.asarray(values.cast(pyarrow.float64(), safe=False).to_numpy(), dtype=np.float64)
         is_whole = pyarrow.types.is_integer(kind) and not values.null_count
-        if is_whole and float(np.max(np.abs(columns[name]), initial=0.0)) > LARGEST_EXACT:
+        if is_whole and LARGEST_EXACT < float(np.max(np.abs(columns[name]), initial=0.0)) < _LARGEST_WHOLE:
             columns.whole[name] = values.to_numpy().astype(np.int64)
     elif pyarrow.types.is_timestamp(kind):
         columns.texts[name] = [
@@ -88,6 +92,10 @@ def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
         columns[name] = (
             np.asarray(values.cast(pyarrow.duration("ns")).cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
         )
+        columns.units[name] = "s"
+    elif pyarrow.types.is_time(kind):
+        of_day = values.cast(pyarrow.time64("ns")).cast(pyarrow.int64())
+        columns[name] = np.asarray(of_day.to_numpy(), dtype=np.float64) * 1e-9
         columns.units[name] = "s"
     else:
         columns.leave_out(name, f"column '{name}' holds values of the kind {kind}, which are not numbers")
@@ -208,6 +216,13 @@ def import_record(
             "the file has no time column (t, time, timestamp, ...): name it by --time COLUMN, or give the sample time"
             " by --period",
             FileFault.NO_TIME,
+            option="--time",
+        )
+    if found is None and columns.holes:
+        raise DataFileError(
+            f"{columns.holes} lines between rows are empty or commented out: they may be samples that are missing,"
+            " which no time column tells. Delete those lines, or name the time by --time COLUMN",
+            FileFault.ROWS,
             option="--time",
         )
     rows = np.arange(columns[u].size)

@@ -228,7 +228,10 @@ def check_period(period_s: float) -> None:
 def mean_period(t: Signal) -> float:
     """Sample time [s] that a time column, shape (n,), has on the whole. Raises RecordError."""
     if t.size < 2 or not t[-1] > t[0]:
-        raise RecordError("length of the time column", float(t[-1] - t[0]) if t.size else 0.0, 0.0, None, "s", "record")
+        raise RecordError(
+            "length of the time column", float(t[-1] - t[0]) if t.size > 1 else 0.0, 1e-7, None, "s",
+            "the time column does not rise: give the sample time by --period, with --time none",
+        )  # fmt: skip
     return float((t[-1] - t[0]) / (t.size - 1))
 
 
@@ -241,7 +244,7 @@ def check_time(t: Signal, period_s: float) -> None:
         at = int(np.argmin(steps))
         raise RecordError(
             f"time step after sample {at}", float(steps[at]), MIN_STEP * period_s, MAX_STEP * period_s, "s",
-            "the time column must rise from row to row",
+            "the time column must rise from row to row; --time none beside --period leaves out one that is too coarse",
         )  # fmt: skip
     largest = float(np.max(steps))
     typical = float(np.median(steps))

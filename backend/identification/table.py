@@ -52,7 +52,8 @@ class Columns(dict[str, Signal]):
 
     ``units`` of those that carry one, ``texts`` the cells of columns that hold words, ``whole`` the exact numbers of
     columns that rounding changes. ``reasons`` say why another column is not here, ``faults`` which kind of reason it
-    is. ``layout`` says how the file was read, for people and programs; ``notes`` what else there is to say.
+    is. ``layout`` says how the file was read, for people and programs; ``notes`` what else there is to say. ``holes``
+    are lines between rows that may be samples that are missing.
     """
 
     def __init__(self, columns: dict[str, Signal] | None = None) -> None:
@@ -64,6 +65,7 @@ class Columns(dict[str, Signal]):
         self.faults: dict[str, FileFault] = {}
         self.layout: dict[str, str | int] = {}
         self.notes: list[str] = []
+        self.holes = 0
 
     def column(self, name: str) -> Signal:
         """Return a column. Raises DataFileError saying why there is none of that name."""
@@ -99,10 +101,7 @@ def read_csv(text: str, *, header: int | None = None, decimal: DecimalMark | Non
     """
     table = _Table(text)
     heading, first = table.given_heading(header) if header is not None else table.heading()
-    columns = table.columns(heading, first, decimal)
-    if not columns.layout["rows"]:
-        raise _no_heading()
-    return columns
+    return table.columns(heading, first, decimal)
 
 
 def _no_heading() -> DataFileError:
@@ -124,12 +123,15 @@ class _Table:
     def __init__(self, text: str) -> None:
         self.comments: list[Line] = []
         self.lines: list[Line] = []
+        self.blank: list[int] = []
         self.directive: str | None = None
         for at, line in enumerate(re.split(r"\r\n|\n|\r", text.lstrip("\ufeff")), start=1):
             if line.lstrip().startswith(_COMMENTS):
                 self.comments.append((at, line))
             elif line.strip():
                 self.lines.append((at, line))
+            else:
+                self.blank.append(at)
         if self.lines and (match := _DIRECTIVE.match(self.lines[0][1])):
             self.directive = match["separator"]
             self.lines.pop(0)
@@ -259,6 +261,8 @@ class _Table:
         rows, empty = self.lines[first:], 0
         while rows and not any(self.cells(rows[-1][1])):
             rows, empty = rows[:-1], empty + 1
+        if not rows:
+            raise _no_heading()
         if len(rows) > MAX_SAMPLES:
             raise DataFileError(
                 f"the file holds {len(rows)} rows, at most {MAX_SAMPLES} are read: cut it", FileFault.TOO_LONG
@@ -328,6 +332,21 @@ class _Table:
         except ValueError:
             return None
 
+    def _say_holes(self, columns: Columns, *, rows: int, empty: int) -> None:
+        """Say which lines between rows may be samples that are missing."""
+        lines = [line for line, _ in self.lines[len(self.lines) - empty - rows : len(self.lines) - empty]]
+        first, last = (lines[0], lines[-1]) if lines else (0, 0)
+        blank = sum(first < line < last for line in self.blank)
+        # Some programs end each line twice.
+        columns.holes = 0 if blank == rows - 1 else blank
+        if columns.holes:
+            columns.notes.append(f"{blank} lines between rows are empty")
+        between = [words for line, words in self.comments if first < line < last]
+        commented = sum(self._holds_numbers(words.lstrip().lstrip("".join(_COMMENTS))) for words in between)
+        columns.holes += commented
+        if commented:
+            columns.notes.append(f"{commented} comments between rows hold numbers like a row and are not read")
+
     def _say(self, columns: Columns, heading: _Heading, mark: DecimalMark, *, rows: int, empty: int) -> None:
         above = sum(line < heading.line for line, _ in self.lines) + (self.directive is not None)
         below = len(self.lines) - rows - empty - sum(line <= heading.line for line, _ in self.lines)
@@ -342,6 +361,7 @@ class _Table:
             "lines_of_units": 1 if heading.units else 0,
             "comment_lines": comments,
         }
+        self._say_holes(columns, rows=rows, empty=empty)
         if empty:
             columns.notes.append(f"{empty} rows without a value at the end of the file are not read")
         if below > (1 if heading.units else 0):

@@ -180,7 +180,8 @@ def _unit_of(name: str, columns: Columns, since: Signal, period_s: float | None)
     if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
         raise DataFileError(
             f"nothing says in which unit the time column '{name}' is, whose rows are {step:.6g} apart: give it by"
-            f" --time-unit, one of {UNITS}",
+            f" --time-unit, one of {UNITS}"
+            + (f"; where it is no time, by --time {NO_COLUMN} beside --period" if period_s else ""),
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -203,6 +204,10 @@ def require_forward(time: TimeColumn, first_row: int) -> None:
     steps = np.diff(time.seconds)
     if not steps.size or float(np.min(steps)) >= 0.0:
         return
+    if float(np.max(steps)) <= 0.0:
+        raise RecordError(
+            "largest time step", float(np.max(steps)), 0.0, None, "s", "the rows are in reverse order: turn them round"
+        )
     at = int(np.argmax(steps < 0.0))
     row = first_row + at + 1
     raise RecordError(

@@ -209,6 +209,13 @@ def test_bad_files_end_with_2_and_one_line(
         (["--structure", "second"], "order:1"),
         (["--period", "-1"], "sample time is -1 s"),
         (["--setpoint", "r"], "no column 'r'"),
+        (["--range", "5:2"], "--range"),
+        (["--range", "nan:"], "--range"),
+        (["--decimal", "dot"], "--decimal"),
+        (["--time", "y"], "--time"),
+        (["--time-unit", "ms"], "--time"),
+        (["--period", "nan"], "sample time"),
+        (["--period", "inf"], "sample time"),
     ],
 )
 def test_bad_words_end_with_2_and_one_line(identify: Identify, tmp_path: Path, words: list[str], said: str) -> None:

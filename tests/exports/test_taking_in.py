@@ -118,6 +118,14 @@ def test_what_a_csv_says_of_itself_has_to_hold(here: Database, there: Database, 
     assert held(there) == before
 
 
+def test_a_csv_with_a_byte_order_mark_is_taken_in(here: Database, there: Database, run: int, tmp_path: Path) -> None:
+    file = exported(here, run, "csv", tmp_path)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert take_in(there, file, "Ben") == TakenIn(run=1, was=2, new=True)
+    with here.reading() as one, there.reading() as other:
+        assert digest_of_recording(other, 1) == digest_of_recording(one, run)
+
+
 def test_a_run_that_says_something_else_here_is_refused(here: Database, run: int, tmp_path: Path) -> None:
     file = exported(here, run, "csv", tmp_path)
     whole = file.read_text(encoding="utf-8")

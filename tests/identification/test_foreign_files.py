@@ -58,6 +58,11 @@ def dated(form: str) -> str:
     return lines("time;u;y", lambda k: f"{form.format(k)};{U[k]};{Y[k]}")
 
 
+def summer(k: int) -> str:
+    """Local time of a sample with its offset from UTC, which changes by an hour after 200 samples."""
+    return f"2026-10-25T02:59:59.{800 + k}+02:00" if k < 200 else f"2026-10-25T02:00:00.{k - 200:03d}+01:00"
+
+
 READ: dict[str, tuple[str | bytes, dict[str, Any]]] = {
     "excel, sep=": (lines("t;u;y", lambda k: f"{comma(T[k])};{comma(U[k])};{comma(Y[k])}", "sep=;"), {}),
     "excel, sep=, quoted": (lines("t;u;y", lambda k: f"{comma(T[k])};{comma(U[k])};{comma(Y[k])}", '"sep=;"'), {}),
@@ -181,6 +186,18 @@ READ: dict[str, tuple[str | bytes, dict[str, Any]]] = {
         ),
         {},
     ),
+    "Parquet, time of day": (parquet({"time": pa.array(WHOLE_MS.tolist(), pa.time32("ms")), "u": U, "y": Y}), {}),
+    "Parquet, durations": (
+        parquet({"elapsed": pa.array((1000 * WHOLE_MS).tolist(), pa.duration("us")), "u": U, "y": Y}),
+        {},
+    ),
+    "Parquet, words of a dictionary beside": (
+        parquet({"t": T, "u": U, "y": Y, "w": pa.array(["x"] * COUNT).dictionary_encode()}),
+        {},
+    ),
+    "lines ended twice": (lines("u,y", lambda k: f"{U[k]},{Y[k]}", end="\r\r\n"), {"period_s": PERIOD_S}),
+    "a zone that changes with daylight saving": (lines("time,u,y", lambda k: f"{summer(k)},{U[k]},{Y[k]}"), {}),
+    "comments in a comment's heading": (lines("#t u y", lambda k: f"{T[k]} {U[k]} {Y[k]}", "% by hand"), {"header": 2}),
     "Parquet, ns": (parquet({"time": EPOCH_S * 1_000_000_000 + 1_000_000 * WHOLE_MS, "u": U, "y": Y}), {}),
     "Parquet, texts beside": (parquet({"t": T, "u": U, "y": Y, "w": ["x"] * COUNT, "l": [[1]] * COUNT}), {}),
 }
@@ -240,6 +257,22 @@ def test_what_was_read_is_said() -> None:
     assert reading.sample_time_s == pytest.approx(PERIOD_S)
 
 
+def test_rows_that_are_commented_out_are_said() -> None:
+    text = lines("t,u,y", lambda k: plain(k) if k % 10 else f"# {plain(k)}")
+    reading = imported(text, {"selection": Selection(resample=True)}).reading
+    assert reading.rows_in_file == 360
+    assert reading.layout["comment_lines"] == 40
+    assert "39 comments between rows" in reading.notes[0]  # the first of them is above the first row
+
+
+def test_rows_in_reverse_order_are_named() -> None:
+    text = lines("t,u,y", lambda k: plain(COUNT - 1 - k))
+    with pytest.raises(RecordError) as refused:
+        imported(text, {})
+    assert refused.value.quantity == "largest time step"
+    assert refused.value.value == pytest.approx(-PERIOD_S)
+
+
 def test_columns_that_are_not_read_have_a_reason() -> None:
     file = mat({"t": T, "u": U, "y": Y, "name": "x", "z": Y + 1j, "K": 3.0, "w": U})
     assert set(imported(file, {}).reading.not_read) == {"name", "z", "K", "w"}
@@ -291,6 +324,16 @@ def test_a_range_of_times_that_come_twice_is_refused() -> None:
     with pytest.raises(DataFileError) as refused:
         imported(text, {"selection": Selection(start_s=0.0, end_s=0.05)})
     assert (refused.value.fault, refused.value.option) == (FileFault.ROWS, "--take")
+
+
+def twice_in_parquet() -> bytes:
+    """Parquet file with two columns called u."""
+    import pyarrow.parquet
+
+    stream = io.BytesIO()
+    table = pa.table([pa.array(T), pa.array(U), pa.array(Y), pa.array(-U)], names=["t", "u", "y", "u"])
+    pyarrow.parquet.write_table(table, stream)
+    return stream.getvalue()
 
 
 MIXED = lines("t;u;y", lambda k: f"{T[k]:.3f};{int(U[k])};{comma(Y[k])}")
@@ -391,7 +434,38 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], FileFault, str | None]] = 
     "a footer": (lines("t,u,y", plain) + "end of data\n", {}, FileFault.ROW_WIDTH, "--header"),
     "the heading again": (lines("t,u,y", plain) * 2, {}, FileFault.NOT_A_NUMBER, None),
     "no heading": (lines("0.0,3.0,0.0", plain), {}, FileFault.NO_HEADING, None),
+    "a heading alone": ("time;ms\n", {}, FileFault.NO_HEADING, None),
+    "a heading alone, by its line": ("t,u,y\n1,2,3\nt,u,y\n", {"header": 3}, FileFault.NO_HEADING, None),
+    "one word": ("t", {}, FileFault.NO_HEADING, None),
+    "a separator alone": ("sep=;\n", {}, FileFault.NO_HEADING, None),
+    "empty cells alone": ("t,u,y\n,,\n,,\n", {}, FileFault.NO_HEADING, None),
+    "MATLAB without vectors": (mat({"K": 3.0}), {}, FileFault.NO_COLUMN, None),
+    "Parquet without rows": (parquet({"t": T[:0], "u": U[:0], "y": Y[:0]}), {}, FileFault.ROWS, None),
     "a line beyond the end": (lines("t,u,y", plain), {"header": 9999}, FileFault.NO_HEADING, "--header"),
+    "the same columns twice in Parquet": (
+        twice_in_parquet(),
+        {},
+        FileFault.AMBIGUOUS_COLUMN,
+        None,
+    ),
+    "empty lines between rows, no time": (
+        lines("u,y", lambda k: f"{U[k]},{Y[k]}" if k % 10 else ""),
+        {"period_s": PERIOD_S},
+        FileFault.ROWS,
+        "--time",
+    ),
+    "rows that are commented out, no time": (
+        lines("u,y", lambda k: f"{'' if k % 10 else '# '}{U[k]},{Y[k]}"),
+        {"period_s": PERIOD_S},
+        FileFault.ROWS,
+        "--time",
+    ),
+    "a count of samples beside another sample time": (
+        lines("t,u,y", lambda k: f"{k},{U[k]},{Y[k]}"),
+        {"period_s": 4.0 * PERIOD_S},
+        FileFault.TIME_UNIT,
+        "--time-unit",
+    ),
     "apostrophes": (lines("t,u,y", lambda k: f"{T[k]},{U[k]},8'019"), {}, FileFault.NOT_A_NUMBER, None),
     "underscores": (lines("t,u,y", lambda k: f"{T[k]},{U[k]},8_019"), {}, FileFault.NOT_A_NUMBER, None),
     "latin-1": (lines("t,u,y [°]", plain).encode("latin-1"), {}, FileFault.ENCODING, None),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from backend.identification.errors import NotConvergedError
 from backend.identification.estimate import estimate
 from backend.identification.friction import SIGNIFICANT_STD, fit_friction
 from backend.identification.record import Record
@@ -236,3 +237,24 @@ def test_the_bounds_are_those_of_the_table_of_verdicts(change: dict[str, Any], g
 def test_a_linear_model_is_so_many_per_cent_off_one_with_friction_in_gain_and_in_lags_with_dead_time() -> None:
     found = DryFriction(True, 2.0, 0.1, 0.05, 0.0, 0.0, 0.0, 99.0, t_d=0.02)
     assert found.off_percent(2.2, 0.108) == pytest.approx((10.0, -10.0))
+
+
+def test_a_wrapped_angle_is_named_where_no_model_is_found() -> None:
+    random = np.random.default_rng(0)
+    u = np.repeat(random.choice([-3.0, 3.0], 100), 20)
+    y: Array = np.round(np.mod(np.cumsum(u + 1.0) * 0.01, 2.0 * np.pi), 4).astype(np.float64)
+    with pytest.raises(NotConvergedError, match=r"jumps by 6\.283 and back .* wraps"):
+        estimate(Record(1e-3, u, y), "first+delay")
+
+
+def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
+    random = np.random.default_rng(0)
+    u = np.round(np.cumsum(random.standard_normal(400)) * 0.1, 3)
+    y = np.round(2.0 * u, 3)
+    named = []
+    for structure in ("first", "lags2+delay", "order:4"):
+        try:
+            named.append(estimate(Record(1e-3, u, y), structure).verdict.sentence)
+        except NotConvergedError as error:
+            named.append(str(error))
+    assert all("same sample (y = 2 u" in words for words in named)

@@ -118,6 +118,11 @@ def test_both_formats_of_the_export_say_the_same(
         np.testing.assert_array_equal(values.astype(np.float32), second.columns[name].astype(np.float32))
 
 
+def test_a_byte_order_mark_of_an_editor_is_read_over(columns: Columns, tmp_path: Path) -> None:
+    plain, marked = played(columns, tmp_path), played(columns, tmp_path, lambda them: b"\xef\xbb\xbf" + to_csv(them))
+    assert marked.read()[:5] == plain.read()[:5]
+
+
 def test_a_flight_record_begins_before_its_trip(columns: Columns, tmp_path: Path) -> None:
     columns["t"] = columns["t"] - 0.15
     columns["fault"][150:] = FAULT_CODE[Fault.SENSOR_INVALID]
