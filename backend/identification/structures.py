@@ -123,4 +123,7 @@ def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]
     if not (scale > 0.0 and np.all(np.isfinite(ascending))):
         raise UnstableModelError("the coefficients leave the range of numbers")
     scaled = ascending / scale ** np.arange(order + 1)
-    return np.asarray(np.roots(scaled[::-1]) / scale, dtype=np.complex128)
+    found = np.asarray(np.roots(scaled[::-1]) / scale, dtype=np.complex128)
+    if found.size != order or not np.all(np.isfinite(found)):  # a coefficient that underflows takes its root along
+        raise UnstableModelError("the coefficients leave the range of numbers")
+    return found

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.identification.errors import NotConvergedError
+from backend.identification.errors import NotConvergedError, UnstableModelError
 from backend.identification.estimate import estimate
 from backend.identification.friction import SIGNIFICANT_STD, fit_friction
 from backend.identification.record import Record
 from backend.identification.result import CorrelationTest, DryFriction, Estimate, FirstOrder, Grade, Model, Residuals
+from backend.identification.structures import structure
 from backend.identification.validation import Evidence, judge
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
 
@@ -258,3 +259,8 @@ def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
         except NotConvergedError as error:
             named.append(str(error))
     assert all("same sample (y = 2 u" in words for words in named)
+
+
+def test_a_coefficient_that_underflows_is_refused_and_drops_no_pole() -> None:
+    with pytest.raises(UnstableModelError):
+        structure("order:3").poles(np.array([1.0, 1e-3, 1e-5, 1e-323]))
