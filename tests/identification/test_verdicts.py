@@ -253,9 +253,9 @@ def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
     u = np.round(np.cumsum(random.standard_normal(400)) * 0.1, 3)
     y = np.round(2.0 * u, 3)
     named = []
-    for structure in ("first", "lags2+delay", "order:4"):
+    for name in ("first", "lags2+delay", "order:4"):
         try:
-            named.append(estimate(Record(1e-3, u, y), structure).verdict.sentence)
+            named.append(estimate(Record(1e-3, u, y), name).verdict.sentence)
         except NotConvergedError as error:
             named.append(str(error))
     assert all("same sample (y = 2 u" in words for words in named)
