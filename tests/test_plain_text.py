@@ -34,7 +34,7 @@ from backend.plain_text import (
 )
 from backend.refusal import RefusalError
 from backend.storage.fit import UnfitDocumentError, require_lines
-from backend.web_server.bodies import _require_writable
+from backend.web_server.bodies import require_writable
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]
 REFUSED = ("\0", "\x07", "\x08", "\x0b", "\x0c", "\x1b", "\x7f", "\x85", "\x9b", "\ud800", "\udfff", "\ude00\ud83d")
@@ -58,7 +58,7 @@ def as_yaml(title: str = "", description: str = "") -> str:
 PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a text": (PlainTextError, require_plain),
     "a key": (PlainTextError, lambda words: require_plain_texts([{"a": {words: 1}}])),
-    "a request": (RefusalError, lambda words: _require_writable(json.dumps({"note": words}).encode())),
+    "a request": (RefusalError, lambda words: require_writable(json.dumps({"note": words}).encode())),
     "YAML": (ExperimentError, lambda words: text.read(as_yaml(description=words))),
     "JSON as a text": (ExperimentError, lambda words: text.read(json.dumps(described(f"x{words}y")))),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),

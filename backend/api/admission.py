@@ -1,5 +1,6 @@
 """Who sends a request is known before anything of its body is taken; then the body is read, whole and in time."""
 
+import asyncio
 from contextlib import ExitStack
 
 from starlette.requests import ClientDisconnect, HTTPConnection
@@ -10,11 +11,12 @@ from backend.api.auth import signed_in
 from backend.api.errors import answer_to
 from backend.api.service import Service
 from backend.refusal import Because, RefusalError
-from backend.web_server.bodies import has_body, once_more, read_whole
+from backend.web_server.bodies import has_body, once_more, read_whole, require_writable
 from backend.web_server.cookies import authentication_of, shown_by
 from backend.web_server.guard import most_bytes
 from backend.web_server.places import Place, Places
 from backend.web_server.protocols import ALL_PLACES, PLACE
+from backend.web_server.request_turns import PASSES_BY
 
 OPEN = {"/api/session", "/api/health", "/api/page-address"}
 """What may be asked, and sent a body, by somebody who is not signed in."""
@@ -32,6 +34,7 @@ class Admission:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
+        self._looking = asyncio.Lock()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what may come in, answer the rest."""
@@ -44,13 +47,26 @@ class Admission:
                 person = _show_in(connection)
                 _take_place(connection, person, stack)
                 if has_body(connection):
-                    receive = once_more(await read_whole(receive, most_bytes(scope["path"])), receive)
+                    body = await read_whole(receive, most_bytes(scope["path"]))
+                    await self._look_over(body, scope["path"])
+                    receive = once_more(body, receive)
             except RefusalError as error:
                 await answer_to(error)(scope, receive, send)
             except ClientDisconnect:
                 return
             else:
                 await self._app(scope, receive, send)
+
+    async def _look_over(self, body: bytes, path: str) -> None:
+        """Look over one body in each round of the event loop: a dozen of them would make STOP wait for all."""
+        if path == PASSES_BY:
+            require_writable(body)
+            return
+        async with self._looking:
+            try:
+                require_writable(body)
+            finally:
+                await asyncio.sleep(0)
 
 
 def _take_place(connection: HTTPConnection, person: Person | None, stack: ExitStack) -> None:

@@ -34,11 +34,11 @@ async def read_whole(receive: Receive, most: int) -> bytes:
             raise RefusalError(Because.TOO_LARGE, f"the body is larger than {most} bytes")
         if not message.get("more_body", False):
             break
-    _require_writable(bytes(body))
     return bytes(body)
 
 
-def _require_writable(body: bytes) -> None:
+def require_writable(body: bytes) -> None:
+    """Raise RefusalError for a body that is no JSON, or holds what no request has: it takes up to 10 ms."""
     try:
         document = pydantic_core.from_json(body)
         _require_few(document)

@@ -26,6 +26,12 @@ CONNECTIONS = 6
 HOLDING = "round(1, -1000000000)"
 """Computes a power of ten with a billion digits, where whole numbers are taken as they are."""
 
+MOST = 56
+"""Connections of a crowd: fewer than the places of guests, as all are guests until their first request is read."""
+
+APART_S = 0.02
+"""Between two connections that are opened: more guests than there are places at once would be sent away."""
+
 ROLES = ("operator", "viewer")
 """Who presses STOP, in turn; in the order of the tokens."""
 
@@ -118,7 +124,11 @@ def ask(signals: Signals, url: str, tokens: list[str], wanted: list[Request], co
 
 
 async def _ask_all(signals: Signals, url: str, tokens: list[str], wanted: list[Request], connections: int) -> None:
-    asking = [asyncio.create_task(_ask(signals, url, token, one)) for token in tokens for one in wanted * connections]
+    each = [(token, one) for token in tokens for one in wanted * connections]
+    asking = [
+        asyncio.create_task(_ask(signals, url, token, one, APART_S * number))
+        for number, (token, one) in enumerate(each)
+    ]
     while not signals.over.is_set():
         await asyncio.sleep(0.05)
         if signals.ever.value > 0:  # its process is there
@@ -128,7 +138,8 @@ async def _ask_all(signals: Signals, url: str, tokens: list[str], wanted: list[R
     await asyncio.gather(*asking, return_exceptions=True)
 
 
-async def _ask(signals: Signals, url: str, token: str, wanted: Request) -> None:
+async def _ask(signals: Signals, url: str, token: str, wanted: Request, begins_s: float) -> None:
+    await asyncio.sleep(begins_s)
     method, path, body = wanted
     content = None if body is None else json.dumps(body)
     headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
@@ -167,7 +178,8 @@ def under_costly_requests(presses: int, console: Console) -> bool:
                 here = [
                     (method, path.replace(_RUN + "/planned", f"{run}/planned"), body) for method, path, body in requests
                 ]
-                crowd: Crowd = (ask, (bench.service.url, tokens, here, CONNECTIONS))
+                connections = min(CONNECTIONS, max(1, MOST // (len(tokens) * len(here))))
+                crowd: Crowd = (ask, (bench.service.url, tokens, here, connections))
                 with crowds(crowd) as (signals,):
                     for turn in range(presses):
                         wind_up(bench, loop)
