@@ -59,7 +59,7 @@ def verify(
 
     metrics.json beside it, the units in the comments of data.csv and, where the data folder has the run, its stored
     samples are compared too. A PDF is verified by the page of the same name beside it. Ends with 0 where all hold, 1
-    where something differs, 2 where it cannot be told.
+    where something differs, 2 where something could not be compared: then it is not verified ("holds": null).
     """
     from backend.recording.codec import CodecError
     from backend.reports.evidence import EvidenceError
@@ -82,7 +82,7 @@ def verify(
     if as_json:
         print_json(
             {
-                "holds": not found.differences,
+                "holds": found.holds,
                 "samples": origin,
                 "checked": list(checked),
                 "differences": [vars(one) for one in found.differences],
@@ -98,6 +98,8 @@ def verify(
             words = f"computed from {origin}; compared with it: {', '.join(checked[1:])}"
             errors.print(words, highlight=False, markup=False, soft_wrap=True)
         fail(f"{file} does not hold: {len(found.differences)} differences")
+    if found.holds is None:
+        fail(f"{file} is not verified: nothing differs, but not all of it was compared", status=2)
     if not as_json:
         words = f"{file} holds: {found.compared}, computed again from {origin}"
         if len(checked) > 1:
@@ -111,6 +113,9 @@ def _verified(file: Path, samples: Path | None, settings: Settings) -> "tuple[Ve
     from backend.reports.evidence import EvidenceError, SeriesEvidence, read
     from backend.reports.series_verification import verify_series
 
+    for one in (file, samples):
+        if one is not None and one.exists() and not one.is_file():
+            raise EvidenceError(f"{one} is no ordinary file")
     of_pdf = file.suffix == ".pdf"
     page_file = file.with_suffix(".html")
     if of_pdf and not page_file.exists():
@@ -161,7 +166,7 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Ev
     from backend.storage.migrate import SchemaError
 
     beside = (file.with_name(f"data{suffix}") for suffix in SUFFIXES)
-    named = samples or next((one for one in beside if one.exists()), None)
+    named = samples or next((one for one in beside if one.is_file()), None)
     if named is None:
         stored, number = _stored(settings, evidence)
         return _Sources(stored=stored, stored_as=f"run {number} of the data folder")

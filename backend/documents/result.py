@@ -10,6 +10,10 @@ from typing import Any
 from backend.documents.edge import ABSENT, Edge
 
 VERSION = 1
+DEFINITIONS = 1
+"""Version of the definitions that figures and criteria are computed by: one more with each change of what one means.
+Results from before it was kept have 0."""
+
 OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
 
 
@@ -82,7 +86,7 @@ class Metrics:
     """Figures of a run; ``complete`` is False when it ended before its program: they then cover what was played.
 
     ``steps`` is None for a run that is not measured step by step, ``missing_samples`` where that was not kept;
-    ``problem`` says why an identification gave no model.
+    ``problem`` says why an identification gave no model; ``definitions`` is the version of what the figures mean.
     """
 
     complete: bool
@@ -94,6 +98,7 @@ class Metrics:
     missing_samples: int | None = None
     problem: str = ""
     version: int = VERSION
+    definitions: int = DEFINITIONS
 
     def value_of(self, name: str) -> float | None:
         """Return the figure of this name, None where it was not measured or is not there."""
@@ -103,7 +108,7 @@ class Metrics:
 def _metrics_with_reasons(document: Any) -> Any:
     if not isinstance(document, Mapping) or not isinstance(document.get("figures"), list):
         return document
-    return {**document, "figures": [_with_reason(item, "value") for item in document["figures"]]}
+    return {"definitions": 0, **document, "figures": [_with_reason(item, "value") for item in document["figures"]]}
 
 
 def _criteria_with_reasons(document: Any) -> Any:

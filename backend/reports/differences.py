@@ -39,6 +39,13 @@ class Verified:
     left_out: tuple[str, ...]
     compared: str = EVERYTHING
 
+    @property
+    def holds(self) -> bool | None:
+        """Whether all of it holds; None where nothing differs, but something was not compared."""
+        if self.differences:
+            return False
+        return None if self.left_out else True
+
 
 def not_made(name: str, wanted: str, error: Exception) -> Difference:
     """Return the difference that something of a report cannot be made again, whatever is wrong with it."""

@@ -30,6 +30,10 @@ ACCOUNT = "account"
 """Name of the hash of all the rest that a report carries."""
 
 
+UNSEEN: dict[str, Any] = {"station": "", "bank_id": None, "evaluation_problem": ""}
+"""Fields of a run that nothing in a report depends on: what an account said of them could not be compared."""
+
+
 class EvidenceError(ValueError):
     """A file that carries no account of itself that can be read."""
 
@@ -121,7 +125,7 @@ def evidence_of(source: Source) -> Evidence | None:
     missing = None if result is None else result.metrics.missing_samples
     told = Evidence(
         format=FORMAT,
-        run=source.run,
+        run=replace(source.run, **UNSEEN),
         metrics=None if result is None else METRICS.write(result.metrics),
         criteria=[] if result is None else CRITERIA.write(result.criteria),
         bank=carried(source.bank),

@@ -33,10 +33,12 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[Difference, ...]]:
     except (ImportRefusedError, OSError) as error:
         raise SamplesFileError(f"{file} cannot be read: {error}") from None
     missing = [name for name in STORED_NAMES if name not in facts.names and name not in ADDED_LATER]
-    if missing:
+    if "t" not in facts.names or "q" in missing:
         raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
     names = ("t", *(name for name in STORED_NAMES if name in facts.names))
     columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
+    # What an older version did not store was not measured; where the account has its check sum, that differs.
+    columns |= {name: np.full(columns["t"].size, np.nan) for name in missing}
     return columns, tuple(_problems(file, facts, parts))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
+from backend.documents.result import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.evaluation import computed
 from backend.experiments.results.in_force import points_in
@@ -20,6 +20,7 @@ from backend.reports.digests import BLOCK_S, HASHED, blocks_of
 from backend.reports.evidence import (
     ACCOUNT,
     SINEW,
+    UNSEEN,
     Estimate,
     Evidence,
     EvidenceError,
@@ -162,12 +163,34 @@ def computed_again(evidence: Evidence, columns: Columns) -> tuple[Verified, Sour
         if evidence.metrics is None and again[0] is not None:
             source = source_of(evidence, columns, None, (), None)
             return Verified(tuple(differences[:MOST]), (_NO_RESULT,)), source
-        others = list(_results(evidence, again))
-        source = source_of(evidence, columns, *(again if others else _carried(evidence)))
+        older = _older(evidence)
+        left_out = (*older, *_unseen(evidence))
+        others = [] if older else list(_results(evidence, again))
+        carries = bool(older) or not others
+        source = source_of(evidence, columns, *(_carried(evidence) if carries else again))
     except Exception as error:
         problem = not_made("what it was computed from", "a run that can be computed again", error)
         return Verified((*differences, problem)[:MOST], ()), None
-    return Verified((*differences, *others)[:MOST], ()), source
+    return Verified((*differences, *others)[:MOST], left_out), source
+
+
+def _older(evidence: Evidence) -> tuple[str, ...]:
+    """Say that a result is of other definitions than those that this version computes by; empty where it is not."""
+    said = (evidence.metrics or {}).get("definitions", 0)
+    if said == DEFINITIONS:
+        return ()
+    told = (
+        f"the result: it was computed by version {said} of the definitions of figures and criteria, this Sinew "
+        f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {evidence.run.id}`, and make the "
+        "report again"
+    )
+    return (told,)
+
+
+def _unseen(evidence: Evidence) -> tuple[str, ...]:
+    """Name what an account says of its run that no page shows and no sample tells; reports of today leave it out."""
+    said = [name for name, nothing in UNSEEN.items() if getattr(evidence.run, name) != nothing]
+    return (f"{', '.join(said)} of the run: nothing in the report depends on it",) if said else ()
 
 
 def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[Difference]:

@@ -1,0 +1,134 @@
+"""Forged reports by a program: each field of the account, each element of the page, each drawing, changed in turn."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from backend.reports.evidence import ACCOUNT, Evidence, EvidenceError, account_hash, element_of, read, to_element
+
+Path = tuple[str | int, ...]
+_TAG = re.compile(r"<[a-z][^<>]*>")
+_TEXT = re.compile(r">([^<>\n]*\w[^<>\n]*)<")
+INSERTED = (
+    "<p>It passed.</p>",
+    "<script>1</script>",
+    '<div style="position:fixed;inset:0">passed</div>',
+    "<!-- -->",
+)
+DRAWN = (
+    '<svg style="position:fixed;inset:0"><foreignObject><p>passed</p></foreignObject></svg>',
+    "<svg><script>1</script></svg>",
+    '<svg><image xlink:href="https://example.org/a.png"/></svg>',
+    '<svg><path d="M 0 0" onclick="1"/></svg>',
+)
+
+
+def of_the_account(page: str) -> Iterator[tuple[str, str]]:
+    """Change each value of the account, as it is and sealed again: with its hash in the account and on the page."""
+    element = element_of(page)
+    text = element[element.index(">") + 1 : element.rindex("<")]
+    for path in _leaves(json.loads(text)):
+        name = ".".join(map(str, path))
+        account = json.loads(text)
+        _change(account, path)
+        plain = json.dumps(account, ensure_ascii=False, separators=(",", ":"))
+        for letter in "<>&":
+            plain = plain.replace(letter, f"\\u{ord(letter):04x}")
+        changed = page.replace(text, plain)
+        yield name, changed
+        if (sealed := _sealed(page, changed)) not in (None, changed, page):
+            yield f"{name}, sealed", str(sealed)
+
+
+def of_the_page(page: str) -> Iterator[tuple[str, str]]:
+    """Change each text and each tag outside drawings, and put something in between."""
+    element = element_of(page)
+    begin = page.index("<body")
+    drawings = [found.span() for found in re.finditer(r"<svg.*?</svg>", page, re.DOTALL)]
+    carried = page.index(element), page.index(element) + len(element)
+
+    def is_free(place: int) -> bool:
+        return place > begin and not any(start <= place < end for start, end in (*drawings, carried))
+
+    for found in _TEXT.finditer(page):
+        if is_free(found.start(1)):
+            yield f"text {found[1][:30]}", f"{page[: found.start(1)]}{found[1]}9{page[found.end(1) :]}"
+    for number, found in enumerate(_TAG.finditer(page)):
+        if is_free(found.start()):
+            yield f"tag {found[0][:30]}", f"{page[: found.start()]}{found[0][:-1]} hidden>{page[found.end() :]}"
+            more = INSERTED[number % len(INSERTED)]
+            yield f"before {found[0][:30]}", f"{page[: found.start()]}{more}{page[found.start() :]}"
+
+
+def of_the_drawings(page: str) -> Iterator[tuple[str, str]]:
+    """Change parts of each drawing, replace it, and put others beside it."""
+    for found in re.finditer(r"<svg.*?</svg>", page, re.DOTALL):
+        start, end = found.span()
+        for other in DRAWN:
+            yield f"another drawing {other[:30]}", f"{page[:start]}{other}{page[end:]}"
+            yield f"a drawing more {other[:30]}", f"{page[:start]}{other}{page[start:]}"
+            yield f"in a drawing {other[5:30]}", f"{page[: end - 6]}{other[5:-6]}{page[end - 6 :]}"
+        numbers = list(re.finditer(r'(?<=[ "])\d+\.\d+', found[0]))
+        for number in numbers[:: max(1, len(numbers) // 25)]:
+            at = start + number.start()
+            yield f"number {number[0]} of a drawing", f"{page[:at]}7{page[at:]}"
+
+
+def with_versions(page: str) -> Iterator[tuple[str, str]]:
+    """Name other versions in the account, seal it again, and change the page besides."""
+    evidence = read(page)
+    assert isinstance(evidence, Evidence)
+    for name in evidence.made_with:
+        said = {**evidence.made_with, name: "0.0.9"}
+        for what, changed in (
+            ("the page", page),
+            ("a figure", page.replace("</td>", "9</td>", 1)),
+            ("a drawing", page.replace("<svg", DRAWN[0] + "<svg", 1)),
+        ):
+            account = json.loads(element_of(page)[len('<template id="evidence">') : -len("</template>")])
+            account["made_with"] = said
+            text = json.dumps(account, ensure_ascii=False, separators=(",", ":"))
+            for letter in "<>&":
+                text = text.replace(letter, f"\\u{ord(letter):04x}")
+            new = changed.replace(element_of(page), f'<template id="evidence">{text}</template>')
+            yield f"{name} of another version, and {what}", _sealed(page, new) or new
+
+
+def _leaves(value: Any, path: Path = ()) -> Iterator[Path]:
+    if isinstance(value, dict) and value:
+        for name, part in value.items():
+            yield from _leaves(part, (*path, name))
+    elif isinstance(value, list) and value:
+        for place in sorted({0, len(value) // 2, len(value) - 1}):  # a list of check sums has thousands
+            yield from _leaves(value[place], (*path, place))
+    else:
+        yield path
+
+
+def _change(account: Any, path: Path) -> None:
+    for part in path[:-1]:
+        account = account[part]
+    value = account[path[-1]]
+    match value:
+        case bool():
+            account[path[-1]] = not value
+        case int() | float():
+            account[path[-1]] = value + 1
+        case str():
+            account[path[-1]] = f"{value}9"
+        case _:
+            account[path[-1]] = "9"
+
+
+def _sealed(page: str, changed: str) -> str | None:
+    """Return a changed page whose account has its hash again, on the page too; None where it cannot be read."""
+    try:
+        evidence = read(changed)
+    except EvidenceError:
+        return None
+    assert isinstance(evidence, Evidence)
+    before, after = evidence.hashes.get(ACCOUNT, ""), account_hash(evidence)
+    evidence.hashes[ACCOUNT] = after
+    sealed = changed.replace(element_of(changed), to_element(evidence))
+    return sealed.replace(before, after) if before else sealed
