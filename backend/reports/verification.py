@@ -181,8 +181,8 @@ def _older(evidence: Evidence) -> tuple[str, ...]:
         return ()
     told = (
         f"the result: it was computed by version {said} of the definitions of figures and criteria, this Sinew "
-        f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {evidence.run.id}`, and make the "
-        "report again"
+        f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {evidence.run.id}`, and make "
+        "the report again"
     )
     return (told,)
 
