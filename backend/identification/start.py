@@ -29,17 +29,17 @@ def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
     estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
     """
 
-    def found(plain: Problem) -> list[tuple[float, Signal]]:
+    def found(plain: Problem, *given: Signal) -> list[tuple[float, Signal]]:
         if plain.structure.kind is Kind.LAGS:
-            return ranked_starts(plain, [*further, *_equal_lags(plain, plain.structure, _LAGS)])
+            return ranked_starts(plain, [*given, *_equal_lags(plain, plain.structure, _LAGS)])
         few = _equal_lags(plain, plain.structure, _FEW_LAGS)
-        return ranked_starts(plain, [*further, *few, *_state_variable_filter(plain)])
+        return ranked_starts(plain, [*given, *few, *_state_variable_filter(plain)])
 
     if problem.structure.delayed:  # further ones have their dead time already
         ranked = [*ranked_starts(problem, list(further)), *_over_dead_times(problem, lambda plain: found(plain)[:1])]
         ranked = _apart(sorted(ranked, key=lambda pair: pair[0]))
     else:
-        ranked = found(problem)
+        ranked = found(problem, *further)
     if not ranked:
         raise NoStartError(f"no stable model of structure {problem.structure.name} describes the record")
     return [parameters for _, parameters in ranked]

@@ -81,7 +81,7 @@ def test_none_of_all_provoked_records_is_usable_and_wrong() -> None:
 
 
 @pytest.mark.parametrize("case", without_lag())
-@pytest.mark.parametrize("structure", ["first", "first+delay", "order:2", "third", "lags3", "motor"])
+@pytest.mark.parametrize("structure", ["first", "first+delay", "order:2", "order:3+delay", "third", "lags3", "motor"])
 def test_an_output_without_lag_ends_in_a_verdict_that_is_not_wrong(case: str, structure: str) -> None:
     u, y = without_lag()[case]
     found = outcome(Provoked(u, y, structure, None, 1e-3))
