@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from itsdangerous import BadData, URLSafeSerializer
 
-from backend.access.attempts import Attempts
+from backend.access.attempts import SIGN_INS, Attempts
 from backend.access.people import BEARER, OPEN, People, Person, printable
 from backend.access.sessions import Sessions
 from backend.access.tokens import TokenFiles, Tokens
@@ -67,6 +67,7 @@ class Authentication:
         self._files = files
         self._clock = clock
         self._attempts = Attempts(clock)
+        self._sign_ins = Attempts(clock, most=SIGN_INS, of="new sessions from this address")
         self._replaced: _Replaced | None = None
         self._turn = asyncio.Lock()
         self.sessions = sessions or Sessions()
@@ -75,7 +76,7 @@ class Authentication:
         """Told of who signs in and out and of new tokens, for the log: what happened, and by whom."""
 
     def sign_in(self, shown: Shown, token: str, name: str = "") -> Person:
-        """Return who ``token`` belongs to. Raises RefusalError for a wrong one, 429 after too many of them.
+        """Return who ``token`` belongs to. Raises RefusalError for a wrong one, 429 after too many, right ones too.
 
         A browser that is signed in already goes on with its session, or ends it where it is another person's now.
         """
@@ -90,11 +91,12 @@ class Authentication:
         called, before = printable(name), self._person_of_cookie(shown)
         if before is not None and before.role is role and called in ("", before.called):
             return before
+        self._sign_ins.count(f"{role} {shown.address}")
         if before is not None:
             self.sessions.end(before.session)
             self._dismiss()
         session = secrets.token_urlsafe(12)
-        self.sessions.begin(session, role)
+        self.sessions.begin(session, role, in_use={person.session for _, person in self.people.connected()})
         person = Person(self.people.shown(called, role, session), role, session, called or role)
         self.tell(f"signed in as {role}", person.name)
         return person
@@ -222,7 +224,7 @@ class Authentication:
         # What a page of somebody else makes a browser send says nothing about the person at that browser.
         if not shown.is_foreign and not shown.is_counted:
             shown.is_counted = True
-            self._attempts.failed(shown.address)
+            self._attempts.count(shown.address)
 
 
 def _read(value: str, tokens: Tokens) -> Person | None:

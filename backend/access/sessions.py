@@ -8,7 +8,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from backend.private import write_private
 FILE = "sessions.json"
 IDLE_S = 30 * 24 * 3600.0
 LIVE_OF_A_ROLE = 200
-"""More sessions of one role push out the one that was silent for longest; viewers never push out an operator."""
+"""More sessions of one role push out the one that was silent for longest, of those without an open page."""
 
 ENDED = 5000
 """So many sessions that were signed out are told apart from those that only fell asleep, which may still stop."""
@@ -46,12 +46,13 @@ class Sessions:
         self._read()
         self._begun = clock()
 
-    def begin(self, session: str, role: Role) -> None:
-        """Take in a new session."""
-        self._live[session] = _Live(role, self._now_s)
+    def begin(self, session: str, role: Role, in_use: Container[str] = ()) -> None:
+        """Take in a new session; one that is ``in_use`` at an open page is never pushed out by it."""
         of_role = [known for known, live in self._live.items() if live.role is role]
-        if len(of_role) > LIVE_OF_A_ROLE:
-            del self._live[min(of_role, key=lambda known: self._live[known].used_s)]
+        silent = [known for known in of_role if known not in in_use]
+        if len(of_role) >= LIVE_OF_A_ROLE and silent:
+            del self._live[min(silent, key=lambda known: self._live[known].used_s)]
+        self._live[session] = _Live(role, self._now_s)
 
     def use(self, session: str) -> bool:
         """Return whether a session is live, and note that it was heard."""

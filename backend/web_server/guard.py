@@ -29,6 +29,7 @@ LONGEST_HEAD = 32 * 1024
 """Bytes that the head of a request may have, of a websocket's too: cookies of all applications on its host."""
 MOST_HEADERS = 100
 _READING = {"GET", "HEAD", "OPTIONS"}
+_MALFORMED = {400, 411, 413, 431}
 
 APP_POLICY = (
     "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -189,7 +190,11 @@ def too_large_a_head() -> str:
 
 def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
     """Return a refusal: a page for whoever opens the address in a browser, else the body that every refusal has."""
+    # What is malformed ends its connection: what follows may be a part of it that was taken for the next request.
+    headers = {"Connection": "close"} if scope["type"] == "http" and status in _MALFORMED else {}
     if scope["type"] == "http" and wants_page(Headers(scope=scope), scope["method"]):
-        return message_page(status, message)
+        page = message_page(status, message)
+        page.headers.update(headers)
+        return page
     body = Refusal(error=Problem(code=code, message=message))
-    return JSONResponse(body.model_dump(exclude_none=True), status_code=status)
+    return JSONResponse(body.model_dump(exclude_none=True), status_code=status, headers=headers)

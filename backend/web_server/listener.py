@@ -9,6 +9,7 @@ import errno
 import logging
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 
 from backend.web_server.places import Place, Places
@@ -97,6 +98,10 @@ class _Newcomer:
         self._handover: asyncio.Task[None] | None = None
         self._sent_away = False
         connection.setblocking(False)
+        with suppress(
+            OSError
+        ):  # gone already; an answer in two parts would else wait 40 ms for the first one's receipt
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._place = Place(address, self._end)
         listener.places.enter(self._place)
         self._patience = self._loop.call_later(SILENCE_S, self._end)

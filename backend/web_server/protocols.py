@@ -4,6 +4,7 @@ A request's head, its body, the pause until the next request, and an answer that
 """
 
 import asyncio
+import logging
 from collections.abc import Generator
 from enum import Enum, auto
 from typing import Any
@@ -14,6 +15,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
 from websockets.http11 import Response
+from websockets.protocol import Event
 from websockets.server import ServerProtocol
 from websockets.streams import StreamReader
 
@@ -27,6 +29,15 @@ from backend.web_server.guard import (
     too_large_a_head,
 )
 from backend.web_server.places import Place, Places
+from backend.web_server.reading import (
+    BYTES_PER_S,
+    FRAMES_PER_S,
+    MOST_UNREAD,
+    PATIENCE_S,
+    PIECE,
+    Budget,
+    Reading,
+)
 
 HEAD_S = 10.0
 """So long the head of a request may take, from its first byte or the connection's beginning."""
@@ -49,6 +60,18 @@ PLACE = "place"
 ALL_PLACES = "places"
 """Key of the account of all places, there too."""
 
+READING = "reading"
+"""Key of what has the bytes of all connections parsed in turn, there too."""
+
+TOO_MUCH = 1008
+"""Code with which a websocket is closed that sends more than its budget: a policy was violated."""
+
+
+LOOK_S = 0.005
+"""Time [s] after which a connection is looked at again whose application has not taken yet what was parsed."""
+
+_log = logging.getLogger(__name__)
+
 
 def body_s(path: str) -> float:
     """Return how long the body of a request to an address may take [s]: all have to come equally fast."""
@@ -59,8 +82,13 @@ def body_s(path: str) -> float:
 class _Placed(asyncio.Protocol):
     """Gives the place back at the end, and ends a connection that takes nothing of what it asked for.
 
-    Comes before uvicorn's protocol in the order of classes.
+    What it receives waits in ``_unread`` until it is its turn to be parsed, ``PIECE`` bytes at a time. Comes before
+    uvicorn's protocol in the order of classes.
     """
+
+    PIECE = LONGEST_HEAD
+    _unread: bytearray
+    _is_full = False
 
     transport: asyncio.Transport
     loop: asyncio.AbstractEventLoop
@@ -88,6 +116,39 @@ class _Placed(asyncio.Protocol):
         self.places.leave(self.place)
         self._unset_stall()
         super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Keep what has come, until it is this connection's turn to have it parsed."""
+        self._unread += data
+        if len(self._unread) > MOST_UNREAD and not self.transport.is_closing():
+            self._is_full = True
+            self.transport.pause_reading()
+        reading: Reading = self.app_state[READING]
+        reading.add(self)
+
+    def parse_piece(self) -> float | None:
+        """Parse the next piece; return after how long [s] the next one is parsed, None when there is none."""
+        if self.transport.is_closing():
+            self._unread.clear()
+            return None
+        if self._waits_for_app():
+            return LOOK_S
+        piece = bytes(self._unread[: self.PIECE])
+        del self._unread[: len(piece)]
+        pause_s = self.parse(piece) if piece else 0.0
+        if self._is_full and len(self._unread) <= MOST_UNREAD:
+            self._is_full = False
+            if not self.transport.is_closing() and not self._waits_for_app():
+                self.transport.resume_reading()
+        return pause_s if self._unread else None
+
+    def parse(self, piece: bytes) -> float:
+        """Hand a piece to uvicorn; return after how long [s] the next one may be parsed."""
+        raise NotImplementedError
+
+    def _waits_for_app(self) -> bool:
+        """Tell whether the application has not taken yet what was parsed: uvicorn reads no further then."""
+        raise NotImplementedError
 
     def pause_writing(self) -> None:
         """Begin to watch whether anything is taken."""
@@ -127,8 +188,11 @@ class _Wait(Enum):
 class HttpProtocol(_Placed, H11Protocol):
     """HTTP/1.1 on a connection that has a place."""
 
-    def __init__(self, places: Places, place: Place, config: Config, server_state: ServerState) -> None:
-        super().__init__(config, server_state, {ALL_PLACES: places, PLACE: place})
+    def __init__(
+        self, places: Places, place: Place, reading: Reading, config: Config, server_state: ServerState
+    ) -> None:
+        super().__init__(config, server_state, {ALL_PLACES: places, PLACE: place, READING: reading})
+        self._unread = bytearray()
         self._waits_for = _Wait.NOTHING
         self._patience: asyncio.TimerHandle | None = None
 
@@ -146,16 +210,17 @@ class HttpProtocol(_Placed, H11Protocol):
         self._unset_patience()
         super().connection_lost(exc)
 
-    def data_received(self, data: bytes) -> None:
+    def parse(self, piece: bytes) -> float:
         """Take the next bytes; the time that is left goes on, unless they end what was waited for.
 
-        They go on in pieces, so that a head that is too long is refused by its length, before its lines are looked at.
+        They come in pieces, so that a head that is too long is refused by its length, before its lines are looked at.
         """
-        for begin in range(0, len(data), LONGEST_HEAD):
-            if self.transport.is_closing():
-                return
-            super().data_received(data[begin : begin + LONGEST_HEAD])
+        H11Protocol.data_received(self, piece)
         self._watch()
+        return 0.0
+
+    def _waits_for_app(self) -> bool:
+        return self.flow is not None and self.flow.read_paused
 
     def on_response_complete(self) -> None:
         """Keep the connection for the next request."""
@@ -239,9 +304,47 @@ class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
 
     def __init__(self, config: Config, server_state: ServerState, app_state: dict[str, Any]) -> None:
         super().__init__(config, server_state, app_state)
-        self.conn = _Handshake(max_size=config.ws_max_size, logger=self.logger)
+        self.conn = self._counted = _Handshake(max_size=config.ws_max_size, logger=self.logger)
+        self._unread = bytearray()
+        self._budget = Budget(self.loop.time())
         self.place.end = self.end
         self.place.is_answered = lambda: True
+
+    PIECE = PIECE
+
+    def parse(self, piece: bytes) -> float:
+        """Parse frames within the budget; a connection that wants more for too long is closed, and the log says so."""
+        before = self._counted.frames
+        if not self.handshake_initiated:  # the head of the request, which was counted as one
+            WebSocketsSansIOProtocol.data_received(self, piece + bytes(self._unread))
+            self._unread.clear()
+            return 0.0
+        WebSocketsSansIOProtocol.data_received(self, piece)
+        now = self.loop.time()
+        pause_s = self._budget.spend(now, self._counted.frames - before, len(piece))
+        if pause_s > 0.0 and self._budget.is_overdrawn(now):
+            self._close_for_too_much()
+        return pause_s
+
+    def _close_for_too_much(self) -> None:
+        holder = self.place.holder
+        _log.warning(
+            "a websocket of %s (%s) was closed: for %g s it sent more than %g frames or %g bytes in a second",
+            "somebody not signed in" if holder is None else holder.name,
+            self.client[0] if self.client else "unknown address",
+            PATIENCE_S,
+            FRAMES_PER_S,
+            BYTES_PER_S,
+        )
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": TOO_MUCH})
+        if self.handshake_complete and not self.close_sent:
+            self.conn.fail(TOO_MUCH, "too many frames or bytes")
+            self.transport.write(b"".join(self.conn.data_to_send()))
+            self.close_sent = True
+        self.transport.close()
+
+    def _waits_for_app(self) -> bool:
+        return self.read_paused
 
     async def send(self, message: Any) -> None:
         """Send; a handshake that was refused with an answer of its own is complete, which uvicorn does not note."""
@@ -263,9 +366,16 @@ class _Handshake(ServerProtocol):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
+        self.frames = 0
         self.reader = _WholeLines()
         self.parser = self.parse()
         next(self.parser)  # begins to read, as the first one did
+
+    def events_received(self) -> list[Event]:
+        """Return what was parsed, and count it."""
+        events = super().events_received()
+        self.frames += len(events)
+        return events
 
     def reject(self, status: int, text: str) -> Response:
         response = super().reject(status, text)

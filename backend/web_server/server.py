@@ -12,6 +12,7 @@ from backend.web_server.guard import LONGEST_HEAD
 from backend.web_server.listener import Listener
 from backend.web_server.places import RESERVE, Place, Places, Room, descriptor_limit, open_descriptors
 from backend.web_server.protocols import HttpProtocol, SocketProtocol
+from backend.web_server.reading import Reading
 
 GRACE_S = 3
 
@@ -46,9 +47,10 @@ class Server(EndingServer):
             return
         limit = descriptor_limit()
         places = Places(Room.within(limit, open_descriptors()))
+        reading = Reading()
 
         def protocol(place: Place) -> asyncio.Protocol:
-            return HttpProtocol(places, place, self.config, self.server_state)
+            return HttpProtocol(places, place, reading, self.config, self.server_state)
 
         highest = limit - RESERVE // 2
         self._listeners = [Listener(listening, places, protocol, highest) for listening in sockets or []]

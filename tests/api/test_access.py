@@ -77,7 +77,7 @@ def test_sessions_outlive_restart_and_clock_and_end_when_they_are_told_to(
     data.mkdir(mode=0o755)
     (data / "service.lock").touch(mode=0o644)
     (data / "backups").mkdir(mode=0o755)
-    (data / "backups" / "old.db").touch(mode=0o644)
+    (data / "backups" / "old.txt").touch(mode=0o644)
     with running_service(data, params="ideal") as service:
         ana, vera = signed_in(service, "Ana"), signed_in(service, "Vera")
         kept_by_ana, kept_by_vera = cookie_of(ana), cookie_of(vera)

@@ -8,7 +8,7 @@ import pytest
 from fastapi import Response
 from starlette.requests import HTTPConnection
 
-from backend.access.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S
+from backend.access.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S, SIGN_INS
 from backend.access.authentication import GRACE_S, Authentication
 from backend.access.people import Person
 from backend.access.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
@@ -146,7 +146,7 @@ def test_many_viewers_push_out_no_operator(door: Door) -> None:
     ana = door.cookie()
     first = door.cookie("Vic", Role.VIEWER)
     for _ in range(LIVE_OF_A_ROLE):
-        door.clock.now += 1.0
+        door.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
         door.cookie("Vic", Role.VIEWER)
     assert door.who(first) is None
     assert door.who_stops(first) is not None
@@ -181,6 +181,31 @@ def test_any_host_header_has_a_cookie_name(host: str) -> None:
     raw = [(b"host", host.encode())]
     door_less = Authentication(None)
     assert door_less.recognise(shown_by(HTTPConnection({"type": "http", "headers": raw}))) is not None
+
+
+def test_new_sessions_have_a_rate_for_each_role_and_address(door: Door) -> None:
+    """Who may begin no more sessions goes on with those that there are, and slows nobody else."""
+    ours = [
+        door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER)) for _ in range(SIGN_INS)
+    ]
+    with pytest.raises(RefusalError) as error:
+        door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER))
+    assert status(error) == 429
+    assert door.authentication.sessions.is_live(ours[0].session)
+    assert door.authentication.sign_in(shown_by(connection({}, "here")), door.token()).role is Role.OPERATOR
+    assert door.authentication.sign_in(shown_by(connection({}, "there")), door.token(Role.VIEWER))
+    door.clock.now += ATTEMPTS_WINDOW_S + 1
+    assert door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER))
+
+
+def test_no_sign_in_pushes_out_a_session_with_an_open_page(door: Door) -> None:
+    ana = door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana")
+    with door.authentication.people.attending(ana, is_page=True):
+        for number in range(LIVE_OF_A_ROLE + 1):
+            door.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
+            last = door.authentication.sign_in(shown_by(connection({}, f"10.0.0.{number}")), door.token(), f"{number}")
+        assert door.authentication.sessions.is_live(ana.session)
+        assert door.authentication.sessions.is_live(last.session)
 
 
 def test_wrong_tokens_are_slowed_and_the_right_one_never(door: Door) -> None:

@@ -30,7 +30,7 @@ TASKS = {
     "The watch over the loop process",
     "The sign of life to the loop process",
 }
-THREADS = {"The recorder", "A 3D view", "The heartbeat to the loop process"}
+THREADS = {"The recorder", "A 3D view", "The heartbeat to the loop process", "The sign of life on the database"}
 FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor", "QueueFeederThread", "Thread-")
 """Those of this test, of awaited calls, and of libraries."""
 

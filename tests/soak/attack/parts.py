@@ -8,6 +8,7 @@ from rich.console import Console
 
 from tests.soak.attack.costly import under_costly_requests
 from tests.soak.attack.ending import end_service
+from tests.soak.attack.floods import under_floods
 from tests.soak.attack.frozen import freeze
 from tests.soak.attack.full_disk import fill_disk
 from tests.soak.attack.generated import REQUESTS, under_generated_requests
@@ -57,6 +58,7 @@ def parts(chosen: Iterable[str]) -> dict[str, Part]:
     made: dict[str, Part] = {"crowds": lambda given, console: under_load(given.presses, given.sockets, console)}
     made["costly"] = lambda given, console: under_costly_requests(given.presses, console)
     made["generated"] = lambda given, console: under_generated_requests(given.requests, given.seed, console)
+    made["floods"] = lambda given, console: under_floods(given.presses, console)
     for name, (share, kill) in KILLS.items():
         made[name] = partial(_killing, kill, share / sum(shares.values()))
     for name, attack in TURNS.items():
@@ -72,4 +74,4 @@ def _in_turns(attack: Callable[[int, Console], bool], given: argparse.Namespace,
     return attack(given.turns, console)
 
 
-NAMES = ("crowds", "costly", "generated", *KILLS, *TURNS)
+NAMES = ("crowds", "costly", "generated", "floods", *KILLS, *TURNS)

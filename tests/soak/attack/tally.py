@@ -43,6 +43,10 @@ class Tally:
         self._figures[figure].append(value)
         self.lost(at_most is not None and not value <= at_most, f"{figure}: {value:.3f}, promised {at_most}")
 
+    def median(self, figure: str) -> float:
+        """Return the median of a figure, nan where it was never measured."""
+        return float(np.median(self._figures[figure])) if self._figures[figure] else float("nan")
+
     def note(self, text: str) -> None:
         """Print what is worth knowing beside the figures."""
         self._console.print(f"{self.name}: {text}")
