@@ -30,8 +30,15 @@ ACCOUNT = "account"
 """Name of the hash of all the rest that a report carries."""
 
 
-UNSEEN: dict[str, Any] = {"station": "", "bank_id": None, "evaluation_problem": ""}
-"""Fields of a run that nothing in a report depends on: what an account said of them could not be compared."""
+_UNSEEN: dict[str, Any] = {"station": "", "bank_id": None}
+
+
+def unseen(metrics: dict[str, Any] | None) -> dict[str, Any]:
+    """Return the fields of a run that nothing in a report depends on, as an account carries them.
+
+    What it said of them could not be compared. Why a run was not evaluated is told of one without a result only.
+    """
+    return _UNSEEN if metrics is None else {**_UNSEEN, "evaluation_problem": ""}
 
 
 class EvidenceError(ValueError):
@@ -123,10 +130,11 @@ def evidence_of(source: Source) -> Evidence | None:
         return None
     result, columns = source.result, source.columns
     missing = None if result is None else result.metrics.missing_samples
+    metrics = None if result is None else METRICS.write(result.metrics)
     told = Evidence(
         format=FORMAT,
-        run=replace(source.run, **UNSEEN),
-        metrics=None if result is None else METRICS.write(result.metrics),
+        run=replace(source.run, **unseen(metrics)),
+        metrics=metrics,
         criteria=[] if result is None else CRITERIA.write(result.criteria),
         bank=carried(source.bank),
         identification=None if source.identification is None else estimate_of(source.identification),

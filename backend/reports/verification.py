@@ -20,7 +20,6 @@ from backend.reports.digests import BLOCK_S, HASHED, blocks_of
 from backend.reports.evidence import (
     ACCOUNT,
     SINEW,
-    UNSEEN,
     Estimate,
     Evidence,
     EvidenceError,
@@ -31,6 +30,7 @@ from backend.reports.evidence import (
     made_with,
     read,
     source_of,
+    unseen,
 )
 from backend.reports.files import metrics_document
 from backend.reports.html import to_html
@@ -176,9 +176,9 @@ def computed_again(evidence: Evidence, columns: Columns) -> tuple[Verified, Sour
 
 def _older(evidence: Evidence) -> tuple[str, ...]:
     """Say that a result is of other definitions than those that this version computes by; empty where it is not."""
-    said = (evidence.metrics or {}).get("definitions", 0)
-    if said == DEFINITIONS:
+    if evidence.metrics is None or evidence.metrics.get("definitions", 0) == DEFINITIONS:
         return ()
+    said = evidence.metrics.get("definitions", 0)
     told = (
         f"the result: it was computed by version {said} of the definitions of figures and criteria, this Sinew "
         f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {evidence.run.id}`, and make "
@@ -189,7 +189,7 @@ def _older(evidence: Evidence) -> tuple[str, ...]:
 
 def _unseen(evidence: Evidence) -> tuple[str, ...]:
     """Name what an account says of its run that no page shows and no sample tells; reports of today leave it out."""
-    said = [name for name, nothing in UNSEEN.items() if getattr(evidence.run, name) != nothing]
+    said = [name for name, nothing in unseen(evidence.metrics).items() if getattr(evidence.run, name) != nothing]
     return (f"{', '.join(said)} of the run: nothing in the report depends on it",) if said else ()
 
 

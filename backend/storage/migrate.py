@@ -43,8 +43,12 @@ def is_outdated(engine: Engine) -> bool:
 
 def can_read(engine: Engine) -> bool:
     """Tell whether a database of an earlier schema has every table and column that this version reads."""
+    from backend.storage.index_schema import RunIndexRow
+    from backend.storage.queue_schema import QueuedRow
     from backend.storage.schema import Base
+    from backend.storage.study_schema import StudyRow
 
+    assert Base.metadata is RunIndexRow.metadata is QueuedRow.metadata is StudyRow.metadata  # their tables count too
     found = inspect(engine)
     there = set(found.get_table_names())
     return all(

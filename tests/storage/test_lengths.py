@@ -26,6 +26,7 @@ from backend.storage import Database, UnfitError, identifications, runs
 from backend.storage.carried import KINDS
 from backend.storage.events import EventKind
 from backend.storage.index_schema import TAG_MAX, RunTagRow
+from backend.storage.queue_schema import QueuedRow
 from backend.storage.run_index import NO_OUTCOME, ValueSource, insert_new, numbers_of
 from backend.storage.runs import EndState, RunKind
 from backend.storage.schema import Base
@@ -55,6 +56,7 @@ PEOPLE = [LONGEST_PERSON]
 SOFTWARE = [__version__, f"{__version__}.post123.dev123+g{'0' * 12}"]
 COMPOSED: dict[str, Iterable[str]] = {
     "bank.name": ["x" * 60],  # as the API bounds it
+    "queued_experiment.name": ["x" * 60],  # as the API bounds it
     "bring_up.step": StepId,
     "bring_up.fingerprint": DIGEST,
     "chunk.sha256": DIGEST,
@@ -93,7 +95,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "bring_up.wiring": ["x" * FILE_NAME_MAX],
     "run.parameters_name": ["x" * FILE_NAME_MAX],
 }
-assert StudyRow.metadata is Base.metadata, "its tables count too"
+assert StudyRow.metadata is QueuedRow.metadata is Base.metadata, "their tables count too"
 BOUNDED = {
     str(column): column.type.length
     for table in Base.metadata.sorted_tables
