@@ -1,6 +1,7 @@
 """Who sends a request is known before anything of its body is taken; then the body is read, whole and in time."""
 
 import asyncio
+import math
 from contextlib import ExitStack
 
 from starlette.requests import ClientDisconnect, HTTPConnection
@@ -16,6 +17,7 @@ from backend.web_server.cookies import authentication_of, shown_by
 from backend.web_server.guard import most_bytes
 from backend.web_server.places import Place, Places
 from backend.web_server.protocols import ALL_PLACES, PLACE
+from backend.web_server.reading import LONGEST_WAIT_S, Arrivals
 from backend.web_server.request_turns import PASSES_BY
 
 OPEN = {"/api/session", "/api/health", "/api/page-address"}
@@ -35,6 +37,7 @@ class Admission:
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
         self._looking = asyncio.Lock()
+        self._arrivals = Arrivals()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what may come in, answer the rest."""
@@ -45,6 +48,8 @@ class Admission:
         with ExitStack() as stack:
             try:
                 person = _show_in(connection)
+                if scope["type"] == "websocket" and person is not None:
+                    await self._wait_for_turn(person)
                 _take_place(connection, person, stack)
                 if has_body(connection):
                     body = await read_whole(receive, most_bytes(scope["path"]))
@@ -56,6 +61,15 @@ class Admission:
                 return
             else:
                 await self._app(scope, receive, send)
+
+    async def _wait_for_turn(self, person: Person) -> None:
+        """Wait until a session may open one more websocket. Raises RefusalError where that takes too long."""
+        pause_s = self._arrivals.wait_s(f"{person.role} {person.session}", asyncio.get_running_loop().time())
+        if pause_s is None:
+            message = "too many websockets were opened by this session: it may open a few in a second"
+            raise RefusalError(Because.TOO_MANY, message, retry_after_s=math.ceil(LONGEST_WAIT_S))
+        if pause_s > 0.0:
+            await asyncio.sleep(pause_s)
 
     async def _look_over(self, body: bytes, path: str) -> None:
         """Look over one body in each round of the event loop: a dozen of them would make STOP wait for all."""

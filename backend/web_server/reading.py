@@ -121,3 +121,28 @@ class Budget:
     def is_overdrawn(self, now: float) -> bool:
         """Tell whether the connection has wanted more than its budget for too long."""
         return self._short_since is not None and now - self._short_since > PATIENCE_S
+
+
+SOCKETS_PER_S, SOCKETS_AT_ONCE = 4.0, 24
+"""Websockets that a session may open in the long run, and at once: a dozen pages with a 3D view each, loaded again."""
+
+LONGEST_WAIT_S = 10.0
+MOST_SESSIONS = 1000
+
+
+class Arrivals:
+    """Lets each session open websockets at a rate: one more waits for its turn, many more are refused."""
+
+    def __init__(self) -> None:
+        self._due: dict[str, float] = {}
+
+    def wait_s(self, session: str, now: float) -> float | None:
+        """Count one more and return how long it has to wait [s]; None, and not counted, where that is too long."""
+        if len(self._due) > MOST_SESSIONS:
+            self._due = {known: due for known, due in self._due.items() if due > now}
+        due = max(self._due.get(session, 0.0), now) + 1.0 / SOCKETS_PER_S
+        pause_s = max(0.0, due - now - SOCKETS_AT_ONCE / SOCKETS_PER_S)
+        if pause_s > LONGEST_WAIT_S:
+            return None
+        self._due[session] = due
+        return pause_s

@@ -11,7 +11,11 @@ from backend.web_server.reading import (
     BYTES_PER_S,
     FRAMES_AT_ONCE,
     FRAMES_PER_S,
+    LONGEST_WAIT_S,
     PATIENCE_S,
+    SOCKETS_AT_ONCE,
+    SOCKETS_PER_S,
+    Arrivals,
     Budget,
     Reading,
 )
@@ -135,3 +139,17 @@ def test_a_burst_that_ends_is_forgiven() -> None:
     assert budget.spend(0.0, int(FRAMES_AT_ONCE) + 100, 0) == pytest.approx(1.0)
     assert budget.spend(10.0, 1, 0) == 0.0
     assert not budget.is_overdrawn(100.0)
+
+
+def test_a_session_opens_websockets_at_a_rate_and_slows_no_other() -> None:
+    arrivals, now = Arrivals(), 100.0
+    assert [arrivals.wait_s("vic", now) for _ in range(SOCKETS_AT_ONCE)] == [0.0] * SOCKETS_AT_ONCE
+    assert arrivals.wait_s("vic", now) == pytest.approx(1.0 / SOCKETS_PER_S)
+    assert arrivals.wait_s("ana", now) == 0.0
+    waits = []
+    while (wait := arrivals.wait_s("vic", now)) is not None:
+        waits.append(wait)
+    assert max(waits) <= LONGEST_WAIT_S
+    assert len(waits) == LONGEST_WAIT_S * SOCKETS_PER_S - 1
+    assert arrivals.wait_s("vic", now + 1.0) is not None
+    assert arrivals.wait_s("vic", now + 1000.0) == 0.0
