@@ -72,6 +72,8 @@ class Guard:
             await self._app(scope, receive, send)
             return
         take_in(scope, self._public)
+        if scope["type"] == "http" and scope["method"] == "HEAD":
+            scope, send = {**scope, "method": "GET"}, _without_body(send)
         refusal = self._refusal(scope)
         if refusal is None:
             await self._app(scope, receive, _with_headers(scope, send))
@@ -172,6 +174,17 @@ def _with_headers(scope: Scope, send: Send) -> Send:
         await send(message)
 
     return send_with_headers
+
+
+def _without_body(send: Send) -> Send:
+    """Answer HEAD as GET is answered, with the same head and nothing after it."""
+
+    async def send_head(message: Message) -> None:
+        if message["type"] == "http.response.body":
+            message = {**message, "body": b""}
+        await send(message)
+
+    return send_head
 
 
 def _head_bytes(scope: Scope) -> int:

@@ -8,7 +8,7 @@ from backend.access import attempts, control, sessions
 from backend.faults import Fault
 from backend.loop import card_guard
 from backend.settings import Settings
-from backend.web_server import guard, places, protocols
+from backend.web_server import guard, places, protocols, reading
 from tests.docs.faults_page import SECTIONS, documented_ms
 from tests.soak.attack import kill_service, kill_watchdog, parts, tally
 
@@ -25,7 +25,7 @@ def cells(heading: str, columns: int) -> list[list[str]]:
 
 def test_numbers_are_those_of_the_code() -> None:
     settings = Settings()
-    assert dict(cells("### Numbers\n", 2)[:17]) == {
+    assert dict(cells("### Numbers\n", 2)[:22]) == {
         "largest body of a request": f"{guard.MAX_BODY_BYTES // 1024} kB",
         "largest sheet of charts to be made a PDF": f"{guard.MAX_SHEET_BYTES // 1024} kB",
         "connections of those who have not shown who they are": f"{places.GUESTS}",
@@ -39,6 +39,17 @@ def test_numbers_are_those_of_the_code() -> None:
         ),
         "time without a byte taken of an answer": f"{protocols.STALL_S:g} s",
         "wrong tokens of one address in a minute before it is slowed": f"{attempts.ATTEMPTS}",
+        "sessions that one address may begin in a minute with the token of one role": f"{attempts.SIGN_INS}",
+        "frames of a websocket in a second, in the long run and at once": (
+            f"{reading.FRAMES_PER_S:g}, {reading.FRAMES_AT_ONCE:g}"
+        ),
+        "bytes of a websocket in a second, in the long run and at once": (
+            f"{reading.BYTES_PER_S / 1024:g} kB, {reading.BYTES_AT_ONCE / 1024:g} kB"
+        ),
+        "a websocket that sends more than that is closed after": f"{reading.PATIENCE_S:g} s",
+        "websockets that a session may open in a second, in the long run and at once": (
+            f"{reading.SOCKETS_PER_S:g}, {reading.SOCKETS_AT_ONCE}"
+        ),
         "a session ends after so long without a sign of life, while the service runs": (
             f"{sessions.IDLE_S / 86_400:g} days"
         ),

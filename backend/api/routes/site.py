@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from fastapi import APIRouter, FastAPI, Request
+from fastapi import APIRouter, FastAPI, HTTPException, Request
 from fastapi.responses import FileResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
+from starlette.routing import Match, Route
+from starlette.types import Receive, Scope, Send
 
 from backend.api.auth import SignedIn
 from backend.api.errors import STATUS
@@ -54,7 +56,30 @@ async def description(request: Request, _person: SignedIn) -> dict[str, Any]:
 def mount_static(app: FastAPI) -> None:
     """Serve the dashboard's built files; its pages are told apart behind the #, so "/" is all of them."""
     if STATIC.is_dir():
-        app.mount("/", StaticFiles(directory=STATIC))
+        app.mount("/", _Files(app))
+
+
+class _Files(StaticFiles):
+    """The built files. Every address comes here that no route answers, so other methods of a route are refused here."""
+
+    def __init__(self, app: FastAPI) -> None:
+        super().__init__(directory=STATIC)
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer with a file, or refuse with the methods that the address takes."""
+        if scope["type"] == "http" and (allowed := self._allowed(scope)):
+            raise HTTPException(405, headers={"Allow": ", ".join(allowed)})
+        await super().__call__(scope, receive, send)
+
+    def _allowed(self, scope: Scope) -> list[str]:
+        asked = {**scope, "root_path": scope.get("app_root_path", ""), "path_params": {}}
+        methods: set[str] = set()
+        included = (getattr(one, "original_router", None) for one in self._app.routes)
+        for route in (*self._app.routes, *(route for router in included if router for route in router.routes)):
+            if isinstance(route, Route) and route.matches(asked)[0] is Match.PARTIAL:
+                methods |= route.methods or set()
+        return sorted(methods | {"HEAD"} if "GET" in methods else methods)
 
 
 def _dashboard() -> Response:

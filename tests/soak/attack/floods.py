@@ -75,6 +75,15 @@ async def _reconnect(host: str, port: int, cookie: str) -> None:
     writer.transport.abort()
 
 
+async def _cookie(url: str, token: str) -> str:
+    """Sign in, however long the sign-ins of floods before have to be waited for."""
+    async with httpx.AsyncClient(base_url=url, timeout=60.0) as page:
+        while (answer := await page.post("/api/session", json={"token": token, "name": "Vic"})).status_code == 429:
+            await asyncio.sleep(1.0)
+        answer.raise_for_status()
+        return "; ".join(f"{name}={value}" for name, value in page.cookies.items())
+
+
 async def _sign_in(url: str, token: str) -> None:
     async with httpx.AsyncClient(base_url=url, timeout=30.0) as client:
         await client.post("/api/session", json={"token": token, "name": "Vic"})
@@ -99,9 +108,7 @@ def flood(signals: Signals, kind: str, url: str, token: str, viewers: int) -> No
 async def _flood(signals: Signals, kind: str, url: str, token: str, viewers: int) -> None:
     address = urlsplit(url)
     host, port = str(address.hostname), int(address.port or 0)
-    async with httpx.AsyncClient(base_url=url, timeout=60.0) as page:
-        (await page.post("/api/session", json={"token": token, "name": "Vic"})).raise_for_status()
-        cookie = "; ".join(f"{name}={value}" for name, value in page.cookies.items())
+    cookie = await _cookie(url, token) if kind in (*FRAMES, "reconnects") else ""
 
     def once() -> Awaitable[None]:
         if kind in FRAMES:
