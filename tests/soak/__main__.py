@@ -11,6 +11,7 @@ from tests.soak import (
     killed_experiments,
     long_exports,
     page_heap,
+    random_commands,
     random_moves,
     random_programs,
     truth,
@@ -26,7 +27,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=10.0, help="length of each watched stretch (10)")
     parser.add_argument("--hours", type=float, default=long_exports.HOURS, help="length of what is exported (8)")
     parser.add_argument("--viewers", type=int, default=20, help="how many watch it (20)")
-    parser.add_argument("--seed", type=int, help="of the robot at the page (drawn afresh)")
+    parser.add_argument("--seed", type=int, help="of what is drawn by chance (drawn afresh)")
     parser.add_argument("--deeds", type=int, default=truth.DEEDS, help=f"of the robot at the page ({truth.DEEDS})")
     attack.add_options(parser)
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
@@ -37,6 +38,7 @@ def main() -> int:
         "killed-experiments": lambda _given, console: killed_experiments.killed_experiments(console),
         "programs": lambda _given, console: random_programs.random_programs(console),
         "moves": lambda _given, console: random_moves.moves_without_contact(console),
+        "commands": lambda given, console: random_commands.random_commands(console, given.seed),
         "truth": lambda given, console: truth.truthful_page(given.seed, given.deeds, console),
         "exports": lambda given, console: long_exports.long_exports(given.hours, console),
     }
