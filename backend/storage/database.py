@@ -133,7 +133,7 @@ def open_database(
                     return Database(engine, station=station)
                 _require_migratable(engine, data_dir, outdated)
                 if engine.dialect.name == "sqlite":
-                    backup(engine, backups / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
+                    backup(engine, backups / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
             upgrade(engine)
         for sentence in make_private(data_dir):  # the file that was made just now
             _log.warning("%s", sentence)

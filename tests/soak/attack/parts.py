@@ -16,6 +16,8 @@ from tests.soak.attack.kill_loop import kill_card_loop, kill_loop
 from tests.soak.attack.kill_pool import kill_pool
 from tests.soak.attack.kill_service import kill_service
 from tests.soak.attack.kill_watchdog import kill_watchdog
+from tests.soak.attack.killed_commands import KILLS as COMMAND_KILLS
+from tests.soak.attack.killed_commands import kill_commands
 from tests.soak.attack.load import under_load
 from tests.soak.attack.lost_folder import lose_folder
 from tests.soak.attack.wrong_clock import move_clock
@@ -47,6 +49,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--kills", type=int, default=KILLS_IN_ALL, help=f"kills in all, spread over those that kill ({KILLS_IN_ALL})"
     )
     parser.add_argument("--presses", type=int, default=40, help="how often STOP is pressed under each crowd (40)")
+    parser.add_argument(
+        "--command-kills", type=int, default=COMMAND_KILLS, help=f"kills of commands in all ({COMMAND_KILLS})"
+    )
     parser.add_argument("--requests", type=int, default=REQUESTS, help=f"generated requests in all ({REQUESTS})")
     parser.add_argument("--sockets", type=int, default=5000, help="idle sockets at the door (5000)")
     parser.add_argument("--turns", type=int, default=3, help="how often all else is done to the service (3)")
@@ -59,6 +64,7 @@ def parts(chosen: Iterable[str]) -> dict[str, Part]:
     made["costly"] = lambda given, console: under_costly_requests(given.presses, console)
     made["generated"] = lambda given, console: under_generated_requests(given.requests, given.seed, console)
     made["floods"] = lambda given, console: under_floods(given.presses, console)
+    made["commands-killed"] = lambda given, console: kill_commands(given.command_kills, console)
     for name, (share, kill) in KILLS.items():
         made[name] = partial(_killing, kill, share / sum(shares.values()))
     for name, attack in TURNS.items():
@@ -74,4 +80,4 @@ def _in_turns(attack: Callable[[int, Console], bool], given: argparse.Namespace,
     return attack(given.turns, console)
 
 
-NAMES = ("crowds", "costly", "generated", "floods", *KILLS, *TURNS)
+NAMES = ("crowds", "costly", "generated", "floods", "commands-killed", *KILLS, *TURNS)
