@@ -73,7 +73,7 @@ def test_the_saved_tuning_is_what_was_in_force_when_it_was_saved(off: httpx.Clie
 
 
 def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) -> None:
-    query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0}
+    query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0, "S": 10.0}  # in off the present S moves
     preview = off.get("/api/tuning/preview", params={**query, "printed": True}).raise_for_status().json()
     position = preview["position"]
     assert position["stable"]
@@ -85,7 +85,8 @@ def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) ->
 
 def test_a_voltage_limit_that_is_not_sent_is_shown_as_the_step_it_would_give(off: httpx.Client) -> None:
     def step(**more: float | str) -> dict[str, float]:
-        found = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42, **more}).raise_for_status().json()
+        query = {"lam_q": 0.5, "lam_S": 0.42, "S": 10.0, **more}  # in off the present S moves
+        found = off.get("/api/tuning/preview", params=query).raise_for_status().json()
         return {name: found["step_q"][name] for name in ("u_peak_V", "F_min_N", "rise_s")}
 
     in_force = off.get("/api/tuning").raise_for_status().json()
