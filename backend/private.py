@@ -9,7 +9,7 @@ FOLDER, FILE = 0o700, 0o600
 UMASK = 0o077
 """For the whole process from its start on: what SQLite and others create is born private."""
 
-_OURS = ("sinew*.db*", "token", "viewer-token", "*.new", "sessions.json", "service.lock", "backups/*")
+_OURS = ("sinew*.db*", "token", "viewer-token", "signing-key", "*.new", "sessions.json", "service.lock", "backups/*")
 
 
 def make_private(data: Path) -> list[str]:

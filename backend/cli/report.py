@@ -1,21 +1,27 @@
 """``sinew report``."""
 
+import os
+import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json
-from backend.cli.place import DataFolder, database_of, has_database, settings_with
+from backend.cli.place import DataFolder, StationName, database_of, has_database, settings_with
 from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.recording.columns import Columns
     from backend.reports.differences import Difference, Verified
     from backend.reports.evidence import Evidence
+    from backend.reports.signature import SignedPage
+    from backend.reports.signing_key import PublicKey
 
-app = typer.Typer(help="Reports: of a series, and whether one holds.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    help="Reports: of a series, whether one holds, who signed it.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @app.command()
@@ -46,39 +52,108 @@ def series(
 
 
 @app.command()
+def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
+    """Print the public half of the key that signs reports here, with its fingerprint; the key is made at first use.
+
+    The private half stays in the data folder. Give the line to whoever verifies your reports: it is for --key.
+    """
+    from backend.reports.signing_key import SigningKeyError, load_or_make_signing_key, public_half
+
+    settings = settings_with(data=data, station=station)
+    try:
+        public = public_half(load_or_make_signing_key(settings.data))
+    except (OSError, SigningKeyError) as error:
+        fail(str(error))
+    name = _name_of_installation(settings)
+    if as_json:
+        print_json({"public_key": public.text, "fingerprint": public.fingerprint, "name": name})
+        return
+    out.print(f"{public.text} {public.fingerprint} {name}".strip(), highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
+def sign(
+    file: Annotated[Path, typer.Argument(help="report.html of a run, or the page of a series; it is written anew.")],
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Sign a page with the key of this installation, in place of a signature that it has.
+
+    Only a page whose runs are stored here, and which holds by their samples, is signed. Ends with 1 where it differs, 2
+    where it cannot be verified; the file is then left as it is.
+    """
+    from backend.reports.signature import UnsignableError, read_signature, sign_page
+    from backend.reports.signing_key import SigningKeyError, load_or_make_signing_key, public_half
+
+    settings = settings_with(data=data, station=station)
+    if file.suffix == ".pdf":
+        fail(f"{file} is not signed: the page is what is signed; sign {file.with_suffix('.html').name}", status=2)
+    try:
+        _require_ordinary(file)
+        page = file.read_bytes()
+        found = _verified_here(read_signature(page).page.decode("utf-8"), settings)
+    except _unverifiable() as error:
+        fail(f"{file} is not signed: {error}", status=2)
+    for one in found.differences:
+        errors.print(one.sentence, highlight=False, markup=False, soft_wrap=True)
+    if found.differences:
+        fail(f"{file} is not signed: it does not hold, {len(found.differences)} differences")
+    if found.left_out:
+        fail(f"{file} is not signed, as it is not verified: {'; '.join(found.left_out)}", status=2)
+    try:
+        private = load_or_make_signing_key(settings.data)
+        name = _name_of_installation(settings)
+        _replace(file, sign_page(page, private, name))
+    except (OSError, SigningKeyError, UnsignableError) as error:
+        fail(f"{file} is not signed: {error}", status=2)
+    by = public_half(private)
+    if as_json:
+        print_json({"file": str(file), "public_key": by.text, "fingerprint": by.fingerprint, "name": name})
+        return
+    out.print(f"{file} is signed by {by.fingerprint} ({name})", highlight=False, markup=False, soft_wrap=True)
+
+
+@app.command()
 def verify(
     file: Annotated[Path, typer.Argument(help="report.html or report.pdf of a run, or the report of a series.")],
     samples: Annotated[
         Path | None,
         typer.Option("--samples", help="CSV or Parquet of its samples; else data.csv beside it, else the stored run."),
     ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option("--key", help="Public key that has to have signed it: a file, or the text “ssh-ed25519 AAAA…”."),
+    ] = None,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute every number of a report again from its samples and say whether they hold.
+    """Compute every number of a report again from its samples and say whether they hold, and who signed the page.
 
     metrics.json beside it, the units in the comments of data.csv and, where the data folder has the run, its stored
-    samples are compared too. A PDF is verified by the page of the same name beside it. Ends with 0 where all hold, 1
-    where something differs, 2 where something could not be compared: then it is not verified ("holds": null).
+    samples are compared too. A PDF is verified by the page of the same name beside it, which is what is signed. Ends
+    with 0 where all hold, 1 where something differs, 2 where something could not be compared: then it is not verified
+    ("holds": null). A broken signature differs; with --key so does a page that this key has not signed.
     """
-    from backend.recording.codec import CodecError
-    from backend.reports.evidence import EvidenceError
-    from backend.reports.samples_file import SamplesFileError
-    from backend.storage import StorageError
-    from backend.storage.migrate import SchemaError
+    from backend.reports.differences import Verified
+    from backend.reports.signature import read_signature, with_signature
+    from backend.reports.signing_key import SigningKeyError, find_public_key
 
+    settings = settings_with(data=data)
     try:
-        found, origin, checked = _verified(file, samples, settings_with(data=data))
-    except (
-        OSError,
-        UnicodeDecodeError,
-        EvidenceError,
-        SamplesFileError,
-        CodecError,
-        SchemaError,
-        StorageError,
-    ) as error:
+        given = None if key is None else find_public_key(key)
+        signed = read_signature(_page_of(file))
+    except SigningKeyError as error:
+        fail(f"--key: {error}", status=2)
+    except _unverifiable() as error:
         fail(f"{file}: it cannot be told whether it holds: {error}", status=2)
+    why = ""
+    try:
+        found, origin, checked = _verified(file, signed.page.decode("utf-8"), samples, settings)
+    except _unverifiable() as error:
+        why = str(error)
+        found, origin, checked = Verified((), (why,)), "", ()
+    found = with_signature(found, signed, given)
     if as_json:
         print_json(
             {
@@ -87,9 +162,12 @@ def verify(
                 "checked": list(checked),
                 "differences": [vars(one) for one in found.differences],
                 "left_out": list(found.left_out),
+                "signature": _signature_document(signed, given, settings),
             }
         )
-    for left_out in () if as_json else found.left_out:
+    else:
+        _print_signature(signed, given, settings)
+    for left_out in () if as_json or why else found.left_out:
         out.print(f"not compared: {left_out}", highlight=False, markup=False)
     if found.differences:
         for one in () if as_json else found.differences:
@@ -97,7 +175,11 @@ def verify(
         if not as_json and len(checked) > 1:
             words = f"computed from {origin}; compared with it: {', '.join(checked[1:])}"
             errors.print(words, highlight=False, markup=False, soft_wrap=True)
+        if why:
+            errors.print(f"the rest cannot be told: {why}", highlight=False, markup=False, soft_wrap=True)
         fail(f"{file} does not hold: {len(found.differences)} differences")
+    if why:
+        fail(f"{file}: it cannot be told whether it holds: {why}", status=2)
     if found.holds is None:
         fail(f"{file} is not verified: nothing differs, but not all of it was compared", status=2)
     if not as_json:
@@ -107,20 +189,125 @@ def verify(
         out.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
-def _verified(file: Path, samples: Path | None, settings: Settings) -> "tuple[Verified, str, tuple[str, ...]]":
+def _unverifiable() -> tuple[type[Exception], ...]:
+    """Return the errors that keep a report from being compared."""
+    from backend.recording.codec import CodecError
+    from backend.reports.evidence import EvidenceError
+    from backend.reports.samples_file import SamplesFileError
+    from backend.storage import StorageError
+    from backend.storage.migrate import SchemaError
+
+    return OSError, UnicodeDecodeError, EvidenceError, SamplesFileError, CodecError, SchemaError, StorageError
+
+
+def _name_of_installation(settings: Settings) -> str:
+    """Return what an installation calls itself in a signature: its station, else the name of its machine."""
+    from backend.reports.signature import NAME_MAX
+
+    name = settings.station or socket.gethostname()
+    return "".join(letter for letter in name if letter.isprintable())[:NAME_MAX]
+
+
+def _replace(file: Path, content: bytes) -> None:
+    """Put a content in the place of a file, whole or not at all, with the mode that the file has. Raises OSError."""
+    target = file.resolve()
+    fresh = target.with_name(f"{target.name}.new")
+    try:
+        with fresh.open("xb") as whole:
+            os.fchmod(whole.fileno(), target.stat().st_mode & 0o777)
+            whole.write(content)
+            whole.flush()
+            os.fsync(whole.fileno())
+        os.replace(fresh, target)
+    except FileExistsError:
+        raise FileExistsError(
+            f"{fresh} is in the way: it is of another signing at the same time, or left over"
+        ) from None
+    except OSError:
+        fresh.unlink(missing_ok=True)
+        raise
+
+
+def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> None:
+    from backend.reports.signature import Whose
+    from backend.reports.signing_key import own_public_key
+
+    if signed.problem:
+        return  # told among the differences
+    if signed.signature is None:
+        out.print("not signed", highlight=False, markup=False)
+        return
+    whose = {
+        Whose.GIVEN: "the key that was given",
+        Whose.OWN: "the key of this installation",
+        Whose.UNKNOWN: "an unknown key: that proves nothing of where it comes from; --key names the one to expect",
+    }
+    found = signed.whose(given, own_public_key(settings.data))
+    name = f" ({signed.signature.name})" if signed.signature.name else ""
+    words = f"signed by {signed.signature.key.fingerprint}{name}, {whose[found] if found else 'broken'}"
+    out.print(words, highlight=False, markup=False, soft_wrap=True)
+
+
+def _signature_document(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> dict[str, Any]:
+    from backend.reports.signing_key import own_public_key
+
+    signature = signed.signature
+    state = "broken" if signed.problem else "none" if signature is None else "valid"
+    return {
+        "state": state,
+        "key": None if state != "valid" else signed.whose(given, own_public_key(settings.data)),
+        "fingerprint": None if signature is None else signature.key.fingerprint,
+        "name": None if signature is None else signature.name,
+    }
+
+
+def _require_ordinary(file: Path) -> None:
+    from backend.reports.evidence import EvidenceError
+
+    if file.exists() and not file.is_file():
+        raise EvidenceError(f"{file} is no ordinary file")
+
+
+def _page_of(file: Path) -> bytes:
+    """Return the page of a report; of a PDF the one beside it. Raises EvidenceError, OSError."""
+    from backend.reports.evidence import EvidenceError
+
+    _require_ordinary(file)
+    if file.suffix != ".pdf":
+        return file.read_bytes()
+    page = file.with_suffix(".html")
+    if not page.exists():
+        raise EvidenceError(f"a PDF carries no account of its numbers, and its page {page.name} is not beside it")
+    _require_ordinary(page)
+    return page.read_bytes()
+
+
+def _verified_here(page: str, settings: Settings) -> "Verified":
+    """Compare a page with the runs that are stored here, and with nothing else. Raises EvidenceError."""
+    from backend.reports.evidence import EvidenceError, SeriesEvidence, read
+    from backend.reports.series_verification import verify_series
+    from backend.reports.verification import verify
+
+    evidence = read(page)
+    if isinstance(evidence, SeriesEvidence):
+        return verify_series(page, evidence, lambda one: _stored(settings, one)[0])
+    columns, _ = _stored(settings, evidence)
+    if columns is None:
+        raise EvidenceError("its run is not stored in this data folder: the installation that has it signs it")
+    return verify(page, columns)
+
+
+def _verified(
+    file: Path, page: str, samples: Path | None, settings: Settings
+) -> "tuple[Verified, str, tuple[str, ...]]":
     """Return what was found, where the samples are from that it was computed from, and all that was checked."""
     from backend.reports import verification
     from backend.reports.evidence import EvidenceError, SeriesEvidence, read
     from backend.reports.series_verification import verify_series
 
-    for one in (file, samples):
-        if one is not None and one.exists() and not one.is_file():
-            raise EvidenceError(f"{one} is no ordinary file")
     of_pdf = file.suffix == ".pdf"
-    page_file = file.with_suffix(".html")
-    if of_pdf and not page_file.exists():
-        raise EvidenceError(f"a PDF carries no account of its numbers, and its page {page_file.name} is not beside it")
-    page = (page_file if of_pdf else file).read_bytes().decode("utf-8")
+    if samples is not None:
+        _require_ordinary(samples)
     evidence = read(page)
     if isinstance(evidence, SeriesEvidence):
         if of_pdf or samples is not None:

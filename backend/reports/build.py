@@ -9,6 +9,7 @@ from backend.reports.compliance import compliance_report
 from backend.reports.composed import composed_report
 from backend.reports.document import NO_FIGURE, Block, Code, Column, Figure, Paragraph, Report, Section, Table
 from backend.reports.evidence import Evidence, evidence_of, to_element
+from backend.reports.judgement import definitions_facts
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
 from backend.reports.robustness import robustness_report
@@ -33,6 +34,7 @@ _BUILDERS = {
 def build_report(source: Source) -> Report:
     """Build the report of a run of any kind; what was only recorded gets its curves without a judgement."""
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
+    report = replace(report, facts=(*report.facts, *definitions_facts([source])))
     evidence = evidence_of(source)
     if evidence is None:
         return told(report, source.angles)

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from backend.documents.result import Criterion, Metrics
+from backend.documents.result import DEFINITIONS, Criterion, Metrics
 from backend.identification.result import Grade
 from backend.reading import Angles, read
-from backend.reports.document import Column, Section, Table, exact, shown
+from backend.reports.document import Column, Fact, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
 from backend.reports.verdict import SEEN, verdict_of
@@ -26,6 +26,22 @@ def verdict(source: Source) -> tuple[str, str]:
         else verdict_of(result.metrics, result.criteria)
     )
     return found.outcome, found.sentence
+
+
+def definitions_facts(sources: Sequence[Source]) -> tuple[Fact, ...]:
+    """Return a line that names the runs whose results are of other definitions than this version's; none for none."""
+    of = {source.run.id: source.result.metrics.definitions for source in sources if source.result is not None}
+    others = {number: version for number, version in of.items() if version != DEFINITIONS}
+    if not others:
+        return ()
+    versions = " and ".join(map(str, sorted(set(others.values()))))
+    commands = ", ".join(f"sinew runs evaluate {number}" for number in others)
+    which = "" if len(sources) == 1 else f"of run {', '.join(map(str, others))}: "
+    words = (
+        f"{which}computed by version {versions} of the definitions of figures and criteria; this Sinew computes by "
+        f"version {DEFINITIONS}. To compute anew, before a new report: {commands}"
+    )
+    return (Fact("Definitions", words),)
 
 
 def measured(value: float | None, digits: int = 3) -> str:

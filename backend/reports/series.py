@@ -13,7 +13,7 @@ from backend.reports.composed import lines_of
 from backend.reports.document import Block, Code, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, to_element
 from backend.reports.identified import identifications_section
-from backend.reports.judgement import measured, verdict
+from backend.reports.judgement import definitions_facts, measured, verdict
 from backend.reports.provenance import chosen, shown_unit
 from backend.reports.series_figures import is_partial, metric_panels, overlay
 from backend.reports.set_to import set_to
@@ -91,6 +91,7 @@ def _facts(sources: Sequence[Source]) -> tuple[Fact, ...]:
         Fact("Plant", "; ".join(dict.fromkeys(f"{run.plant}, parameters “{run.parameters_name}”" for run in runs))),
         Fact("Software", ", ".join(dict.fromkeys(f"Sinew {run.software}" for run in runs))),
         Fact("Differences", f"to run {runs[0].id}"),
+        *definitions_facts(sources),
     )
 
 

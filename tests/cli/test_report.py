@@ -43,6 +43,7 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
         "checked": ["run 1 of the data folder", str(out / "metrics.json")],
         "differences": [],
         "left_out": [],
+        "signature": {"state": "none", "key": None, "fingerprint": None, "name": None},
     }
     nowhere = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert nowhere.returncode == 2

@@ -5,8 +5,13 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from backend.reports.evidence import ACCOUNT, Evidence, EvidenceError, account_hash, element_of, read, to_element
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from backend.reports.evidence import ACCOUNT, Evidence, EvidenceError, account_hash, element_of, read, to_element
+from backend.reports.signature import sign_page
+from backend.reports.signing_key import public_half
+
+SIGNATURE = b'<template id="signature">'
 Path = tuple[str | int, ...]
 _TAG = re.compile(r"<[a-z][^<>]*>")
 _TEXT = re.compile(r">([^<>\n]*\w[^<>\n]*)<")
@@ -132,3 +137,55 @@ def _sealed(page: str, changed: str) -> str | None:
     evidence.hashes[ACCOUNT] = after
     sealed = changed.replace(element_of(changed), to_element(evidence))
     return sealed.replace(before, after) if before else sealed
+
+
+def of_the_signature(page: bytes, other: Ed25519PrivateKey) -> Iterator[tuple[str, bytes]]:
+    """Change what a signed page says of who signed it, move it, double it, or sign the page by another key."""
+    begin = page.index(SIGNATURE)
+    end = page.index(b"</template>", begin) + len(b"</template>")
+    element, unsigned = page[begin:end], page[:begin] + page[end:]
+    text = element[len(SIGNATURE) : -len(b"</template>")].decode("ascii")
+    said = json.loads(text)
+
+    def written(document: Any, **how: Any) -> bytes:
+        inside = json.dumps(document, **{"separators": (",", ":"), **how}).encode("ascii")
+        return page[:begin] + SIGNATURE + inside + b"</template>" + page[end:]
+
+    for name in said:
+        yield f"another {name}", written({**said, name: said[name] + "0"})
+        yield f"no {name}", written({one: value for one, value in said.items() if one != name})
+        yield f"a number for {name}", written({**said, name: 7})
+    yield "one field more", written({**said, "time": "2020-01-01"})
+    yield "blanks", written(said, separators=(", ", ": "))
+    yield "another order", written(dict(reversed(said.items())))
+    yield "capitals", written({**said, "signature": said["signature"].upper()})
+    yield "no object", written([said])
+    yield "a field twice", page.replace(b'{"algorithm"', b'{"name":"x","algorithm"', 1)
+    yield "nothing in it", page[:begin] + SIGNATURE + b"</template>" + page[end:]
+    yield "no end", unsigned + SIGNATURE
+    yield "two", page[:begin] + element + page[begin:]
+    yield "two, far apart", page + element
+    yield "in front of the account", page[: (at := page.index(b"<template"))] + element + page[at:begin] + page[end:]
+    yield "at the end", unsigned + element
+    yield "on a line of its own", page[:begin] + b"\n" + page[begin:]
+    yield (
+        "the public half of another key",
+        page.replace(said["public_key"].encode(), public_half(other).text.encode(), 1),
+    )
+    elsewhere = sign_page(unsigned.replace(b"</p>", b" </p>", 1), other, "")
+    moved = elsewhere[elsewhere.index(SIGNATURE) :]
+    moved = moved[: moved.index(b"</template>") + len(b"</template>")]
+    yield "that of another page", page[:begin] + moved + page[end:]
+    yield "no Unicode", page.replace(b"</h1>", b"\xff</h1>", 1)
+
+
+def single_bytes(page: bytes, every: int) -> Iterator[tuple[str, bytes]]:
+    """Change single bytes of a signed page: each of its signature, and each so many of the rest; and leave some out."""
+    begin = page.index(SIGNATURE)
+    end = page.index(b"</template>", begin) + len(b"</template>")
+    for at in (*range(begin, end), *range(0, len(page), every), len(page) - 1):
+        yield f"byte {at}", page[:at] + bytes([page[at] ^ 1]) + page[at + 1 :]
+    yield "without its last byte", page[:-1]
+    yield "a byte more", page + b"\n"
+    yield "a byte more in front", b"\n" + page
+    yield "other line ends", page.replace(b"\n", b"\r\n")

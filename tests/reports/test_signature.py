@@ -1,0 +1,145 @@
+"""A signature is of the very bytes of a page and of who signed; keys are as OpenSSH writes them."""
+
+import json
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from cryptography.hazmat.primitives.serialization import load_ssh_public_key
+
+from backend.private import make_private
+from backend.reports.signature import UnsignableError, Whose, read_signature, sign_page
+from backend.reports.signing_key import (
+    SigningKeyError,
+    find_public_key,
+    load_or_make_signing_key,
+    own_public_key,
+    parse_public_key,
+    public_half,
+)
+
+PAGE = '<h1>λ</h1>\n<template id="evidence">{}</template>\n</body>\n'.encode()
+KEY, OTHER = (Ed25519PrivateKey.from_private_bytes(bytes([number]) * 32) for number in (1, 2))
+PUBLISHED = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GKJl"
+"""GitHub's key of its SSH service, and the fingerprint that it publishes with it."""
+FINGERPRINT = "SHA256:+DiY3wvvV6TuJJhbpZisF/zLDA0zPMSvHdkr4UvCOqU"
+
+
+def test_it_is_verified_by_nothing_but_the_page_and_the_documented_message() -> None:
+    """By hand, without a line of ours: heading, all else that the element says, the page without it."""
+    signed = sign_page(PAGE, KEY, "<rig> & λ")
+    begin = signed.index(b'<template id="signature">')
+    end = signed.index(b"</template>", begin)
+    text = signed[begin + len(b'<template id="signature">') : end]
+    said = json.loads(text)
+    value = bytes.fromhex(said["signature"])
+    assert said == {"algorithm": "Ed25519", "public_key": public_half(KEY).text, "name": "<rig> & λ"} | {
+        "signature": value.hex()
+    }
+    assert signed[:begin] + signed[end + len(b"</template>") :] == PAGE
+    assert signed[:begin].endswith(b"</template>")
+    key = load_ssh_public_key(said["public_key"].encode())
+    assert isinstance(key, Ed25519PublicKey)
+    head = text[: text.index(b',"signature"')] + b"}"
+    key.verify(value, b"Sinew report signature 1\n" + head + b"\n" + PAGE)
+    with pytest.raises(InvalidSignature):
+        key.verify(value, PAGE)
+
+
+def test_signing_again_replaces_and_reading_gives_the_page_back() -> None:
+    signed = sign_page(PAGE, KEY, "rig-1")
+    again = sign_page(signed, OTHER, "rig-2")
+    assert again == sign_page(PAGE, OTHER, "rig-2")
+    assert sign_page(signed, KEY, "rig-1") == signed
+    found = read_signature(again)
+    assert (found.page, found.is_valid, found.problem) == (PAGE, True, "")
+    assert found.signature is not None
+    assert (found.signature.name, found.signature.key) == ("rig-2", public_half(OTHER))
+    assert read_signature(PAGE).signature is None
+
+
+def test_whose_key_it_is() -> None:
+    found, one, other = read_signature(sign_page(PAGE, KEY, "")), public_half(KEY), public_half(OTHER)
+    assert found.whose(one, one) == Whose.GIVEN
+    assert found.whose(other, one) == found.whose(None, one) == Whose.OWN
+    assert found.whose(other, None) == found.whose(None, other) == found.whose(None, None) == Whose.UNKNOWN
+    broken = read_signature(sign_page(PAGE, KEY, "").replace(b"<h1>", b"<h2>"))
+    assert broken.problem
+    assert broken.whose(one, one) is None
+    assert read_signature(PAGE).whose(one, one) is None
+
+
+@pytest.mark.parametrize("page", [b"", b"<html></html>", PAGE + b'<template id="signature">' * 2])
+def test_what_is_no_report_is_not_signed(page: bytes) -> None:
+    with pytest.raises(UnsignableError):
+        sign_page(page, KEY, "")
+
+
+def test_a_fingerprint_is_the_one_that_openssh_gives() -> None:
+    key = parse_public_key(f"{PUBLISHED} github.com")
+    assert (key.fingerprint, key.text) == (FINGERPRINT, PUBLISHED)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "ssh-ed25519", PUBLISHED[:-4], PUBLISHED + "AAAA", PUBLISHED.replace("ed25519", "rsa"), "ssh-ed25519 λ"],
+)
+def test_what_is_no_public_key_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(SigningKeyError):
+        parse_public_key(text)
+    file = tmp_path / "key.pub"
+    file.write_text(text)
+    with pytest.raises(SigningKeyError):
+        find_public_key(str(file))
+
+
+def test_a_public_key_is_found_in_a_text_or_a_file_of_one(tmp_path: Path) -> None:
+    file = tmp_path / "key.pub"
+    file.write_text(f"# of rig 2\n{PUBLISHED} rig-2\n\n")
+    assert find_public_key(str(file)) == find_public_key(f" {PUBLISHED} rig-2 ") == parse_public_key(PUBLISHED)
+    file.write_text(f"{PUBLISHED}\n{public_half(KEY).text}\n")
+    for refused in (str(file), str(tmp_path), str(tmp_path / "none"), "\0"):
+        with pytest.raises(SigningKeyError):
+            find_public_key(refused)
+
+
+def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    assert own_public_key(data) is None
+    assert not data.exists()
+    made = public_half(load_or_make_signing_key(data))
+    assert public_half(load_or_make_signing_key(data)) == own_public_key(data) == made
+    file = data / "signing-key"
+    assert [path.name for path in data.iterdir()] == ["signing-key"]
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert stat.S_IMODE(data.stat().st_mode) == 0o700
+    file.chmod(0o644)
+    assert make_private(data) == []
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    file.chmod(0o644)
+    load_or_make_signing_key(data)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert public_half(load_or_make_signing_key(tmp_path / "other")) != made
+
+
+@pytest.mark.parametrize("content", [b"", b"junk", b"-----BEGIN PRIVATE KEY-----\n"])
+def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "signing-key").write_bytes(content)
+    with pytest.raises(SigningKeyError, match="signing-key holds no usable key"):
+        load_or_make_signing_key(tmp_path)
+    assert own_public_key(tmp_path) is None
+    assert (tmp_path / "signing-key").read_bytes() == content
+
+
+def test_nothing_loads_the_library_but_a_signature() -> None:
+    code = (
+        "import sys, backend.main, backend.cli.report, backend.reports.signature\n"
+        "backend.reports.signature.read_signature(b'<html></html>')\n"
+        "print('cryptography' in sys.modules)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "False"
