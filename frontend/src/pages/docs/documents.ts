@@ -39,6 +39,7 @@ const FIRST = [
   "experiments",
   "studies",
   "search",
+  "reports",
   "exports",
   "notebook",
   "faults",
