@@ -29,7 +29,8 @@ LONGEST_HEAD = 32 * 1024
 """Bytes that the head of a request may have, of a websocket's too: cookies of all applications on its host."""
 MOST_HEADERS = 100
 _READING = {"GET", "HEAD", "OPTIONS"}
-_MALFORMED = {400, 411, 413, 431}
+_UNCLEAR = {"two_lengths", "length_required", "bad_length"}
+"""Refusals of a request whose end cannot be known for certain: its connection ends with it."""
 
 APP_POLICY = (
     "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -203,8 +204,9 @@ def too_large_a_head() -> str:
 
 def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
     """Return a refusal: a page for whoever opens the address in a browser, else the body that every refusal has."""
-    # What is malformed ends its connection: what follows may be a part of it that was taken for the next request.
-    headers = {"Connection": "close"} if scope["type"] == "http" and status in _MALFORMED else {}
+    # What follows may be a part of it, and must not be taken for the next request. A body that is only too large is
+    # read to its end: to close before that would take the answer from whoever still sends.
+    headers = {"Connection": "close"} if scope["type"] == "http" and code in _UNCLEAR else {}
     if scope["type"] == "http" and wants_page(Headers(scope=scope), scope["method"]):
         page = message_page(status, message)
         page.headers.update(headers)
