@@ -45,7 +45,7 @@ HEAD_S = 10.0
 BODY_S = 10.0
 """So long a body of ``MAX_BODY_BYTES`` may take; where larger ones are taken, as much longer as they may be larger."""
 
-REST_S = 1.0
+REST_S = 10.0
 """So long the rest of a body is taken that the answer did not wait for, so that the answer is read."""
 
 GUEST_PAUSE_S, KNOWN_PAUSE_S = 5.0, 60.0

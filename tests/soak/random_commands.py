@@ -104,7 +104,10 @@ class _People:
                 self.holder.command("POST", "/api/mode", {"mode": "pretension"})
             return bool(state["pretension_done"])
 
-        wait_until(is_held, "pretension")
+        try:
+            wait_until(is_held, "pretension")
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}; the state is {self.state()}") from None
         self.holder.command("POST", "/api/mode", {"mode": "run"})
 
     def obey(self, kind: str) -> httpx.Response:
