@@ -40,6 +40,8 @@ _MEMORY_ENDS = (-signal.SIGABRT, -signal.SIGSEGV)
 _END_S = 5.0
 """Longest time between the last sign of a process that dies and its end [s]."""
 
+_LOOK_S = 0.01
+
 
 class WorkerDiedError(Exception):
     """The process died over a work, and the one after it too."""
@@ -197,7 +199,11 @@ class _Worker:
         if self._child is None:
             return None
         await asyncio.to_thread(self._child.join, _END_S)  # its pipes are closed a little before it has ended
-        return self._child.exitcode
+        # The pool's thread waits for the same process: it may have the status and not have noted it yet.
+        end = self._loop.time() + _END_S
+        while (code := self._child.exitcode) is None and self._loop.time() < end:
+            await asyncio.sleep(_LOOK_S)
+        return code
 
     def end(self) -> None:
         """Kill the process, as soon as it is there, and watch it no longer."""
