@@ -40,7 +40,7 @@ check: install-dev packages
 	$(BIN)/python .ci/lock.py --check
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
-	$(BIN)/mypy --num-workers 2
+	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python -m backend.api.export --check frontend/src/wire
 	$(NPM) check
