@@ -66,7 +66,6 @@ READING = "reading"
 TOO_MUCH = 1008
 """Code with which a websocket is closed that sends more than its budget: a policy was violated."""
 
-
 LOOK_S = 0.005
 """Time [s] after which a connection is looked at again whose application has not taken yet what was parsed."""
 
@@ -140,7 +139,8 @@ class _Placed(asyncio.Protocol):
             self._is_full = False
             if not self.transport.is_closing() and not self._waits_for_app():
                 self.transport.resume_reading()
-        return pause_s if self._unread else None
+        # A pause is kept where nothing more has come yet, too: what comes next is parsed after it.
+        return pause_s if self._unread or pause_s > 0.0 else None
 
     def parse(self, piece: bytes) -> float:
         """Hand a piece to uvicorn; return after how long [s] the next one may be parsed."""
@@ -302,6 +302,8 @@ class HttpProtocol(_Placed, H11Protocol):
 class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
     """A websocket on a connection that has a place."""
 
+    PIECE = PIECE
+
     def __init__(self, config: Config, server_state: ServerState, app_state: dict[str, Any]) -> None:
         super().__init__(config, server_state, app_state)
         self.conn = self._counted = _Handshake(max_size=config.ws_max_size, logger=self.logger)
@@ -309,8 +311,6 @@ class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
         self._budget = Budget(self.loop.time())
         self.place.end = self.end
         self.place.is_answered = lambda: True
-
-    PIECE = PIECE
 
     def parse(self, piece: bytes) -> float:
         """Parse frames within the budget; a connection that wants more for too long is closed, and the log says so."""

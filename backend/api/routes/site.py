@@ -68,7 +68,7 @@ class _Files(StaticFiles):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer with a file, or refuse with the methods that the address takes."""
-        if scope["type"] == "http" and (allowed := self._allowed(scope)):
+        if scope["type"] == "http" and scope["path"].startswith("/api/") and (allowed := self._allowed(scope)):
             raise HTTPException(405, headers={"Allow": ", ".join(allowed)})
         await super().__call__(scope, receive, send)
 
