@@ -59,16 +59,18 @@ def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Cl
     last = log(viewer)[0]["event"] or 0
 
     def modes() -> list[tuple[str, str]]:
+        """The changes from this test's first order on: the log may get the reset before it only after the test began."""
         found = [one for one in log(viewer, kind="mode") if one["event"] > last]
-        return [(one["text"], one["who"]) for one in reversed(found)]
+        told = [(one["text"], one["who"]) for one in reversed(found)]
+        return told[told.index(ordered) :] if ordered in told else []
 
+    ordered = ("off → pretension", "operator")
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     until(lambda: len(modes()) == 2)
     off.post("/api/mode", json={"mode": "off"}).raise_for_status()
     off.post("/api/stop").raise_for_status()
     until(lambda: "tripped" in modes()[-1][0])
-    began, reached, ended, *_, stopped = modes()
-    assert began == ("off → pretension", "operator")
+    _, reached, ended, *_, stopped = modes()
     assert reached == ("pretension reached", "")
     assert ended == ("pretension → off", "operator")
     assert stopped[1] == ""  # STOP has an entry of its own, with whoever pressed it
