@@ -71,10 +71,11 @@ from plant.parameters import PlantParameters
 
 @dataclass(frozen=True)
 class Assembled:
-    """What serves, what records, the routes of the 3D views, and ``draw``, which puts these up once that can wait."""
+    """What serves, records and logs, the routes of the 3D views, and ``draw``, which shows these once that can wait."""
 
     service: Service
     recorder: Recorder
+    journal: Journal
     scenes: list[APIRouter]
     draw: Callable[[], None]
 
@@ -236,7 +237,7 @@ def assemble(
         retention=retention,
         studies=studies,
     )
-    return Assembled(service, recorder, scenes, draw)
+    return Assembled(service, recorder, journal, scenes, draw)
 
 
 def _id_of_bank(tuning: TuningInUse) -> int | None:

@@ -82,6 +82,7 @@ async def _serve(
         from backend.access.sessions import Sessions
         from backend.api.app import create_app
         from backend.assembly import assemble
+        from backend.storage.events import EventKind
         from backend.web_server.first_request import put_routes_together
         from backend.web_server.server import Server
 
@@ -93,6 +94,7 @@ async def _serve(
         app.state.service, app.state.authentication = assembled.service, authentication
         await put_routes_together(app)
         _leave_what_was_made()
+        parts.callback(lambda: assembled.journal.record(EventKind.NOTE, ending.cause))
         await _join_loop(starting, foundation.supervisor, assembled.recorder, ending, supervision, parts)
         parts.push_async_callback(lambda: assembled.service.ordered_runs.close(ending.cause))
     except BaseException:

@@ -82,11 +82,15 @@ def marks_of(session: Session, run_id: int) -> RunMarks:
         period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
     except UnknownRecordError:
         return RunMarks(marks=[])
+    happened = events.between(session, run.started_at, run.ended_at, station=run.station)
+    # versions before kept each trip as a fault, too
+    doubled = {(event.tick, event.text) for event in happened if event.kind == EventKind.FAULT}
     marks = [
         RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
-        for event in events.between(session, run.started_at, run.ended_at, station=run.station)
+        for event in happened
         # ticks begin anew with each loop process: those of another one do not fit this recording
-        if event.tick is not None and event.kind != EventKind.TRIP and span.first_tick <= event.tick <= span.end_tick
+        if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
+        if event.kind != EventKind.TRIP or (event.tick, event.text) not in doubled
     ]
     return RunMarks(marks=marks)
 

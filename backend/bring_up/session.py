@@ -106,7 +106,7 @@ class Session:
         )
         if anew:
             self._person.phase("starting the loop with what was measured")
-            await self.supervisor.restart()
+            await self.supervisor.restart("with what the step has measured")
             self._started = datetime.now(UTC)
         return kept
 

@@ -38,7 +38,7 @@ _ASTRAY_NS = 50_000_000
 """The clock of this machine was set, or the loop stood still: times are counted anew."""
 
 _AWAY = "service"
-_LEVELS = {MarkKind.FAULT: messages.LogLevel.Error}
+_LEVELS = {MarkKind.FAULT: messages.LogLevel.Error, MarkKind.TRIP: messages.LogLevel.Error}
 
 
 class OtherVersionError(Exception):

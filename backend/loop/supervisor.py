@@ -3,10 +3,11 @@
 import asyncio
 import logging
 import signal
+import time
 from asyncio.subprocess import Process
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 from backend.faults import Fault
@@ -20,9 +21,11 @@ from backend.loop.channel_ends import Channel, ChannelClosedError
 from backend.loop.commands import Accepted, Command, Event, ReadinessChanged, Refused, Shutdown, Stop, Stopped
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 from backend.loop.launching import Launched, launch
+from backend.loop.mode import MODES, Mode
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
 from backend.loop.ticking import HUNG_BEATS, Ticking
+from backend.sample import INDEX
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
 from plant.brought_up import found_with
 from plant.card import Card
@@ -41,7 +44,16 @@ PARTS_AT_ONCE = 8
 """Packets of a long program that are sent without waiting; the loop takes one in each tick, and a stop finds room."""
 
 _POLL_S = 0.02
+_VOLTAGELESS = (Mode.OFF, Mode.TRIPPED)
 _LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Restart:
+    """A planned restart of the loop process: its purpose in words, and when it began (monotonic clock, s)."""
+
+    purpose: str
+    began_s: float
 
 
 class Supervisor:
@@ -60,6 +72,8 @@ class Supervisor:
         self.guard = CardGuard(self.card)
         self.granted: Granted | None = None
         self.driven = ""
+        self.restarting: Restart | None = None
+        """The planned restart that is under way."""
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
         self._heart: Heart | None = None
@@ -104,11 +118,18 @@ class Supervisor:
         async with self._one_at_a_time:
             await self._stop(cause)
 
-    async def restart(self) -> Granted:
-        """End the loop process, if it is there, and start another one with the present ``setup``."""
+    async def restart(self, purpose: str) -> Granted:
+        """End the loop process, if it is there, and start another one with the present ``setup``.
+
+        ``purpose`` describes the restart to people while it takes place. Raises LoopDiedError.
+        """
         async with self._one_at_a_time:
-            await self._stop("the loop process is replaced")
-            return await self._start()
+            self.restarting = Restart(purpose, time.monotonic())
+            try:
+                await self._stop("the loop process is replaced")
+                return await self._start()
+            finally:
+                self.restarting = None
 
     async def _start(self) -> Granted:
         if self._process is not None:
@@ -148,7 +169,8 @@ class Supervisor:
         self._ending = True
         try:
             if self.alive:
-                await self._come_to_rest(cause)
+                if not self._is_voltageless():  # else there is nothing to stop, and a planned end is no trip
+                    await self._come_to_rest(cause)
                 await self.send(Shutdown())
             else:
                 process.terminate()
@@ -199,6 +221,11 @@ class Supervisor:
         if self._channel is None or not self.alive:
             raise LoopDiedError(f"the control loop is not running: {self._reason}")
         return self._channel
+
+    def _is_voltageless(self) -> bool:
+        """Whether the newest sample is of a mode without voltages: off or tripped."""
+        newest = self.ring.newest()
+        return newest is not None and MODES[int(newest[INDEX["mode"]])] in _VOLTAGELESS
 
     async def _come_to_rest(self, cause: str) -> None:
         stopped: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()

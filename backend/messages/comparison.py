@@ -39,7 +39,7 @@ class ComparisonAsked(Schema):
     )
     by: AlignBy = Field(default=AlignBy.BEGIN, description="what is brought to one moment")
     step: StepSignal = Field(default=StepSignal.Q_REF, description="signal whose step it is")
-    event: MarkKind = Field(default=MarkKind.FAULT, description="kind of the event")
+    event: MarkKind = Field(default=MarkKind.TRIP, description="kind of the event")
     number: int = Field(default=1, ge=1, le=MOST_NUMBER, description="which step or event of each run, from 1")
 
 

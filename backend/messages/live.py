@@ -45,6 +45,7 @@ class MarkKind(StrEnum):
     TUNING = "tuning"
     BANK = "bank"
     FAULT = "fault"
+    TRIP = "trip"
     REFERENCES = "references"
     NOTE = "note"
 

@@ -33,6 +33,10 @@ class LinkView(Schema):
     alive: bool
     silent_s: float = quantity("s", "time since the loop's newest sample was seen")
     starts: int = Field(description="how many times the loop process has been started by this service")
+    restarting: str = Field(
+        default="", description="purpose of the planned restart under way; empty while there is none"
+    )
+    restarting_s: float | None = quantity("s", "time since that restart began; null while there is none", default=None)
 
 
 class TimingView(Schema):

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from backend.bring_up.hands import KeptHands, switch_drives
-from backend.faults import Fault
+from backend.faults import EXPLAINED, Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
 from backend.loop.commands import Accepted, Command, Event, ModeChanged, PushReleased, Refused, RunEnded, Stopped
@@ -105,7 +105,7 @@ class Actuator:
             ) from None
         finally:
             self._stop_waiters.remove(waiter)
-        self._journal.note(MarkKind.FAULT, "STOP", stopped.arrived_tick, who)
+        self._journal.note(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
         return proof_of(stopped)
 
     async def operator_lost(self, who: str) -> None:
@@ -127,10 +127,10 @@ class Actuator:
             lost = self._supervisor.guard.watchdog_lost or self.present.card_lost
             if self._supervisor.alive and not lost:
                 accepted = await self._command(commands.Reset())
-                self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
+                self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)
             else:
                 self.require_unoccupied()  # a new loop has another zero, and a step works with this one
-                await self._start_anew(MarkKind.FAULT, "loop started again", who)
+                await self._start_anew("after its end", "loop started again", who)
         self.present.forget_stop()
         return await self._state_once(lambda: self.present.fault is Fault.NONE)
 
@@ -141,23 +141,24 @@ class Actuator:
                 raise RefusalError(Because.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}")
             take()
             try:
-                await self._start_anew(MarkKind.NOTE, f"loop started with {found}", who)
+                await self._start_anew(f"with {found}", f"loop started with {found}", who)
             except LoopDiedError as died:
                 self._journal.note(MarkKind.FAULT, f"no loop started with {found}", 0, who)
                 raise LoopDiedError(f"{found} takes effect at the next start of the loop: {died}") from died
             finally:
                 self.changed()
 
-    async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
+    async def _start_anew(self, purpose: str, text: str, who: str) -> None:
         before = self._supervisor.setup.brought_up
         brought_up = await asyncio.to_thread(self.in_effect)
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         self.touching.forget("the control loop was started anew")
-        await self._supervisor.restart()
+        self.changed()
+        await self._supervisor.restart(purpose)
         self._on_new_ring(self._supervisor.ring)
         self.present.starts += 1
-        self._journal.note(kind, text, 0, who)
+        self._journal.note(MarkKind.NOTE, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> State:
         """Move to another mode; one in which a person moves the joint is recorded as a session."""

@@ -55,13 +55,13 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(fault=fault, arrived_tick=tick, detail=seen):
-            return Mark(MarkKind.FAULT, explained(fault, seen), tick)
+            return Mark(MarkKind.TRIP, explained(fault, seen), tick)
         case PlantFailing(tick, reason):
             return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
         case PlantAnswers(tick):
-            return Mark(MarkKind.FAULT, "the plant answers again", tick)
+            return Mark(MarkKind.NOTE, "the plant answers again", tick)
         case LoopDied(reason):
-            return Mark(MarkKind.FAULT, f"the control loop died: {reason}", now)
+            return Mark(MarkKind.TRIP, f"The control loop died: {reason}", now)
         case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged():
             return None
         case _:

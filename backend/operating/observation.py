@@ -7,6 +7,7 @@ from collections.abc import Callable
 from backend.faults import FAULTS, Fault
 from backend.loop.mode import MODES, Mode
 from backend.loop.ring import Ring
+from backend.loop.supervisor import Restart
 from backend.loop.timing import timing
 from backend.messages.state import LinkView, ReferencesView, TimingView
 from backend.sample import NAMES
@@ -32,12 +33,18 @@ class Observation:
         row = self._ring().newest()
         return None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
 
-    def link(self, alive: bool, starts: int) -> LinkView:
-        """Return the state of the road to the loop."""
+    def link(self, alive: bool, starts: int, restart: Restart | None = None) -> LinkView:
+        """Return the state of the connection to the loop."""
         count, now = self._ring().count, self._clock()
         if count != self._seen[0]:
             self._seen = (count, now)
-        return LinkView(alive=alive, silent_s=now - self._seen[1], starts=starts)
+        return LinkView(
+            alive=alive,
+            silent_s=now - self._seen[1],
+            starts=starts,
+            restarting="" if restart is None else restart.purpose,
+            restarting_s=None if restart is None else now - restart.began_s,
+        )
 
     def timing(self) -> TimingView:
         """Return how well the loop keeps its period, renewed four times a second."""

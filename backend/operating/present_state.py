@@ -213,7 +213,7 @@ class PresentState:
         sample = self._observation.sample()
         mode = mode_of(sample)
         holder = self.holder()
-        link = self._observation.link(self._supervisor.alive, self.starts)
+        link = self._observation.link(self._supervisor.alive, self.starts, self._supervisor.restarting)
         return State(
             mode=mode,
             legal_modes=self.legal(mode),

@@ -64,13 +64,11 @@ class _Trip:
         return not self.is_last and ring is self.ring and 0 <= tick - self.tick < round(AFTER_S / T_s)
 
     @property
-    def told(self) -> str:
-        """What happened, and what followed."""
-        if not self.followers:
-            return self.text
+    def followed_by(self) -> str:
+        """The trips that share its record, the first few by name; empty where there are none."""
         named, others = self.followers[:FOLLOWERS_TOLD], len(self.followers) - FOLLOWERS_TOLD
         more = f" and {others} more" if others > 0 else ""
-        return f"{self.text} Followed by {', '.join(named)}{more}."
+        return f"{', '.join(named)}{more}"
 
 
 @dataclass(frozen=True)
@@ -169,8 +167,11 @@ class FlightRecorder:
                 known = runs.get(session, run_id).id if run_id else None
             except UnknownRecordError:
                 known = None
-            # what a record hangs on; the journal tells of the trip by itself
-            event = events.add(session, EventKind.TRIP, trip.told, run_id=known, tick=trip.tick, at=trip.at)
+            # the journal has kept the trip, with who pressed STOP, unless it could not write
+            event = events.trip_of(session, trip.tick, trip.at)
+            if event is None:
+                event = events.add(session, EventKind.TRIP, trip.text, tick=trip.tick, at=trip.at)
+            events.complete(session, event.id, run_id=known, followed_by=trip.followed_by)
             samples = pack(rows[:, STORED_COLUMNS].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)

@@ -1,15 +1,18 @@
 """Events: what happened and who asked for it, in order, never changed."""
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import to_record
+from backend.storage.records import require, to_record
 from backend.storage.schema import Document, EventRow
 from backend.storage.stations import station_of
+
+_ONE_TRIP = timedelta(seconds=2)
+"""So far apart may be the times that two parts of the service give one trip."""
 
 
 class EventKind(StrEnum):
@@ -85,6 +88,30 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
     if kind is not None:
         query = query.where(EventRow.kind == kind)
     return [to_record(Event, row) for row in session.scalars(query)]
+
+
+def trip_of(session: Session, tick: int, at: datetime) -> Event | None:
+    """Return the station's event of the trip at ``tick`` at about the time ``at``, None where none was stored.
+
+    Ticks begin anew with each loop process, so the time decides between trips at one tick. The death of the loop is
+    kept at its last tick, its record at the tick that did not come.
+    """
+    query = select(EventRow).where(
+        EventRow.station == station_of(session),
+        EventRow.kind == EventKind.TRIP,
+        EventRow.tick.in_((tick, tick - 1)),
+        EventRow.at.between(at - _ONE_TRIP, at + _ONE_TRIP),
+    )
+    row = session.scalars(query.order_by(EventRow.id).limit(1)).first()
+    return None if row is None else to_record(Event, row)
+
+
+def complete(session: Session, event_id: int, *, run_id: int | None, followed_by: str) -> None:
+    """Add to the event of a trip what is known once its record ends: the run, and the trips that followed."""
+    row = require(session, EventRow, event_id, "event")
+    row.run_id = row.run_id or run_id
+    if followed_by:
+        row.detail = {**row.detail, "followed_by": followed_by}
 
 
 def between(

@@ -7,7 +7,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.records import require
-from backend.storage.schema import EventRow, FlightRow
+from backend.storage.schema import Document, EventRow, FlightRow
 from backend.storage.stations import station_of
 
 GIVE_WAY_AT_ONCE = 50
@@ -70,6 +70,7 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
         EventRow.at,
         FlightRow.fault,
         EventRow.text,
+        EventRow.detail,
         EventRow.run_id,
         FlightRow.first_tick,
         FlightRow.trip_tick,
@@ -77,7 +78,15 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
     )
     of_station = select(*columns).join(EventRow).where(EventRow.station == station_of(session))
     query = of_station.order_by(FlightRow.event_id.desc()).limit(limit)
-    return [Flight(*row) for row in session.execute(query)]
+    return [
+        Flight(event_id, at, fault, _with_followers(text, detail), run_id, first_tick, trip_tick, count)
+        for event_id, at, fault, text, detail, run_id, first_tick, trip_tick, count in session.execute(query)
+    ]
+
+
+def _with_followers(text: str, detail: Document) -> str:
+    followed_by = detail.get("followed_by")
+    return f"{text} Followed by {followed_by}." if followed_by else text
 
 
 def get(session: Session, event_id: int) -> NewFlight:

@@ -43,7 +43,7 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
     """What each loop was started anew with; the stepped one goes on as it is."""
     setups: list[Setup] = []
 
-    async def restart(supervisor: Supervisor) -> None:
+    async def restart(supervisor: Supervisor, _purpose: str) -> None:
         setups.append(supervisor.setup)
 
     monkeypatch.setattr(Supervisor, "restart", restart)
@@ -204,7 +204,7 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
         heard: list[PlantParameters] = []
         applied = applied_with(parts, heard)
 
-        async def dies(supervisor: Stepped) -> None:
+        async def dies(supervisor: Stepped, _purpose: str) -> None:
             supervisor.dead = True
             raise LoopDiedError("the control loop is not running: killed by SIGKILL")
 

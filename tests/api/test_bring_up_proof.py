@@ -83,7 +83,7 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
         standing.keep(database, step, load_wiring(str(file)), Finding(True, "well"), "Ada")
     started: list[bool] = []
 
-    async def restart(supervisor: Supervisor) -> None:
+    async def restart(supervisor: Supervisor, _purpose: str) -> None:
         started.append(supervisor.setup.brought_up.directions_proven)
         supervisor.started_with = supervisor.setup.brought_up  # it has read the file of now
 

@@ -59,6 +59,9 @@ def test_the_queue_comes_back_held_after_a_kill_and_after_an_orderly_end(tmp_pat
             if number is not None:
                 end_by(service, number)
                 continue
+            entries = client.get("/api/log").raise_for_status().json()["entries"]
+            assert [one["kind"] for one in entries if "SIGTERM" in one["text"]] == ["note"]
+            assert not [one for one in entries if one["kind"] in ("trip", "fault")]  # it was off when it was ended
             before = client.get("/api/runs").json()["total"]
             client.post("/api/experiments/queue/run").raise_for_status()  # the short one, in second place before
             until(lambda: len(queue_of(client)["items"]) == 2)

@@ -59,7 +59,7 @@ def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Cl
     last = log(viewer)[0]["event"] or 0
 
     def modes() -> list[tuple[str, str]]:
-        """The changes from this test's first order on: the log may get the reset before it only after the test began."""
+        """The changes from this test's first order on; the log may get the reset before it late."""
         found = [one for one in log(viewer, kind="mode") if one["event"] > last]
         told = [(one["text"], one["who"]) for one in reversed(found)]
         return told[told.index(ordered) :] if ordered in told else []
@@ -70,10 +70,28 @@ def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Cl
     off.post("/api/mode", json={"mode": "off"}).raise_for_status()
     off.post("/api/stop").raise_for_status()
     until(lambda: "tripped" in modes()[-1][0])
-    _, reached, ended, *_, stopped = modes()
+    _, reached, ended, *_ = modes()
     assert reached == ("pretension reached", "")
     assert ended == ("pretension → off", "operator")
-    assert stopped[1] == ""  # STOP has an entry of its own, with whoever pressed it
+
+
+def test_a_stop_is_one_entry_with_whoever_pressed_it_and_its_flight_record_and_a_reset_is_no_alarm(
+    off: httpx.Client, viewer: httpx.Client
+) -> None:
+    proof = off.post("/api/stop").raise_for_status().json()
+    off.post("/api/reset").raise_for_status()
+
+    def told() -> list[dict[str, Any]]:
+        return [one for one in log(viewer) if one["kind"] in ("fault", "trip") or one["text"] == "reset"]
+
+    def holds(flight: dict[str, Any]) -> bool:
+        return bool(0 <= proof["arrived_tick"] - flight["tick"] <= 1000 * flight["after_s"])
+
+    flight = until(lambda: next(filter(holds, viewer.get("/api/flights").json()["flights"]), None))
+    # what the fixture did before, and what was done here
+    assert [(one["kind"], one["who"]) for one in told()[:4]] == 2 * [("note", "operator"), ("trip", "operator")]
+    (trip,) = [one for one in log(viewer, kind="trip") if one["event"] == flight["id"]]
+    assert trip["flight"]
 
 
 def test_an_operator_says_something_of_an_event_and_a_viewer_reads_it(

@@ -100,7 +100,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
             await asyncio.sleep(0.01)
         assert (card.state().u_A, card.state().u_B, card.state().drive_enabled) == (0.0, 0.0, False)
 
-        await supervisor.restart()
+        await supervisor.restart("for a test")
         (second,) = loop_processes()
         assert second != first
         newest = supervisor.ring.newest()
@@ -109,7 +109,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         os.kill(second, signal.SIGSTOP)
         assert "has not ticked" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
 
-        await supervisor.restart()
+        await supervisor.restart("for a test")
         await supervisor.send(SetMode(Mode.PRETENSION))
         await supervisor.advance(0.2)
         events.clear()
@@ -120,6 +120,38 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         last = supervisor.ring.newest()
         assert last is not None
         assert (last[INDEX["u_A"]], last[INDEX["u_B"]]) == (0.0, 0.0)
+        await supervisor.stop()
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_a_planned_restart_and_end_without_voltages_are_no_trip(setup: Setup) -> None:
+    """Of a loop that is off nothing is stopped; one whose motors pull is brought to rest first."""
+
+    async def session() -> None:
+        supervisor = Supervisor(setup)
+        heard: list[object] = []
+        supervisor.listen(heard.append)
+        await supervisor.start()
+        before = supervisor.ring
+        restarting = asyncio.create_task(supervisor.restart("with other parameters"))
+        while supervisor.alive:
+            await asyncio.sleep(0)
+        assert getattr(supervisor.restarting, "purpose", "") == "with other parameters"
+        await restarting
+        assert supervisor.restarting is None
+        assert not np.any(before.rows[: before.count, INDEX["fault"]])
+        await supervisor.stop()
+        last = supervisor.ring.newest()
+        assert last is not None
+        assert last[INDEX["fault"]] == FAULT_CODE[Fault.NONE]
+        assert not [event for event in heard if isinstance(event, Stopped | LoopDied)]
+
+        await supervisor.start()
+        await supervisor.send(SetMode(Mode.PRETENSION))
+        await supervisor.advance(0.2)
+        await supervisor.restart("while the motors pull")
+        assert [event.fault for event in heard if isinstance(event, Stopped)] == [Fault.SERVICE_ENDED]
         await supervisor.stop()
 
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
@@ -146,7 +178,7 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
             await asyncio.sleep(0.01)
         assert (card.state().u_A, card.state().u_B) == (0.0, 0.0)
         assert "watchdog" in supervisor.guard.problem
-        await supervisor.restart()
+        await supervisor.restart("for a test")
         assert supervisor.guard.problem == ""
         assert supervisor.card is not card
         assert supervisor.card.state().drive_enabled

@@ -58,7 +58,7 @@ def test_a_loop_that_is_killed_leaves_zero_volts_and_drives_off(tuning: SetTunin
             (loop,) = loop_processes()
             os.kill(loop, signal.SIGKILL)
             await until_off(supervisor)
-            await supervisor.restart()
+            await supervisor.restart("for a test")
             assert supervisor.card.state().drive_enabled  # tried and enabled anew, at zero volts
             assert newest(supervisor, "u_A") == 0.0
         await supervisor.stop()

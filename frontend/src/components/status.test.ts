@@ -7,7 +7,7 @@ const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83 };
 function state(part: Partial<State>): State {
   return {
     mode: "run",
-    link: { alive: true, silent_s: 0, starts: 1 },
+    link: { alive: true, silent_s: 0, starts: 1, restarting: "" },
     fault: null,
     task: null,
     problems: [],
@@ -50,8 +50,24 @@ describe("currentStatus", () => {
   });
 
   it("tells a dead loop from a fault", () => {
-    const dead = state({ link: { alive: false, silent_s: 2, starts: 1 } });
+    const dead = state({ link: { alive: false, silent_s: 2, starts: 1, restarting: "" } });
     expect(currentStatus(dead, "live", 10)).toMatchObject({ tone: "fault", resettable: true });
+  });
+
+  it("shows a planned restart of the loop as work under way, with its purpose and its time", () => {
+    const fault = { code: "watchdog_dead", message: "", remedy: "", tick: 1 } as const;
+    const link = {
+      alive: false,
+      silent_s: 2,
+      starts: 1,
+      restarting: "with the parameters of run 3",
+      restarting_s: 4.04,
+    };
+    for (const state_ of [state({ link }), state({ link, fault })]) {
+      const told = currentStatus(state_, "live", 10);
+      expect(told).toMatchObject({ tone: "busy", remedy: "", resettable: false });
+      expect(told.text).toContain("with the parameters of run 3, 4.0 s");
+    }
   });
 
   it("names the task and how far it is", () => {

@@ -49,6 +49,11 @@ export function currentStatus(
     return sentence("warn", `Nothing heard from the service${since}. Values are old.`);
   }
   if (state === null) return sentence("calm", "Waiting for the state of the loop.");
+  const { restarting, restarting_s } = state.link;
+  if (restarting) {
+    const since = restarting_s == null ? "" : `, ${duration(restarting_s)}`;
+    return sentence("busy", `Restarting the control loop ${restarting}${since}.`);
+  }
   if (!state.link.alive) {
     return sentence("fault", "The loop process is not running.", {
       remedy: "Press Reset to start a new one.",

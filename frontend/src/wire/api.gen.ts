@@ -4146,6 +4146,17 @@ export interface components {
              * @description how many times the loop process has been started by this service
              */
             starts: number;
+            /**
+             * Restarting
+             * @description purpose of the planned restart under way; empty while there is none
+             * @default
+             */
+            restarting: string;
+            /**
+             * Restarting S
+             * @description time since that restart began; null while there is none [s]
+             */
+            restarting_s?: number | null;
         };
         LiveMessage: components["schemas"]["LayoutMessage"] | components["schemas"]["StateMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["Pong"];
         /**
@@ -4300,7 +4311,7 @@ export interface components {
          * @description What a mark on the time axis is about.
          * @enum {string}
          */
-        MarkKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note";
+        MarkKind: "mode" | "tuning" | "bank" | "fault" | "trip" | "references" | "note";
         /**
          * MeasuredBode
          * @description A frequency response estimated from the data without a model.

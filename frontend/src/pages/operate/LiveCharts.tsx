@@ -122,5 +122,9 @@ function spanChoices(span_s: number): { value: string; label: string }[] {
 }
 
 function placed(mark: Mark, angles: Angles): PlacedMark {
-  return { time_s: mark.tick * PERIOD_S, text: inWords(mark.text, angles), fault: mark.kind === "fault" };
+  return {
+    time_s: mark.tick * PERIOD_S,
+    text: inWords(mark.text, angles),
+    fault: mark.kind === "fault" || mark.kind === "trip",
+  };
 }

@@ -111,7 +111,7 @@ it("shows the settings that differ as they are read, and which of them are not t
 it("leads to files of what is compared, by the same reference", () => {
   render(card(2));
   const link = (name: string) => screen.getByRole("link", { name }).getAttribute("href");
-  const asked = "run=1&run=2&run=3&reference=2&by=begin&step=q_ref&event=fault&number=1&signal=q";
+  const asked = "run=1&run=2&run=3&reference=2&by=begin&step=q_ref&event=trip&number=1&signal=q";
   expect(link("Table (CSV)")).toBe(`./api/run-comparison/table.csv?${asked}`);
   expect(link("Curves of q (CSV)")).toBe(`./api/run-comparison/curves.csv?${asked}`);
 });

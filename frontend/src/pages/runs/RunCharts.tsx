@@ -209,7 +209,11 @@ function RecordedCharts(props: RecordedChartsProps) {
 }
 
 function placed(mark: RunMark, angles: Angles): PlacedMark {
-  return { time_s: mark.t, text: inWords(mark.text, angles), fault: mark.kind === "fault" };
+  return {
+    time_s: mark.t,
+    text: inWords(mark.text, angles),
+    fault: mark.kind === "fault" || mark.kind === "trip",
+  };
 }
 
 /** Which curves are of which run. */

@@ -8,7 +8,7 @@ export type EventKind = (typeof EVENT_KINDS)[number];
 
 export const ALIGN_BY = ["begin", "step", "event"] as const;
 export const STEP_SIGNALS = ["q_ref", "S_ref", "F_push"] as const;
-export const EVENT_KINDS = ["fault", "mode", "references", "tuning", "bank", "note"] as const;
+export const EVENT_KINDS = ["trip", "fault", "mode", "references", "tuning", "bank", "note"] as const;
 export const MOST_NUMBER = 100_000;
 
 export interface Compared {
@@ -29,7 +29,7 @@ export const USUAL: Compared = {
   reference: null,
   by: "begin",
   step: "q_ref",
-  event: "fault",
+  event: "trip",
   number: 1,
   signal: "q",
   band: null,
