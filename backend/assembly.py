@@ -101,7 +101,7 @@ def assemble(
     supervisor.listen(recorder.hear)
 
     quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
-    flights = FlightRecorder(database, lambda: supervisor.ring, quota)
+    flights = FlightRecorder(database, lambda: supervisor.ring, quota, lambda fault: present.is_expected(fault))
     supervisor.listen(flights.hear)
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)

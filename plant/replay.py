@@ -73,7 +73,7 @@ class Replay:
     def _end(self) -> str:
         volts, output, t = self.difference
         told = f"the voltages differed by at most {volts:.3g} V, {output} at t = {t:.3f} s"
-        return f"the recording has ended after {self.samples} samples; {told}; reset plays it again"
+        return f"the recording has ended after {self.samples} samples; {told}"
 
     def write(self, command: MotorCommand) -> None:
         """Move on by one sample, comparing with what was written then. Raises PlantError for what is no number."""

@@ -1,6 +1,7 @@
 """What is said of a fault that the tick has found (``backend.tick.checks``): its name, and what was seen."""
 
 import math
+from collections.abc import Callable
 
 from backend.controllers.limits import bounds_for
 from backend.faults import Fault
@@ -31,12 +32,14 @@ class Checks:
             case checks.NO_NUMBER | checks.OUT_OF_BOUNDS:
                 return self.standing(heard, at_card)
             case checks.TRIPPED:
-                return Fault.SAFETY_MODULE, ""
+                q = in_digits(m.q)
+                return Fault.SAFETY_MODULE, f"the loop read F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N, q = {q} rad then"
             case checks.INCREDIBLE:
                 return told(found, seen.past, seen.newest, m, command)
             case checks.SLACK:
-                tensions = f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N"
-                return Fault.SLACK, f"{tensions}: slack for more than {SLACK_MAX_S:g} s"
+                F_slack = self._bounds.F_slack
+                slack, taut = _parted(m, lambda F: F_slack > F)
+                return Fault.SLACK, f"{slack} below the bound of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"
             case _:
                 return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
 
@@ -53,8 +56,17 @@ class Checks:
                 return Fault.SENSOR_SATURATED, f"{', '.join(at_end)}: the end of its input, or of its calibration"
             return Fault.SENSOR_INVALID, f"no number from {', '.join(silent)}"
         if max(m.F_A, m.F_B) > bounds.F_max:
-            return Fault.FORCE_LIMIT, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N; the bound is {bounds.F_max:g} N"
+            beyond, within = _parted(m, lambda F: bounds.F_max < F)
+            return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
         if abs(m.q) > bounds.q_trip:
             q, q_trip = in_digits(m.q), in_digits(bounds.q_trip)  # whoever reads degrees is to read 90
             return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
         return Fault.NONE, ""
+
+
+def _parted(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:
+    """Return in words the tensions that are beyond a bound, and behind a semicolon the other one, if any."""
+    tensions = {"F_A": m.F_A, "F_B": m.F_B}
+    beyond = [f"{name} = {F:.2f} N" for name, F in tensions.items() if is_beyond(F)]
+    within = [f"; {name} = {F:.2f} N" for name, F in tensions.items() if not is_beyond(F)]
+    return " and ".join(beyond), "".join(within)

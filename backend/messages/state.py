@@ -118,6 +118,10 @@ class FaultView(Schema):
     message: str
     remedy: str
     tick: int
+    expected: bool = Field(
+        default=False,
+        description="whether this trip is a planned event: provoked by the bring-up, or the end of a replay",
+    )
 
 
 class StopProof(Schema):

@@ -281,6 +281,8 @@ class Actuator:
         elif isinstance(event, LoopDied):
             self.retuning.leave_trial("as the control loop has ended")
         if (mark := mark_of(event, self.present.tick)) is not None:
+            if isinstance(event, Stopped) and self.present.is_expected(event.fault):
+                mark = mark._replace(kind=MarkKind.NOTE)
             self._journal.note(*mark, who=self._who_asked(event))
         if isinstance(event, Stopped):
             for waiter in self._stop_waiters:

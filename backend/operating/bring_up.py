@@ -12,6 +12,7 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.bring_up.standing import Kept, Standing, StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding, Work
+from backend.faults import Fault
 from backend.loop.access import LoopDiedError
 from backend.loop.commands import ProveDirections
 from backend.loop.mode import Mode
@@ -65,6 +66,7 @@ class BringUp:
         self._running: _Running | None = None
         self._started = actuator.present.starts, datetime.now(UTC)
         actuator.occupied = actuator.present.occupied = self._occupies
+        actuator.present.provoked_trip = self._provoked_trip
 
     @property
     def problem(self) -> str:
@@ -237,6 +239,10 @@ class BringUp:
                 if found[step].state is StepState.CURRENT:
                     found[step] = found[step]._replace(state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}")
         return found
+
+    def _provoked_trip(self) -> Fault:
+        tries_module = self._running is not None and self._running.step is StepId.SAFETY_MODULE
+        return Fault.SAFETY_MODULE if tries_module else Fault.NONE
 
     def _occupies(self) -> str:
         return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"

@@ -63,8 +63,8 @@ class PresentState:
     ``tuning_problem`` says why a tuning that should be back in force is not; ``earlier`` is what the operator had
     before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
-    ``occupied`` says what has the rig for itself, ``wall`` is what stands in a simulated joint's way. ``problems``
-    tells what is wrong with the service without being a fault of the loop.
+    ``occupied`` says what has the rig for itself, ``provoked_trip`` the fault that it provokes, ``wall`` is what is in
+    a simulated joint's way. ``problems`` tells what is wrong with the service without being a fault of the loop.
     """
 
     def __init__(
@@ -87,6 +87,7 @@ class PresentState:
         self.wishes: Callable[[], list[WishView]] = list
         self.starts = 1
         self.occupied: Callable[[], str] = str
+        self.provoked_trip: Callable[[], Fault] = lambda: Fault.NONE
         self.wall: Obstacle | None = None
         self._unready = ""
         self.use(parameters, tuning)
@@ -285,7 +286,23 @@ class PresentState:
         seen, tick = "", self.tick
         if self._stop is not None and self._stop.fault is fault:
             seen, tick = self._stop.detail, self._stop.arrived_tick
-        return FaultView(code=fault, message=explained(fault, seen), remedy=EXPLAINED[fault].remedy, tick=tick)
+        message, remedy, expected = explained(fault, seen), EXPLAINED[fault].remedy, self.is_expected(fault)
+        if self._is_end_of_replay(fault):
+            message, remedy = f"Replay: {seen}.", "Reset plays it again."
+        elif expected:
+            message, remedy = f"The bring-up provoked this trip: {message}", ""
+        elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
+            remedy = (
+                "Take away the wall or the push that caused it, then reset: that acknowledges the simulated module."
+            )
+        return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=expected)
+
+    def is_expected(self, fault: Fault) -> bool:
+        """Tell whether a trip with this fault is a planned event: provoked by the bring-up, or the end of a replay."""
+        return fault is not Fault.NONE and (fault is self.provoked_trip() or self._is_end_of_replay(fault))
+
+    def _is_end_of_replay(self, fault: Fault) -> bool:
+        return fault is Fault.PLANT_ERROR and self.plant.kind is PlantKind.REPLAY
 
 
 def proof_of(stopped: Stopped) -> StopProof:

@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from backend.faults import explained
+from backend.faults import Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import Event, Stopped
 from backend.loop.ring import Ring
@@ -82,11 +82,19 @@ class Quota:
 class FlightRecorder:
     """Hears of trips and keeps their records. ``problem`` says why one cannot be stored at present.
 
-    ``ring`` returns the ring of the loop process that runs at present, or ran last.
+    ``ring`` returns the ring of the loop process that runs at present, or ran last. Of a trip whose fault
+    ``is_expected`` there is no record.
     """
 
-    def __init__(self, database: Database, ring: Callable[[], Ring], quota: Quota) -> None:
+    def __init__(
+        self,
+        database: Database,
+        ring: Callable[[], Ring],
+        quota: Quota,
+        is_expected: Callable[[Fault], bool] = lambda _fault: False,
+    ) -> None:
         self.problem = ""
+        self._is_expected = is_expected
         self._database = database
         self._ring = ring
         self._quota = quota
@@ -97,7 +105,7 @@ class FlightRecorder:
     def hear(self, event: Event | LoopDied) -> None:
         """Take note of a trip; a listener for ``LoopAccess.listen``."""
         match event:
-            case Stopped(fault=fault, arrived_tick=tick, detail=detail):
+            case Stopped(fault=fault, arrived_tick=tick, detail=detail) if not self._is_expected(fault):
                 text = explained(fault, detail)
                 ring = self._ring()
                 self._trip(_Trip(ring, fault, tick, text, _time_of(ring, tick)))

@@ -97,6 +97,7 @@ class Parts:
     runs: StoredRuns
     identifications: StoredIdentifications
     kept: KeptTuning
+    journal: Journal
     database: Database
 
     async def ended(self) -> None:
@@ -149,6 +150,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
             runs,
             StoredIdentifications(database, runs.progress, here, lambda: present.tuning),
             kept,
+            journal,
             database,
         )
     finally:

@@ -26,11 +26,20 @@ def lab() -> PlantParameters:
         (Broken(Breakage.JUMP, Sensor.F_A), r".*: F_A went from .* to .* N\."),
         (Broken(Breakage.STUCK, Sensor.F_B), r".*: F_B stands at .* N although its motor turned by .* rad\."),
         (Broken(Breakage.DRIFT_UP, Sensor.Q), r"The joint left its range: q = .* rad; the bound is .* rad .*\."),
-        (Broken(Breakage.DRIFT_UP, Sensor.F_A), r"A tendon pulled harder than its limit: F_A = .* N, .*\."),
-        (Broken(Breakage.DRIFT_DOWN, Sensor.F_A), r"A tendon was slack for too long: F_A = .* N, .*\."),
+        (
+            Broken(Breakage.DRIFT_UP, Sensor.F_A),
+            r"A tendon pulled harder than its limit: F_A = .* N above .* N; F_B = .* N\.",
+        ),
+        (
+            Broken(Breakage.DRIFT_DOWN, Sensor.F_A),
+            r"A tendon was slack for too long: F_A = .* N below .* N for .*; F_B = .* N\.",
+        ),
         (Broken(Breakage.NO_NUMBER, Sensor.Q), r"A sensor gave no number: no number from q\."),
         (Broken(Breakage.DRIFT_DOWN, Sensor.THETA_A), r"Tension and motor positions contradict each other: F_A = .*"),
-        (Broken(Breakage.SAFETY_TRIP), r"The independent safety module cut the motors\."),
+        (
+            Broken(Breakage.SAFETY_TRIP),
+            r"The independent safety module cut the motors: .*F_A = .* N, F_B = .* N, q = .* rad .*",
+        ),
     ],
     ids=lambda value: f"{value.kind}-{value.sensor}" if isinstance(value, Broken) else "",
 )

@@ -18,7 +18,13 @@ function state(part: Partial<State>): State {
   } as State;
 }
 
-const FAULT = { code: "force_limit", message: "F_A = 51 N", remedy: "Unload the joint.", tick: 9 } as const;
+const FAULT = {
+  code: "force_limit",
+  message: "F_A = 51 N",
+  remedy: "Unload the joint.",
+  tick: 9,
+  expected: false,
+} as const;
 const TASK = {
   kind: "tracking",
   run: 12,
@@ -49,13 +55,29 @@ describe("currentStatus", () => {
     });
   });
 
+  it("shows a planned trip calmly, with a reset where there is one", () => {
+    const played = { ...FAULT, expected: true };
+    expect(currentStatus(state({ fault: played }), "live", 10)).toEqual({
+      tone: "calm",
+      text: "F_A = 51 N",
+      remedy: "Unload the joint.",
+      task: null,
+      resettable: true,
+    });
+    const provoked = { ...played, remedy: "" };
+    expect(currentStatus(state({ fault: provoked }), "live", 10)).toMatchObject({
+      tone: "calm",
+      resettable: false,
+    });
+  });
+
   it("tells a dead loop from a fault", () => {
     const dead = state({ link: { alive: false, silent_s: 2, starts: 1, restarting: "" } });
     expect(currentStatus(dead, "live", 10)).toMatchObject({ tone: "fault", resettable: true });
   });
 
   it("shows a planned restart of the loop as work under way, with its purpose and its time", () => {
-    const fault = { code: "watchdog_dead", message: "", remedy: "", tick: 1 } as const;
+    const fault = { code: "watchdog_dead", message: "", remedy: "", tick: 1, expected: false } as const;
     const link = {
       alive: false,
       silent_s: 2,

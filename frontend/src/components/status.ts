@@ -61,7 +61,8 @@ export function currentStatus(
     });
   }
   if (state.fault !== null) {
-    const { message, remedy } = state.fault;
+    const { message, remedy, expected } = state.fault;
+    if (expected) return sentence("calm", message, { remedy, resettable: remedy !== "" });
     return sentence("fault", message, { remedy, resettable: true });
   }
   if (state.problems.length > 0) return sentence("warn", state.problems.join(" "), { task: state.task });

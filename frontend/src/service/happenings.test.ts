@@ -4,7 +4,13 @@ import { Happenings } from "./happenings";
 import { whyNotTold, wordsOfRun, wordsOfTrip } from "./toldWords";
 
 function fault(tick: number, code: Fault["code"] = "force_limit"): Fault {
-  return { code, tick, message: "A tendon pulled harder than its limit.", remedy: "Reset." };
+  return {
+    code,
+    tick,
+    message: "A tendon pulled harder than its limit.",
+    remedy: "Reset.",
+    expected: false,
+  };
 }
 
 interface Told {
@@ -42,6 +48,15 @@ describe("Happenings", () => {
   it("tells a trip once, and the next one again", () => {
     const trips = heard({}, { fault: fault(10) }, { fault: fault(10) }, {}, { fault: fault(20) });
     expect(trips).toEqual([[], ["trip 1:10"], [], [], ["trip 1:20"]]);
+  });
+
+  it("has nothing of a trip that is planned", () => {
+    expect(heard({}, { fault: { ...fault(10), expected: true } }, {}, { fault: fault(20) })).toEqual([
+      [],
+      [],
+      [],
+      ["trip 1:20"],
+    ]);
   });
 
   it("takes the same tick of another start of the loop for another trip", () => {

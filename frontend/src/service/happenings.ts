@@ -23,7 +23,7 @@ export class Happenings {
     if (before === null) this.over = isPaused(state.task) ? state.task.run : null;
     if (before === null || state.plant.kind === "replay") return [];
     const found: Happening[] = [];
-    if (state.fault !== null && !isSame(before, state)) {
+    if (state.fault !== null && !state.fault.expected && !isSame(before, state)) {
       found.push({ kind: "trip", fault: state.fault, starts: state.link.starts });
     }
     const run = before.task?.run ?? null;

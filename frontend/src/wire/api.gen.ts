@@ -3583,6 +3583,12 @@ export interface components {
             remedy: string;
             /** Tick */
             tick: number;
+            /**
+             * Expected
+             * @description whether this trip is a planned event: provoked by the bring-up, or the end of a replay
+             * @default false
+             */
+            expected: boolean;
         };
         /**
          * FieldView

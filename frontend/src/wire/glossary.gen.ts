@@ -2614,7 +2614,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Soft stop, then the loop process ends. A run that this cuts short ends as stopped, with \"service ended by SIGTERM\", or which signal it was."
+        "Soft stop, then the loop process ends; with the motors off nothing is stopped and no trip is kept. A run that this cuts short ends as stopped, with \"service ended by SIGTERM\", or which signal it was."
       ],
       [
         "Within",

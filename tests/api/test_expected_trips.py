@@ -1,0 +1,65 @@
+"""A trip that the bring-up provokes, and the end of a replay, are planned: no alarm, no flight record."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.faults import Fault
+from backend.loop.commands import Inject, SetMode
+from backend.loop.mode import Mode
+from backend.messages.live import MarkKind
+from backend.recording.flight import FlightRecorder, Quota
+from backend.storage import Database, flights, open_database
+from plant.breakage import Breakage, Broken
+from plant.choice import PlantChoice, PlantKind
+from plant.parameters import load_parameters
+from tests.api.stepped_service import Parts, stepped
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+@pytest.mark.parametrize("provoked", [Fault.NONE, Fault.SAFETY_MODULE, Fault.SLACK])
+def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked: Fault) -> None:
+    expected = provoked is Fault.SAFETY_MODULE
+
+    async def work(parts: Parts) -> None:
+        present, supervisor = parts.present, parts.supervisor
+        recorder = FlightRecorder(database, lambda: supervisor.ring, Quota(9, 10**9), present.is_expected)
+        supervisor.listen(recorder.hear)
+        marks: list[tuple[MarkKind, str]] = []
+        parts.journal.on_mark(lambda mark: marks.append((mark.kind, mark.text)))
+        present.provoked_trip = lambda: provoked
+        await supervisor.send(SetMode(Mode.PRETENSION))
+        await supervisor.advance(0.1)
+        await supervisor.send(Inject(Broken(Breakage.SAFETY_TRIP)))
+        await supervisor.advance(0.1)
+
+        fault = present.state().fault
+        assert fault is not None
+        assert (fault.code, fault.expected) == (Fault.SAFETY_MODULE, expected)
+        assert "F_A = " in fault.message
+        (kind,) = [kind for kind, text in marks if "safety module" in text]
+        assert kind is (MarkKind.NOTE if expected else MarkKind.TRIP)
+        recorder.close()
+        with database.reading() as session:
+            assert len(flights.find(session)) == (0 if expected else 1)
+        assert present.is_expected(Fault.NONE) is False
+
+    stepped(database, load_parameters("ideal"), work)
+
+
+def test_the_end_of_a_replay_is_no_alarm_and_any_other_plant_error_is_one(database: Database) -> None:
+    async def work(parts: Parts) -> None:
+        for kind in PlantKind:
+            parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
+            assert parts.present.is_expected(Fault.PLANT_ERROR) is (kind is PlantKind.REPLAY)
+            assert not parts.present.is_expected(Fault.FORCE_LIMIT)
+
+    stepped(database, load_parameters("ideal"), work)
