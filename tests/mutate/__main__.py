@@ -1,8 +1,9 @@
 """``python -m tests.mutate``: change one place at a time in what computes, and list the changes that no test notices.
 
 The places are spread evenly over all there are, from a start that the seed decides. Each is changed in a copy of the
-project; there the tests of its file run, then those of its room, the nearest and quickest first, until one fails. A
-change that makes them run for ever counts as noticed. `explained.toml` says of changes that nothing can notice why.
+project; there all tests that reach its file run but those with a browser, the nearest and quickest first, until one
+fails. A change that makes them run for ever counts as noticed. `explained.toml` says of changes that nothing can notice
+why; these are not counted.
 """
 
 import argparse
@@ -114,12 +115,12 @@ def main() -> int:
         console.print(f"explained, but no longer there: {path}  {before}  ->  {after}")
     hung = sum(verdict.startswith(HUNG) for verdict in found.values())
     equal = sum((mutant.path, mutant.before, mutant.after) in reasons for mutant in survivors)
-    killed = len(found) - len(survivors)
+    killed, counted = len(found) - len(survivors), len(found) - equal
     console.print(
-        f"{len(found)} of {len(wanted)} mutants tried: {killed} killed ({hung} of them by hanging), "
-        f"{len(survivors)} survived, {equal} of them explained"
+        f"{len(found)} of {len(wanted)} mutants tried: {killed} noticed ({hung} of them by hanging), "
+        f"{len(survivors) - equal} not, {equal} explained and not counted"
     )
-    return int(len(found) < len(wanted) or killed < AT_LEAST * len(found) or equal < len(survivors))
+    return int(len(found) < len(wanted) or killed < AT_LEAST * counted)
 
 
 if __name__ == "__main__":

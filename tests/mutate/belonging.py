@@ -1,4 +1,4 @@
-"""Which tests belong to a source file: those that import it, then those of its rooms that import what imports it."""
+"""Which tests reach a source file: those that import what imports it, and all that start a service."""
 
 import ast
 from collections.abc import Iterator
@@ -30,26 +30,32 @@ def files_of_tests() -> list[str]:
     return [str(path.relative_to(ROOT)) for folder in folders for path in sorted(folder.glob("test_*.py"))]
 
 
-def belonging_to(path: str, steps: dict[str, int]) -> dict[str, int]:
-    """Return the files with tests that belong to a source file, and by how many imports each is away from it.
+def reaching(steps: dict[str, int]) -> dict[str, int]:
+    """Return the files with tests that only compute and reach a source file, and by how many imports each is away.
 
-    ``steps`` says that of the modules. Those that name the file, themselves or through what they share, are 0 away,
-    wherever they are; further ones count in the rooms where files like it are tested.
+    ``steps`` says that of the modules. Those that name the file, themselves or through what they share, are 0 away.
     """
-    rooms = tuple(f"{folder}/" for folder in ROOMS[path.rpartition("/")[0]])
     away = {test: min((steps[m] for m in _imported(test) if m in steps), default=None) for test in files_of_tests()}
-    return {test: n for test, n in away.items() if n is not None and (n == 0 or test.startswith(rooms))}
+    return {test: n for test, n in away.items() if n is not None}
+
+
+def belonging_to(path: str, away: dict[str, int]) -> list[str]:
+    """Return those of the tests ``away`` that name a source file, or are of the packages where its like is tested."""
+    folders = tuple(f"{folder}/" for folder in ROOMS[path.rpartition("/")[0]])
+    return [test for test, n in away.items() if n == 0 or test.startswith(folders)]
+
+
+@cache
+def live_tests() -> list[str]:
+    """Return all files of tests but those with a browser: a service that one of them starts reaches every source."""
+    files = [file for file in sorted((ROOT / "tests").glob("**/test_*.py")) if PAGE not in file.parts]
+    return [str(file.relative_to(ROOT)) for file in files]
 
 
 def live_tests_of(path: str) -> list[str]:
-    """Return the files of tests, but those with a browser, that import a source file themselves: few, as they are slow.
-
-    Some of what a loop owes to a clock or a process is seen in no other.
-    """
+    """Return those that import a source file themselves: what a loop owes to a clock or a process is seen there."""
     module = path.removesuffix(".py").replace("/", ".")
-    files = [file for file in sorted((ROOT / "tests").glob("**/test_*.py")) if PAGE not in file.parts]
-    names = [str(file.relative_to(ROOT)) for file in files]
-    return [name for name in names if module in set(_imports(name))]
+    return [name for name in live_tests() if module in set(_imports(name))]
 
 
 @cache

@@ -1,7 +1,9 @@
 """The mutants of a source file: one operator, constant or sign changed in each.
 
-Numbers grow by one, as cosmic-ray's do; comparisons are moved by their boundary or turned round. What only words depend
-on is left alone: docstrings, type hints, f-strings, what is raised, decorators.
+Numbers below 10 grow by one, larger ones are doubled: one more of a thousand is within what a test tolerates.
+Comparisons are turned round; where one side is plainly a whole number they are moved by their boundary too, since two
+measured or computed floats are never equal. What only words depend on is left alone: docstrings, type hints, f-strings,
+what is raised or logged, decorators. So are the values of arguments that a function is compiled for.
 """
 
 import ast
@@ -42,6 +44,9 @@ _JOINED = {ast.And: ("and", "or"), ast.Or: ("or", "and")}
 _NOT_COMPUTED = {"annotation", "returns", "decorator_list", "type_params"}
 _OF_WORDS = {"repr", "strict"}
 """Arguments that say how something is shown, or that lengths agree, which mypy and the shapes of arrays say already."""
+
+_WHOLE_CALLS = {"len", "round", "int", "ord"}
+_LARGE = 10
 
 Place = tuple[int, int]
 """Line from 1 and column from 0, in characters."""
@@ -93,6 +98,8 @@ class _Finder:
                 continue
             if isinstance(node, ast.keyword) and node.arg in _OF_WORDS:
                 continue
+            if isinstance(node, ast.Call) and (_called(node) == "Specialised" or _logs(node)):
+                continue
             for child in value if isinstance(value, list) else [value]:
                 if isinstance(child, ast.AST):
                     yield from self._in(child)
@@ -110,6 +117,8 @@ class _Finder:
             case ast.Compare(left=left, ops=ops, comparators=comparators):
                 for before, compared, after in zip([left, *comparators], ops, comparators, strict=False):
                     old, others = _COMPARISONS[type(compared)]
+                    if len(others) > 1 and not (_is_whole(before) or _is_whole(after)):
+                        others = others[1:]
                     yield from self._operator(_end(self, before), _start(self, after), old, others)
             case ast.BoolOp(op=joined, values=values):
                 old, new = _JOINED[type(joined)]
@@ -122,7 +131,7 @@ class _Finder:
                 yield self._mutant(_start(self, node), str(value), str(not value))
             case ast.Constant(value=int() | float() as value):
                 old = ast.get_source_segment(self._text, node) or ""
-                yield self._mutant(_start(self, node), old, repr(value + 1))
+                yield self._mutant(_start(self, node), old, repr(value + 1 if abs(value) < _LARGE else 2 * value))
             case _:
                 pass  # nothing that computes
 
@@ -158,6 +167,32 @@ def _start(finder: _Finder, node: ast.AST) -> Place:
 
 def _end(finder: _Finder, node: ast.AST) -> Place:
     return finder.characters(node.end_lineno, node.end_col_offset)  # type: ignore[attr-defined]  # likewise
+
+
+def _is_whole(node: ast.AST) -> bool:
+    """Tell whether an operand is plainly a whole number: a literal, a length, or made of such."""
+    match node:
+        case ast.Constant(value=value):
+            return isinstance(value, int) and not isinstance(value, bool)
+        case ast.UnaryOp(operand=operand):
+            return _is_whole(operand)
+        case ast.BinOp(left=left, right=right):
+            return _is_whole(left) or _is_whole(right)
+        case ast.Call():
+            return _called(node) in _WHOLE_CALLS
+        case ast.Attribute(attr=name):
+            return name in ("size", "ndim", "count")
+        case _:
+            return False
+
+
+def _called(call: ast.Call) -> str:
+    return call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+
+
+def _logs(call: ast.Call) -> bool:
+    logger = call.func.value if isinstance(call.func, ast.Attribute) else None
+    return isinstance(logger, ast.Name) and logger.id.lower() in ("_log", "logging")
 
 
 def _words(node: ast.AST) -> bool:

@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 from tests.mutate.__main__ import all_there, chosen, explained
-from tests.mutate.belonging import belonging_to, sources
+from tests.mutate.belonging import belonging_to, live_tests, reaching, sources
 from tests.mutate.mutants import mutants
 from tests.mutate.trees import ROOT, Imports, Tree, tracked
 
@@ -34,7 +34,7 @@ def f(λ: float = 2.0, *, n: "1" = 0) -> float:
     return (λ * (n)) - 7
 '''
 CHANGES = [
-    ("2.0", "3.0"), ("0", "1"), ("not", ""), ("<", "<="), ("<", ">"), ("-", ""), ("1e-3", "1.001"), ("or", "and"),
+    ("2.0", "3.0"), ("0", "1"), ("not", ""), ("<", ">"), ("-", ""), ("1e-3", "1.001"), ("or", "and"),
     ("in", "not in"), ("3", "4"), ("+=", "-="), ("1", "2"), ("*", "/"), ("-", "+"), ("7", "8"),
 ]  # fmt: skip
 
@@ -68,7 +68,31 @@ def test_places_are_spread_over_the_rooms_and_the_same_for_a_seed() -> None:
     imports = Imports()
     assert imports.touched_by("plant/spring.py") > {"plant/spring.py", "plant/joint.py", "backend/loop/loop.py"}
     assert FRICTION not in imports.touched_by("plant/spring.py")
-    assert [mutant.path for mutant in some if not belonging_to(mutant.path, imports.steps_to(mutant.path))] == []
+    near = {path: belonging_to(path, reaching(imports.steps_to(path))) for path in {mutant.path for mutant in some}}
+    assert [path for path, tests in near.items() if not tests] == []
+
+
+def test_a_change_that_nobody_can_see_is_not_made() -> None:
+    def made(text: str) -> list[tuple[str, str]]:
+        return [(mutant.old, mutant.new) for mutant in mutants("f.py", text)]
+
+    assert made("a < b") == [("<", ">")]  # two floats are never equal
+    assert made("a < b.size") == made("a < len(b)") == [("<", "<="), ("<", ">")]
+    assert made("a <= 3") == [("<=", "<"), ("<=", ">="), ("3", "4")]
+    assert made("f(1e3, -20, 9)") == [("1e3", "2000.0"), ("-", ""), ("20", "40"), ("9", "10")]
+    assert made("_LOG.info('%d', 1 + n)") == made("Specialised(f, 0.0, 1)") == []
+    assert made("sqrt(1 + n)") == [("1", "2"), ("+", "-")]
+
+
+def test_all_tests_that_reach_a_file_are_known_and_those_that_start_a_service_reach_all() -> None:
+    away = reaching(Imports().steps_to("backend/identification/motor.py"))
+    near = belonging_to("backend/identification/motor.py", away)
+    assert "tests/identification/test_motor_record.py" in near
+    further = set(away) - set(near)
+    assert further
+    assert not any(test.startswith("tests/identification/") for test in further)
+    assert {"tests/api/test_operate.py", "tests/loop/test_supervisor.py"} <= set(live_tests())
+    assert not any("e2e" in test for test in live_tests())
 
 
 def test_what_is_explained_says_why() -> None:

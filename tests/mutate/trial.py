@@ -5,10 +5,10 @@ import json
 import re
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tests.mutate.belonging import belonging_to, live_tests_of
+from tests.mutate.belonging import belonging_to, live_tests, live_tests_of, reaching
 from tests.mutate.mutants import Mutant
 from tests.mutate.trees import ROOT, Imports, Tree
 
@@ -18,6 +18,7 @@ NO_TESTS = 5
 FIRST = 3
 """Files of tests that most mutants do not outlive: to load the others takes longer."""
 
+_FAILED = r"^(?:FAILED|ERROR) (([^\s:]+)\S*)"
 SURVIVED, HUNG = "survived", "hung"
 
 
@@ -54,22 +55,36 @@ class Trials:
     def verdict(self, mutant: Mutant, tree: Tree) -> str:
         """Return what killed a mutant, or that it survived. Raises ValueError where a test fails without it too."""
         text = (ROOT / mutant.path).read_text(encoding="utf-8")
-        steps = self._imports.steps_to(mutant.path)
-        away = {test: n for test, n in belonging_to(mutant.path, steps).items() if n <= self._most_steps}
-        tests = sorted(away, key=lambda test: (away[test], self._seconds(test)))
         with tree.changed(mutant.path, mutant.of(text)):
-            for some, lane in ((tests[:FIRST], PURE), (tests[FIRST:], PURE), (live_tests_of(mutant.path), LIVE)):
+            for some, lane in self._stages(mutant.path):
                 if some and (killed_by := self._killed_by(some, lane, tree, self._imports.touched_by(mutant.path))):
                     return killed_by
         return SURVIVED
 
+    def _stages(self, path: str) -> Iterator[tuple[list[str], tuple[str, ...]]]:
+        """Yield the tests that can reach a file, those first that are near and quick, with the lane that each needs."""
+        steps = self._imports.steps_to(path)
+        away = {test: n for test, n in reaching(steps).items() if n <= self._most_steps}
+        near = belonging_to(path, away)
+        tests = sorted(away, key=lambda test: (test not in near, away[test], self._seconds(test)))
+        yield tests[:FIRST], PURE
+        yield tests[FIRST : len(near)], PURE
+        own = live_tests_of(path)
+        yield own, LIVE
+        yield tests[max(FIRST, len(near)) :], PURE
+        yield [test for test in live_tests() if test not in own], LIVE
+
     def _killed_by(self, tests: list[str], lane: tuple[str, ...], tree: Tree, touched: set[str]) -> str:
         code, said = tree.test([*PYTEST, *lane, *tests], self._limit_s, self._base, touched)
+        if lane is LIVE and code not in (0, NO_TESTS):  # what only a busy machine fails, it does not fail again
+            failed = re.search(_FAILED, said, re.MULTILINE)
+            again = tests if failed is None else [failed[1]]
+            code, said = tree.test([*PYTEST, *again], self._limit_s, self._base, touched)
         if code is None:
             return f"{HUNG} for {self._limit_s:.0f} s"
         if code in (0, NO_TESTS):
             return ""
-        failed = re.search(r"^(?:FAILED|ERROR) (([^\s:]+)\S*)", said, re.MULTILINE)
+        failed = re.search(_FAILED, said, re.MULTILINE)
         if failed is None:
             return f"exit code {code}: {said[-300:]}"
         self._require_green(failed[2], lane)
