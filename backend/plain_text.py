@@ -9,6 +9,7 @@ What an earlier version stored is shown with such characters as escapes. Pure.
 
 import json
 import re
+import unicodedata
 from typing import Any
 
 from pydantic import AfterValidator, ValidationInfo
@@ -101,6 +102,11 @@ def as_line(text: object) -> str:
 def as_lines(text: object) -> str:
     r"""Return a text of several lines for a terminal: all but \n that is refused in a line as an escape, \x1b."""
     return _OF_LINES.sub(_escape, str(text))
+
+
+def as_folded(name: str) -> str:
+    """Return what two names have in common that people take for one: letters of either case, forms, spaces."""
+    return " ".join(unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold()).split())
 
 
 def as_stored(document: Any) -> Any:

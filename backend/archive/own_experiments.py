@@ -19,6 +19,7 @@ from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.settings import SettingError
 from backend.messages.experiment import DryRunView
 from backend.messages.own_experiment import CheckedExperiment, OwnExperiment, PartPlayed, WrittenExperiment
+from backend.plain_text import as_folded
 from backend.storage import Database
 from backend.storage import experiments as stored
 from backend.storage.experiments import StoredExperiment
@@ -141,7 +142,7 @@ class OwnExperiments:
     def checked(self, written: str, parameters: PlantParameters, tuning: TuningChoice) -> Checked:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
         experiment, lines = text.read(written)
-        if experiment.name in experiments():
+        if as_folded(experiment.name) in map(as_folded, experiments()):
             why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
             raise ExperimentError(why, ("name",), line_of(("name",), lines))
         entry = entry_of(experiment, lines)

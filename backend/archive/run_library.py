@@ -16,7 +16,7 @@ from backend.messages.run_search import (
 from backend.plain_text import PlainTextError, require_line
 from backend.refusal import Because, RefusalError
 from backend.storage import Database, run_search, settings, tags
-from backend.storage.records import UnknownRecordError
+from backend.storage.records import UnknownRecordError, require_distinct
 from backend.storage.run_query import parse
 from backend.storage.run_terms import ENDS, VERDICTS
 
@@ -96,6 +96,7 @@ class RunLibrary:
             require_line(called)
         except PlainTextError as error:
             raise RefusalError(Because.BAD_VALUE, f"name of the search: {error}", code="bad_character") from None
+        require_distinct("a saved search", called, (one.name for one in self.saved_searches().searches))
         query = parse(where)
         with self._database.session() as session:
             run_search.search(session, query, everywhere=False, limit=1)

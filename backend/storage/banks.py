@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from backend.documents.bank_entry import ENTRY, EntryModel
 from backend.plain_text import as_line
-from backend.storage.records import UnknownRecordError, require, to_record
+from backend.storage.records import UnknownRecordError, require, require_distinct, to_record
 from backend.storage.schema import BankEntryRow, BankRow, Document
 from backend.storage.stations import station_of
 
@@ -46,12 +46,18 @@ class Bank:
 def add(
     session: Session, name: str, entries: Sequence[BankEntry], who: str, note: str = "", number: int | None = None
 ) -> Bank:
-    """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known."""
+    """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known.
+
+    Raises RefusalError for a new name that reads like one there is.
+    """
     if not entries:
         raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
     station = station_of(session)
     of_name = (BankRow.name == name, BankRow.station == station)
     newest = session.scalar(select(func.max(BankRow.version)).where(*of_name)) or 0
+    if newest == 0 and number is None:
+        names = session.scalars(select(BankRow.name).distinct().where(BankRow.station == station))
+        require_distinct("a bank", name, names)
     row = BankRow(
         id=number,
         name=name,

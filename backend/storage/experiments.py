@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import UnknownRecordError, to_record
+from backend.storage.records import UnknownRecordError, require_distinct, to_record
 from backend.storage.schema import ExperimentRow
 from backend.storage.stations import station_of
 
@@ -24,10 +24,17 @@ class StoredExperiment:
 
 
 def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
-    """Store the next version of the experiment of this name; earlier versions stay. The same text again is no other."""
+    """Store the next version of the experiment of this name; earlier versions stay. The same text again is no other.
+
+    Raises RefusalError for a new name that reads like one there is.
+    """
     newest = _newest(session, name)
     if newest is not None and newest.text == text:
         return to_record(StoredExperiment, newest)
+    if newest is None:
+        of_station = ExperimentRow.station == station_of(session)
+        names = session.scalars(select(ExperimentRow.name).distinct().where(of_station))
+        require_distinct("an experiment", name, names)
     version = 1 if newest is None else newest.version + 1
     row = ExperimentRow(
         name=name, version=version, text=text, who=who, created_at=datetime.now(UTC), station=station_of(session)
