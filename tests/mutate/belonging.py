@@ -18,6 +18,10 @@ ROOMS = {
 """What is changed, and where it is tested."""
 
 
+_ELSEWHERE = {"packaging", "mutate"}
+"""Packages of tests that need the whole checkout, with its built page and its history; a copy has neither."""
+
+
 def sources() -> list[str]:
     """Return the files that are changed, as paths in the project; what only the installation runs computes nothing."""
     files = [path for room in ROOMS for path in sorted((ROOT / room).glob("*.py"))]
@@ -26,7 +30,8 @@ def sources() -> list[str]:
 
 def files_of_tests() -> list[str]:
     """Return the files with tests that only compute."""
-    folders = [ROOT / "tests" / name for name in sorted(ONLY_COMPUTES) if (ROOT / "tests" / name).is_dir()]
+    names = sorted(ONLY_COMPUTES - _ELSEWHERE)
+    folders = [ROOT / "tests" / name for name in names if (ROOT / "tests" / name).is_dir()]
     return [str(path.relative_to(ROOT)) for folder in folders for path in sorted(folder.glob("test_*.py"))]
 
 
@@ -48,7 +53,7 @@ def belonging_to(path: str, away: dict[str, int]) -> list[str]:
 @cache
 def live_tests() -> list[str]:
     """Return all files of tests but those with a browser: a service that one of them starts reaches every source."""
-    files = [file for file in sorted((ROOT / "tests").glob("**/test_*.py")) if PAGE not in file.parts]
+    files = [file for file in sorted((ROOT / "tests").glob("**/test_*.py")) if not {PAGE, *_ELSEWHERE} & {*file.parts}]
     return [str(file.relative_to(ROOT)) for file in files]
 
 
