@@ -9,7 +9,7 @@ from backend.messages.history import Checklist, Lineage, LineageBank, LineageEnt
 from backend.storage import Database, Session, banks, events, identifications, recordings, runs
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
-from backend.storage.events import EventKind
+from backend.storage.events import Event, EventKind
 from backend.storage.records import UnknownRecordError
 from plant.parameters import PlantParameters
 
@@ -83,14 +83,18 @@ def marks_of(session: Session, run_id: int) -> RunMarks:
     except UnknownRecordError:
         return RunMarks(marks=[])
     happened = events.between(session, run.started_at, run.ended_at, station=run.station)
-    # versions before kept each trip as a fault, too
-    doubled = {(event.tick, event.text) for event in happened if event.kind == EventKind.FAULT}
+    faults = [event for event in happened if event.kind == EventKind.FAULT]
+
+    def is_doubled(trip: Event) -> bool:
+        """Tell whether an earlier version kept the trip as a fault too, such as "STOP" for "STOP was pressed."."""
+        return any(fault.tick == trip.tick and trip.text.startswith(fault.text) for fault in faults)
+
     marks = [
         RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
         for event in happened
         # ticks begin anew with each loop process: those of another one do not fit this recording
         if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
-        if event.kind != EventKind.TRIP or (event.tick, event.text) not in doubled
+        if event.kind != EventKind.TRIP or not is_doubled(event)
     ]
     return RunMarks(marks=marks)
 

@@ -288,7 +288,7 @@ class PresentState:
             seen, tick = self._stop.detail, self._stop.arrived_tick
         message, remedy, expected = explained(fault, seen), EXPLAINED[fault].remedy, self.is_expected(fault)
         if self._is_end_of_replay(fault):
-            message, remedy = f"Replay: {seen}.", "Reset plays it again."
+            message, remedy = f"Replay: {seen or 'the recording has ended'}.", "Reset plays it again."
         elif expected:
             message, remedy = f"The bring-up provoked this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:

@@ -1,4 +1,7 @@
-"""Events: what happened and who asked for it, in order, never changed."""
+"""Events: what happened and who asked for it, in order. Text, person and time never change.
+
+The event of a trip gets its run and the trips that followed once its flight record ends.
+"""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
