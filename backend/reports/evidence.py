@@ -3,13 +3,18 @@
 It is the report's own account of itself, read again by ``verification``; hashes tie it to samples kept elsewhere.
 """
 
+import hashlib
 import json
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+import backend
+import plant
 from backend import __version__
 from backend.documents.digest import digest_of
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
@@ -25,7 +30,8 @@ from backend.storage.runs import Run, RunKind
 
 FORMAT = 2
 _BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script
-SINEW, DRAWING, SETTING = "Sinew", "matplotlib", "typst"
+SINEW, LAYOUT, DRAWING, SETTING = "Sinew", "layout", "matplotlib", "typst"
+_WRITES_PAGES = ("**/*.py", "**/*.toml", "**/*.yaml", "reports/*.*")
 ACCOUNT = "account"
 """Name of the hash of all the rest that a report carries."""
 
@@ -164,7 +170,22 @@ def estimate_of(found: NewIdentification) -> Estimate:
 
 def made_with() -> dict[str, str]:
     """Return the versions that the words, the drawings and the PDF of a report depend on."""
-    return {SINEW: __version__, DRAWING: version(DRAWING), SETTING: version(SETTING)}
+    return {SINEW: __version__, LAYOUT: layout(), DRAWING: version(DRAWING), SETTING: version(SETTING)}
+
+
+@cache
+def layout() -> str:
+    """Return the hash of the files that the words and the drawings of a page come from.
+
+    Two states of the source code with the same version number may write the same numbers in other words.
+    """
+    found = hashlib.sha256()
+    for package in (backend, plant):
+        folder = Path(package.__path__[0])
+        for file in sorted({one for pattern in _WRITES_PAGES for one in folder.glob(pattern)}):
+            text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout may have other ends of lines
+            found.update(f"{package.__name__}/{file.relative_to(folder).as_posix()} {len(text)}\n".encode() + text)
+    return found.hexdigest()[:16]
 
 
 def account_hash(evidence: Evidence) -> str:

@@ -8,6 +8,7 @@ from itertools import zip_longest
 from backend.reports.differences import MOST, Difference, Verified, not_made
 from backend.reports.evidence import (
     DRAWING,
+    LAYOUT,
     SINEW,
     Evidence,
     SeriesEvidence,
@@ -71,8 +72,11 @@ def compare_pages(page: str, evidence: Evidence | SeriesEvidence, make_again: Ca
         return Verified((not_made("the page", "one that can be made again", error), *foreign)[:MOST], ())
     differences = [*_account(page, evidence), *_pages(page, again)]
     others = [name for name, other in here.items() if said.get(name) != other] + [*({*said} - {*here})]
-    if SINEW in others:
-        left_out = f"the page as it is read: it was written by Sinew {said.get(SINEW)}, this is {here[SINEW]}"
+    if SINEW in others or LAYOUT in others:
+        by, this = (
+            f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (said, here)
+        )
+        left_out = f"the page as it is read: it was written by {by}, this is {this}"
         return Verified(foreign[:MOST], (left_out,), _CARRIED)
     if DRAWING in others:
         differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from backend.documents.result import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.evaluation import computed
@@ -73,8 +75,8 @@ def _with_beside(found: Verified, source: Source | None, evidence: Evidence, bes
     differences = list(found.differences)
     left_out = list(found.left_out)
     if beside.stored is not None:
-        stored = (replace(one, name=f"{beside.stored_as}, {one.name}") for one in _samples(evidence, beside.stored))
-        differences += stored
+        stored = _samples(evidence, _without_unrecorded(evidence, beside.stored))
+        differences += (replace(one, name=f"{beside.stored_as}, {one.name}") for one in stored)
     if beside.metrics is not None and source is None:
         left_out.append("metrics.json: what its numbers come from cannot be computed again")
     elif beside.metrics is not None and source is not None:
@@ -156,6 +158,7 @@ def computed_again(evidence: Evidence, columns: Columns) -> tuple[Verified, Sour
     None where it cannot be computed again, whatever is wrong with what it says of its run.
     """
     differences: list[Difference] = []
+    columns = _without_unrecorded(evidence, columns)
     try:
         differences += _samples(evidence, columns)
         differences += _hashes(evidence.hashes, {**hashes_of(evidence, columns), ACCOUNT: account_hash(evidence)})
@@ -229,6 +232,15 @@ def _results(evidence: Evidence, again: _Result) -> Iterator[Difference]:
 
 def _document(estimate: Estimate | None) -> dict[str, Any] | None:
     return None if estimate is None else vars(estimate)
+
+
+def _without_unrecorded(evidence: Evidence, columns: Columns) -> Columns:
+    """Leave out signals without a single value that the report has no check sums of: an export adds them as nan."""
+    return {
+        name: column
+        for name, column in columns.items()
+        if name == "t" or name in evidence.blocks or not np.isnan(column).all()
+    }
 
 
 def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:

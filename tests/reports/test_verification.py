@@ -19,7 +19,17 @@ from backend.recording.columns import Columns
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.drawn_once import forget_drawings
-from backend.reports.evidence import EvidenceError, read
+from backend.reports.evidence import (
+    ACCOUNT,
+    LAYOUT,
+    Evidence,
+    EvidenceError,
+    account_hash,
+    element_of,
+    made_with,
+    read,
+    to_element,
+)
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.samples_file import SamplesFileError, read_samples_file
@@ -302,6 +312,38 @@ def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made)
     assert "it was written by Sinew 0.0.9" in found.left_out[0]
     assert "every number" not in found.compared
     assert "not the page as it is read" in found.compared
+
+
+@pytest.mark.parametrize("said", [None, "0123456789abcdef"])
+def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None) -> None:
+    """Two states of the source code have one version number; an account of before the layout was named lacks it."""
+    changed = report.page.replace("</h1>", ", in other words</h1>", 1)
+    assert changed != report.page
+    versions = {name: one for name, one in made_with().items() if name != LAYOUT or said is not None}
+    versions |= {} if said is None else {LAYOUT: said}
+    evidence = read(report.page)
+    assert isinstance(evidence, Evidence)
+    evidence = replace(evidence, made_with=versions)
+    evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
+    page = changed.replace(element_of(changed), to_element(evidence))
+    found = verify(page, report.source.columns)
+    assert (found.holds, found.differences) == (None, ())
+    assert len(found.left_out) == 1
+
+
+def test_signals_that_an_older_version_did_not_record_hold_by_an_export(report: Made, tmp_path: Path) -> None:
+    """The stored run lacks them; the file that is written beside the report has them without values."""
+    lacking = ("V_A", "n_q")
+    columns = {name: column for name, column in report.source.columns.items() if name not in lacking}
+    older = replace(report.source, columns=columns)
+    page = to_html(build_report(older))
+    file = tmp_path / "data.csv"
+    file.write_bytes(to_csv(columns))
+    from_file, problems = read_samples_file(file)
+    assert {name for name in lacking if np.isnan(from_file[name]).all()} == {*lacking}
+    assert ([one.name for one in problems], verify(page, from_file).differences) == ([], ())
+    from_file["V_A"][100] = 1.0
+    assert {"check sums of V_A", "hash of the samples"} <= {*names(verify(page, from_file))}
 
 
 def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made) -> None:
