@@ -143,6 +143,7 @@ def export(
 ) -> None:
     """Write a bank to a file, to take it to another data folder."""
     from backend.experiments.banks.bank_files import to_document
+    from backend.exports.files import write_whole
     from backend.storage import banks
 
     with (
@@ -150,7 +151,7 @@ def export(
         database.reading() as session,
     ):
         document = to_document(banks.get(session, bank))
-    file.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole((json.dumps(document, indent=2, ensure_ascii=False).encode() + b"\n",), file)
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 

@@ -36,8 +36,9 @@ def export(
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
     """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
     from backend.exports import foxglove_layout
+    from backend.exports.files import write_whole
 
-    file.write_text(foxglove_layout.layout(), encoding="utf-8")
+    write_whole((foxglove_layout.layout().encode(),), file)
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 

@@ -1,6 +1,5 @@
 """``sinew report``."""
 
-import os
 import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,6 +33,7 @@ def series(
     as_json: AsJson = False,
 ) -> None:
     """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
+    from backend.exports.files import write_all
     from backend.reports.rendering import render_series
     from backend.reports.series_source import load_series
 
@@ -43,8 +43,7 @@ def series(
         fail(f"{unknown}: a report is written as .html or .pdf")
     with database_of(settings_with(data=data), reading=True) as database:
         sources = load_series(database, numbers, angles())
-    for file in files:
-        file.write_bytes(render_series(sources, kinds[file.suffix]))
+    write_all({file: (render_series(sources, kinds[file.suffix]),) for file in files})
     if as_json:
         print_json({"runs": [source.run.id for source in sources], "files": [str(file) for file in files]})
         return
@@ -83,6 +82,7 @@ def sign(
     Only a page whose runs are stored here, and which holds by their samples, is signed. Ends with 1 where it differs, 2
     where it cannot be verified; the file is then left as it is.
     """
+    from backend.exports.files import write_whole
     from backend.reports.signature import UnsignableError, read_signature, sign_page
     from backend.reports.signing_key import SigningKeyError, load_or_make_signing_key, public_half
 
@@ -104,7 +104,7 @@ def sign(
     try:
         private = load_or_make_signing_key(settings.data)
         name = _name_of_installation(settings)
-        _replace(file, sign_page(page, private, name))
+        write_whole((sign_page(page, private, name),), file)
     except (OSError, SigningKeyError, UnsignableError) as error:
         fail(f"{file} is not signed: {error}", status=2)
     by = public_half(private)
@@ -206,26 +206,6 @@ def _name_of_installation(settings: Settings) -> str:
 
     name = settings.station or socket.gethostname()
     return "".join(letter for letter in name if letter.isprintable())[:NAME_MAX]
-
-
-def _replace(file: Path, content: bytes) -> None:
-    """Put a content in the place of a file, whole or not at all, with the mode that the file has. Raises OSError."""
-    target = file.resolve()
-    fresh = target.with_name(f"{target.name}.new")
-    try:
-        with fresh.open("xb") as whole:
-            os.fchmod(whole.fileno(), target.stat().st_mode & 0o777)
-            whole.write(content)
-            whole.flush()
-            os.fsync(whole.fileno())
-        os.replace(fresh, target)
-    except FileExistsError:
-        raise FileExistsError(
-            f"{fresh} is in the way: it is of another signing at the same time, or left over"
-        ) from None
-    except OSError:
-        fresh.unlink(missing_ok=True)
-        raise
 
 
 def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> None:

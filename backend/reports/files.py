@@ -7,7 +7,8 @@ from typing import Any
 
 from backend.documents.result import CRITERIA
 from backend.experiments.results.again import catch_up
-from backend.exports.formats import DataFormat, write_file
+from backend.exports.files import write_all
+from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import stored_or_none
 from backend.reading import Angles
 from backend.reports.build import build_report
@@ -19,7 +20,7 @@ from backend.storage import Database
 
 
 def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:
-    """Write report.html, report.pdf, data.csv and metrics.json; make the folder where it is missing.
+    """Write report.html, report.pdf, data.csv and metrics.json, all or none; make the folder where it is missing.
 
     ``angles`` is for the report; data and metrics are in SI. A run that was left behind gets its result first.
 
@@ -34,9 +35,8 @@ def write_files(database: Database, run_id: int, folder: Path, angles: Angles = 
         "metrics.json": json.dumps(metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
     }
     folder.mkdir(parents=True, exist_ok=True)
-    for name, content in contents.items():
-        (folder / name).write_bytes(content)
-    write_file(stored_or_none(database, run_id), DataFormat.CSV, folder / "data.csv")
+    data = pieces(stored_or_none(database, run_id), DataFormat.CSV, folder)
+    write_all({**{folder / name: (content,) for name, content in contents.items()}, folder / "data.csv": data})
     return tuple(folder / name for name in ("report.html", "report.pdf", "data.csv", "metrics.json"))
 
 

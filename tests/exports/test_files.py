@@ -1,0 +1,92 @@
+"""Files are written whole or not at all: on a full disk, by a process that is killed, beside files that are there."""
+
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from backend.exports.files import write_all, write_whole
+
+BOUND = 4096
+"""Bytes that a file may have where the disk is full."""
+
+
+@pytest.fixture
+def small_files() -> Iterator[None]:
+    """Let no file grow beyond the bound: writing fails as on a full disk, at the first byte too many."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handled = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (BOUND, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handled)
+
+
+@pytest.fixture(params=[True, False], ids=["content without a name", "file systems without it"])
+def without_name(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+    if not request.param:
+        monkeypatch.delattr("os.O_TMPFILE")
+    return bool(request.param)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+@pytest.mark.usefixtures("without_name")
+def test_a_file_is_written_with_the_mode_of_the_one_before(tmp_path: Path) -> None:
+    (tmp_path / "there").write_bytes(b"old")
+    (tmp_path / "there").chmod(0o640)
+    (tmp_path / "link").symlink_to("there")
+    write_all({tmp_path / "link": (b"a", b"b"), tmp_path / "new": (b"c",)})
+    assert contents(tmp_path) == {"there": b"ab", "link": b"ab", "new": b"c"}
+    assert (tmp_path / "there").stat().st_mode & 0o777 == 0o640
+    assert (tmp_path / "link").is_symlink()
+
+
+@pytest.mark.usefixtures("without_name", "small_files")
+def test_a_full_disk_leaves_all_files_as_they_were_and_names_the_one(tmp_path: Path) -> None:
+    (tmp_path / "first").write_bytes(b"old")
+    with pytest.raises(OSError, match="File too large") as refused:
+        write_all({tmp_path / "first": (b"new",), tmp_path / "second": (bytes(BOUND), b"more")})
+    assert refused.value.filename == str(tmp_path / "second")
+    assert contents(tmp_path) == {"first": b"old"}
+
+
+@pytest.mark.usefixtures("without_name")
+def test_content_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:
+    def pieces() -> Iterator[bytes]:
+        yield b"begun"
+        raise LookupError
+
+    with pytest.raises(LookupError):
+        write_whole(pieces(), tmp_path / "file")
+    assert contents(tmp_path) == {}
+
+
+@pytest.mark.parametrize(("name", "error"), [("no/file", FileNotFoundError), ("folder", IsADirectoryError)])
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str, error: type[OSError]) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(error) as refused:
+        write_whole((b"",), tmp_path / name)
+    assert refused.value.filename == str(tmp_path / name)
+    assert [file.name for file in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_process_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
+    program = (
+        "import time; from pathlib import Path; from backend.exports.files import write_whole\n"
+        "def pieces():\n yield bytes(1 << 20); print(flush=True); time.sleep(60)\n"
+        f"write_whole(pieces(), Path({str(tmp_path / 'file')!r}))"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as writer:
+        assert writer.stdout is not None
+        writer.stdout.readline()
+        time.sleep(0.05)
+        writer.kill()
+    assert contents(tmp_path) == {}
