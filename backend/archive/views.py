@@ -24,7 +24,7 @@ from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
 from backend.storage.run_title import experiment_of, title_of
-from backend.storage.runs import Run
+from backend.storage.runs import EndState, Run
 from plant.interface import T_s
 
 
@@ -58,7 +58,7 @@ def run_view(
         end_reason=run.end_detail,
         duration_s=duration_s,
         samples=samples,
-        missing_samples=missed,
+        missing_samples=None if run.end_state == EndState.SERVICE_DIED else missed,
         samples_deleted=samples_deleted,
         settings=settings,
         note=run.note,

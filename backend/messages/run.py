@@ -44,7 +44,10 @@ class RunView(Schema):
     end_reason: str
     duration_s: float = quantity("s", "length of what was recorded")
     samples: int
-    missing_samples: int = Field(description="ticks that the recording lacks; more than 0 is an error of the run")
+    missing_samples: int | None = Field(
+        description="ticks that the recording lacks; more than 0 is an error of the run; null where the service died "
+        "while it recorded, so that how many were still to be stored is not known"
+    )
     samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
     settings: list[UsedSetting]
     note: str

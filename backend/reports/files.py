@@ -17,6 +17,7 @@ from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
 from backend.reports.verdict import verdict_of
 from backend.storage import Database
+from backend.storage.runs import EndState
 
 
 def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:
@@ -57,7 +58,7 @@ def metrics_document(source: Source) -> dict[str, Any]:
         "settings": run.settings,
         "complete": metrics.complete if metrics else False,
         "problem": metrics.problem if metrics else run.evaluation_problem,
-        "missing_samples": metrics.missing_samples if metrics else None,
+        "missing_samples": metrics.missing_samples if metrics and run.end_state != EndState.SERVICE_DIED else None,
         "metrics": {item.name: item.value for item in figures},
         "not_measured": {item.name: item.reason for item in figures if item.reason},
         "verdict": verdict_of(metrics, criteria).sentence,

@@ -6,6 +6,7 @@ from backend.documents.run_settings import KeptGrant
 from backend.recording.columns import missing_between
 from backend.reports.document import Column, Section, Table, shown
 from backend.reports.source import Source
+from backend.storage.runs import EndState
 
 
 def timing_section(source: Source) -> tuple[Section, ...]:
@@ -15,12 +16,11 @@ def timing_section(source: Source) -> tuple[Section, ...]:
         return ()
     none = np.zeros(1)
     late_ms, overruns = 1e3 * columns.get("lateness_s", none), columns.get("overruns", none)
-    missing = source.result.metrics.missing_samples if source.result else missing_between(columns)
     gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
     on_a_clock = bool(np.any(late_ms != 0.0))
     rows = [
         ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
-        ("Missing samples", "not kept" if missing is None else str(missing), "", "ticks that the recording lacks"),
+        ("Missing samples", _missing(source), "", "ticks that the recording lacks"),
         ("Gaps", str(gaps), "", "places where samples are missing"),
     ]
     if on_a_clock:
@@ -56,3 +56,10 @@ def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
         ("Timer slack", str(granted.timer_slack_ns), "ns", "by which the machine may wake the loop later than asked"),
         *(("Not granted", "", "", refusal) for refusal in granted.refusals),
     ]
+
+
+def _missing(source: Source) -> str:
+    if source.run.end_state == EndState.SERVICE_DIED:
+        return "not known: the service died while it recorded"
+    missing = source.result.metrics.missing_samples if source.result else missing_between(source.columns)
+    return "not kept" if missing is None else str(missing)

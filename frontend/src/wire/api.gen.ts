@@ -5737,9 +5737,9 @@ export interface components {
             samples: number;
             /**
              * Missing Samples
-             * @description ticks that the recording lacks; more than 0 is an error of the run
+             * @description ticks that the recording lacks; more than 0 is an error of the run; null where the service died while it recorded, so that how many were still to be stored is not known
              */
-            missing_samples: number;
+            missing_samples: number | null;
             /**
              * Samples Deleted
              * @description when a person had the samples deleted to make room

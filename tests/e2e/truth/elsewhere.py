@@ -193,7 +193,10 @@ def runs(moment: Moment) -> Findings:
         found.same(f"kind of run {one['id']}", row[2], one["title"])
         found.same(f"who made run {one['id']}", row[5], one["who"])
         found.holds(f"end of run {one['id']}", row[7], _end(one["end_state"]))
-        found.figure(f"samples missing in run {one['id']}", row[8], one["missing_samples"])
+        if one["missing_samples"] is None:
+            found.holds(f"samples missing in run {one['id']}", row[8], "not known")
+        else:
+            found.figure(f"samples missing in run {one['id']}", row[8], one["missing_samples"])
     return found
 
 

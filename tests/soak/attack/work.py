@@ -78,7 +78,7 @@ class Accounts:
             number, stored, ended = run["id"], run["samples"], run["end_state"]
             before = self._samples.get(number, 0)
             tally.lost(stored < before, f"run {number}: {before} samples were stored, {stored} are left")
-            tally.lost(run["missing_samples"] > 0, f"run {number}: {run['missing_samples']} samples missing")
+            tally.lost((run["missing_samples"] or 0) > 0, f"run {number}: {run['missing_samples']} samples missing")
             known = self._ended.get(number, ended)
             tally.lost(known != ended, f"run {number} had ended as {known}, now it is {ended}")
             self._samples[number] = stored

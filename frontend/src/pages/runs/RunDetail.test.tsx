@@ -91,7 +91,7 @@ const LINEAGE: Lineage = {
   nodes: [],
 } as unknown as Lineage;
 
-function show(problem = "") {
+function show(problem = "", run = RUN) {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   vi.stubGlobal(
     "ResizeObserver",
@@ -104,7 +104,7 @@ function show(problem = "") {
   // the note's box grows with what is written into it, and listens for fonts
   Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
   const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
-  client.setQueryData(runQuery(7).queryKey, RUN);
+  client.setQueryData(runQuery(7).queryKey, run);
   client.setQueryData(experimentQuery(7).queryKey, EXPERIMENT);
   client.setQueryData(lineageQuery(7).queryKey, LINEAGE);
   render(
@@ -121,6 +121,16 @@ function show(problem = "") {
 it("says what of its address it could not follow", () => {
   show("the address has abc, which is no number of a run");
   expect(screen.getByRole("alert").textContent).toBe("The address has abc, which is no number of a run.");
+  cleanup();
+});
+
+it.each([
+  [0, "no sample missing"],
+  [12, "12 samples missing"],
+  [null, "missing samples not known: the service died while it recorded"],
+])("says of a recording that lacks %s samples that it is so", (missing, told) => {
+  show("", { ...RUN, missing_samples: missing });
+  expect(screen.getByText("Completeness").nextElementSibling?.textContent).toContain(told);
   cleanup();
 });
 

@@ -112,11 +112,15 @@ function Facts({ run }: { run: Run }) {
         </dd>
         <dt>Completeness</dt>
         <dd>
-          <Verdict good={run.missing_samples === 0}>
-            {run.missing_samples === 0
-              ? "no sample missing"
-              : `${fixed(run.missing_samples, 0)} samples missing`}
-          </Verdict>
+          {run.missing_samples === null ? (
+            "missing samples not known: the service died while it recorded"
+          ) : (
+            <Verdict good={run.missing_samples === 0}>
+              {run.missing_samples === 0
+                ? "no sample missing"
+                : `${fixed(run.missing_samples, 0)} samples missing`}
+            </Verdict>
+          )}
           {run.samples_deleted !== null &&
             `; the samples were deleted ${dateTime(run.samples_deleted)} to make room`}
         </dd>

@@ -80,7 +80,9 @@ const Cells = memo(({ run, stations }: { run: Run; stations: boolean }) => (
     <Table.Td>
       <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
     </Table.Td>
-    <Table.Td className={page.number}>{fixed(run.missing_samples, 0)}</Table.Td>
+    <Table.Td className={page.number}>
+      {run.missing_samples === null ? "not known" : fixed(run.missing_samples, 0)}
+    </Table.Td>
     <Table.Td>
       <span className={styles.tags}>
         {run.tags.map((tag) => (
