@@ -23,7 +23,7 @@ from rich.table import Table
 from tests.mutate.belonging import sources
 from tests.mutate.mutants import Mutant, mutants
 from tests.mutate.trees import ROOT, Tree, tracked
-from tests.mutate.trial import HUNG, SURVIVED, Memory, Trials, digest
+from tests.mutate.trial import EVERY, HUNG, SURVIVED, Memory, Trials, digest
 
 FOLDER = ROOT / ".cache" / "mutate"
 EXPLAINED = Path(__file__).with_name("explained.toml")
@@ -94,7 +94,11 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="mutants at a time")
     parser.add_argument("--limit", type=float, default=900.0, help="seconds of processor time, more is a hang")
     parser.add_argument(
-        "--steps", type=int, default=1000, help="leave out tests further from a file, counted in imports"
+        "--steps",
+        type=int,
+        default=EVERY,
+        help="leave out tests further from a file, counted in imports, and live ones but its own: what survives is still "
+        "to be tried, without --steps and with --go-on",
     )
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mutant after so many")
     parser.add_argument(

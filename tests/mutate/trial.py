@@ -15,6 +15,9 @@ from tests.mutate.trees import ROOT, Imports, Tree
 PYTEST = ["-x", "-q", "-rfE", "--tb=no", "-p", "no:schemathesis", "-p", "no:cacheprovider"]
 PURE, LIVE = ("-m", "not live"), ("-m", "live and not page")
 NO_TESTS = 5
+EVERY = 1000
+"""Imports between a file and a test; no test is further away."""
+
 FIRST = 3
 """Files of tests that most mutants do not outlive: to load the others takes longer."""
 
@@ -72,7 +75,8 @@ class Trials:
         own = live_tests_of(path)
         yield own, LIVE
         yield tests[max(FIRST, len(near)) :], PURE
-        yield [test for test in live_tests() if test not in own], LIVE
+        if self._most_steps == EVERY:
+            yield [test for test in live_tests() if test not in own], LIVE
 
     def _killed_by(self, tests: list[str], lane: tuple[str, ...], tree: Tree, touched: set[str]) -> str:
         code, said = tree.test([*PYTEST, *lane, *tests], self._limit_s, self._base, touched)
