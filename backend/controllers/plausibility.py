@@ -63,6 +63,14 @@ class Tendons(NamedTuple):
     spring_B: Spring
 
 
+@compiled
+def has_slack(tendons: Tendons, m: Measurement) -> bool:
+    """Whether the elongation (equation 1) of a tendon is at or below that of zero force: it pulls nothing."""
+    x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
+    x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
+    return x_A <= tendons.spring_A.x_slack or x_B <= tendons.spring_B.x_slack
+
+
 class Limits(NamedTuple):
     """``reach`` of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick; ``driven_V`` [V] is sure to turn a motor."""
 

@@ -56,9 +56,11 @@ class References(Schema):
     S_ref: float = quantity("N·m/rad", "joint stiffness reference", **ANY_SIZE)
 
 
-class ReferencesView(References):
+class ReferencesView(Schema):
     """References as the page shows them; where none are in force, what is measured, from where a mode would start."""
 
+    q_ref: float = quantity("rad", "joint position reference", **ANY_SIZE)
+    S_ref: float | None = quantity("N·m/rad", "joint stiffness reference; null while a tendon is slack", **ANY_SIZE)
     in_force: bool = Field(description="whether something is asked to follow them; else they are what is measured")
 
 

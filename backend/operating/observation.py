@@ -72,13 +72,16 @@ def fault_of(sample: Sample | None) -> Fault:
 
 
 def references_of(sample: Sample | None) -> ReferencesView:
-    """Return the references in force; where none are, what the joint does, from where a mode would start."""
+    """Return the references in force; where none are, what the joint does, from where a mode would start.
+
+    Slack tendons have no stiffness: S_ref is None then.
+    """
     if sample is None:
-        return ReferencesView(q_ref=0.0, S_ref=0.0, in_force=False)
+        return ReferencesView(q_ref=0.0, S_ref=None, in_force=False)
     q_ref, S_ref = sample["q_ref"], sample["S_ref"]
     return ReferencesView(
         q_ref=_number(sample["q"]) if math.isnan(q_ref) else q_ref,
-        S_ref=_number(sample["S"]) if math.isnan(S_ref) else S_ref,
+        S_ref=_known(sample["S"] if math.isnan(S_ref) else S_ref),
         in_force=not (math.isnan(q_ref) or math.isnan(S_ref)),
     )
 
@@ -86,6 +89,10 @@ def references_of(sample: Sample | None) -> ReferencesView:
 def entry_of(sample: Sample | None) -> float:
     """Return the active entry of the bank, fractional while interpolating."""
     return 0.0 if sample is None else _number(sample["bank_entry"])
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _number(value: float) -> float:

@@ -173,7 +173,8 @@ class Retuning:
         """
         present, bounds = self._present, self._present.bounds
         if S is None:
-            S = min(max(present.references.S_ref, bounds.S_min), bounds.S_max)
+            S_ref = present.references.S_ref
+            S = bounds.S_min if S_ref is None else min(max(S_ref, bounds.S_min), bounds.S_max)
         require_within("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
         asked = AskedTuning.of(present.tuning)
         wanted = lam_q, lam_S, S, present.entry, motion, u_plan, k_ext, printed

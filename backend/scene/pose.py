@@ -37,6 +37,7 @@ class Side:
 class Pose:
     """How the actuator looks at one instant; angles in rad, lengths in m, ``fan`` is ± the angle that 2 N·m yields.
 
+    ``fan`` is 0 while a tendon is slack: S is not known then.
     ``F_ext_hat`` [N] is nan where it is not known, as in recordings of earlier versions; ``pressed``: it presses on a
     wall.
     """
@@ -58,21 +59,23 @@ def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spr
     """
     x_A = r_m * sample["theta_A"] - r_j * sample["q"]
     x_B = r_m * sample["theta_B"] + r_j * sample["q"]
+    A = _side(sample["theta_A"], x_A, sample["F_A"], spring_A)
+    B = _side(sample["theta_B"], x_B, sample["F_B"], spring_B)
     return Pose(
         q=sample["q"],
         q_ref=sample["q"] if math.isnan(sample["q_ref"]) else sample["q_ref"],
-        fan=layout.FAN_TORQUE / max(sample["S"], 1.0),
+        fan=0.0 if A.slack or B.slack or math.isnan(sample["S"]) else layout.FAN_TORQUE / max(sample["S"], 1.0),
         F_push=sample["F_push"],
         F_ext_hat=sample.get("F_ext_hat", math.nan),
         pressed=abs(sample.get("F_wall", math.nan)) >= PRESSED_N,
-        A=_side(sample["theta_A"], x_A, sample["F_A"], spring_A),
-        B=_side(sample["theta_B"], x_B, sample["F_B"], spring_B),
+        A=A,
+        B=B,
     )
 
 
 def can_be_drawn(sample: dict[str, float]) -> bool:
     """Return whether all is known that a pose needs; a broken sensor reads nan."""
-    return all(math.isfinite(sample[name]) for name in ("q", "theta_A", "theta_B", "S"))
+    return all(math.isfinite(sample[name]) for name in ("q", "theta_A", "theta_B"))
 
 
 def force_colour(force_N: float) -> tuple[int, int, int]:

@@ -97,6 +97,7 @@ class Stage:
             if self._drawn.changes("q_ref", pose.q_ref, _ANGLE_STEP):
                 self._ghost.wxyz = _turn(pose.q_ref)
             if self._drawn.changes("fan", pose.fan, _ANGLE_STEP):
+                self._fan.visible = pose.fan > 0.0
                 self._fan.vertices = _scaled(parts.fan(pose.fan))
             if self._drawn.changes("F_push", pose.F_push, _FORCE_STEP):
                 draw_force(self._push, pose.F_push, self._r_j + 0.03, _FORCE_STEP)
@@ -108,7 +109,7 @@ class Stage:
             self._show_side(self._A, pose.A)
             self._show_side(self._B, pose.B)
             if self._frame % _TEXT_PERIOD_FRAMES == 1:
-                self._stiffness.text = f"S {layout.FAN_TORQUE / pose.fan:.1f} N·m/rad"
+                self._stiffness.text = f"S {layout.FAN_TORQUE / pose.fan:.1f} N·m/rad" if pose.fan else "S slack"
 
     def show_wall(self, wall: Obstacle | None) -> None:
         """Let a wall stand where it stands, None: nowhere."""

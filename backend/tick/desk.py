@@ -11,7 +11,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, decoupler, touch
+from backend.controllers import cascade, decoupler, plausibility, touch
 from backend.sample import INDEX
 from backend.tick import (
     baselines,
@@ -248,7 +248,9 @@ def write_row(
     keep(desk.command, put)
     row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, orders.mode, orders.run
     row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, desk.velocity.q_dot.value
-    row[_S] = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    row[_S] = math.nan
+    if orders.zeroed and not plausibility.has_slack(desk.observer.tendons.value, m):
+        row[_S] = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
     row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.target.S_ref, y.S_ref_gov, m.S_true
     row[_THETA_A], row[_THETA_A_REF], row[_THETA_B], row[_THETA_B_REF] = (
         m.theta_A,

@@ -59,7 +59,7 @@ async def learned_two(parts: Parts) -> None:
     assert sweep_of(parts).S_ref == pytest.approx(11.5)
 
 
-def reference(parts: Parts) -> tuple[float, float]:
+def reference(parts: Parts) -> tuple[float, float | None]:
     references = parts.present.state().references
     return references.q_ref, references.S_ref
 

@@ -17,6 +17,7 @@ from backend.experiments.results.spring_identification import from_table
 from backend.experiments.settings import from_values
 from backend.identification.errors import IdentificationError
 from backend.loop.commands import Stop
+from backend.recording.columns import recorded_columns
 from backend.refusal import OutOfRangeError
 from backend.reports.build import build_report
 from backend.reports.html import to_html
@@ -68,6 +69,11 @@ def test_voltage_steps_give_back_the_simulated_motors(station: Station, lab: Pla
     assert figures["load_N"] < 0.5
     predicted = predict_motor(MOTOR, lab)
     assert predicted.good
+    columns, _ = recorded_columns(station.database, outcome.run.id)
+    loose = np.minimum(columns["F_A"], columns["F_B"]) < 0.1  # N: the springs begin there, but for noise
+    assert np.count_nonzero(loose) > 10_000
+    assert np.isnan(columns["S"][loose]).mean() > 0.99
+    assert np.nanmin(columns["S"]) > 0.0  # by angles alone it would be down to -13
     report = build_report(load_source(station.database, outcome.run.id))
     assert (report.outcome, report.verdict) == ("passed", found.verdict)
     assert "2.884" in to_html(report)

@@ -70,6 +70,13 @@ def test_what_is_measured_is_what_the_plant_said(session: Session, name: str) ->
     np.testing.assert_array_equal(session.column(name)[-1000:], said)
 
 
+def test_stiffness_is_not_known_before_the_first_pretension(session: Session) -> None:
+    """Nobody knows where the motors are until then."""
+    S = session.column("S")
+    assert np.isnan(S[0])
+    assert np.isfinite(S[session.begun :]).all()
+
+
 @pytest.mark.parametrize("side", ["A", "B"])
 def test_motors_count_from_where_they_were_wound_up(session: Session, side: str) -> None:
     said = np.array([getattr(m, f"theta_{side}") for m in session.plant.said[-4000:]])

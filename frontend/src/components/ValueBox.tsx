@@ -117,6 +117,7 @@ function rounded(number: number, decimals: number): number {
   return Number(number.toFixed(decimals)) + 0; // + 0: no negative zero
 }
 
+/** What the box shows; nothing of a value that is not known. */
 function shown(number: number, decimals: number): string {
-  return rounded(number, decimals).toFixed(decimals);
+  return Number.isFinite(number) ? rounded(number, decimals).toFixed(decimals) : "";
 }

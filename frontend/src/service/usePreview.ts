@@ -42,6 +42,6 @@ export function usePreviewedStiffness(): number | undefined {
     const { S_ref, in_force } = live.state.references;
     const { S_min, S_max } = live.state.limits;
     const step = in_force ? COMMANDED_STEP : MEASURED_STEP;
-    return Math.min(Math.max(Number((Math.round(S_ref / step) * step).toFixed(2)), S_min), S_max);
+    return Math.min(Math.max(Number((Math.round((S_ref ?? S_min) / step) * step).toFixed(2)), S_min), S_max);
   });
 }

@@ -7,7 +7,7 @@ import { useMutation } from "@tanstack/react-query";
 import { useLiveStore } from "../live/react";
 import type { LiveStore } from "../live/store";
 import { answered, api } from "../wire/client";
-import type { References } from "../wire/types";
+import type { References, State } from "../wire/types";
 
 /** The state tells within this time what was accepted [ms]; after it what is in force counts again. */
 const TOLD_WITHIN_MS = 1200;
@@ -48,7 +48,7 @@ class Orders {
   private async send(part: Partial<References>): Promise<void> {
     const told = this.store.snapshot().state?.references;
     const isFresh = performance.now() - this.accepted_ms < TOLD_WITHIN_MS;
-    if (!isFresh || this.awaited.length === 0) this.awaited = told === undefined ? [] : [told];
+    if (!isFresh || this.awaited.length === 0) this.awaited = told && isKnown(told) ? [told] : [];
     const before = this.awaited.at(-1);
     const q_ref = part.q_ref ?? before?.q_ref;
     const S_ref = part.S_ref ?? before?.S_ref;
@@ -67,10 +67,15 @@ class Orders {
   /** References that were not ordered here are in force by somebody else, or by the loop: they count from then on. */
   private hear(): void {
     const told = this.store.snapshot().state?.references;
-    if (told === undefined || this.awaited.length === 0) return;
+    if (told === undefined || !isKnown(told) || this.awaited.length === 0) return;
     const at = this.awaited.findIndex((one) => isSame(one, told));
     this.awaited = at < 0 ? [] : this.awaited.slice(at);
   }
+}
+
+/** Whether both are known: slack tendons have no stiffness, so that none is told as long as no S_ref is in force. */
+function isKnown(told: State["references"]): told is State["references"] & References {
+  return told.S_ref !== null;
 }
 
 function isSame(one: References, other: References): boolean {

@@ -5491,9 +5491,9 @@ export interface components {
             q_ref: number;
             /**
              * S Ref
-             * @description joint stiffness reference [N·m/rad]
+             * @description joint stiffness reference; null while a tendon is slack [N·m/rad]
              */
-            S_ref: number;
+            S_ref: number | null;
             /**
              * In Force
              * @description whether something is asked to follow them; else they are what is measured

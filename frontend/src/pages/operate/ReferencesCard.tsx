@@ -58,6 +58,7 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
   const { q_ref, S_ref, in_force } = references;
   const measured = in_force ? null : "measured, no reference";
   const remark = (more: string | null) => measured ?? locked ?? more;
+  const slack = S_ref === null ? "slack: no stiffness" : null;
   return (
     <>
       <ReferenceControl
@@ -77,13 +78,13 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
       <ReferenceControl
         name="S_ref"
         unit="N·m/rad"
-        inForce={S_ref}
+        inForce={S_ref ?? Number.NaN}
         entry={fieldEntry("references.S_ref", angles, { minimum: limits.S_min, maximum: limits.S_max })}
         min={limits.S_min}
         max={limits.S_max}
         step={0.1}
         decimals={2}
-        remark={remark(null)}
+        remark={slack ?? remark(null)}
         disabled={locked !== null}
         send={(value) => send({ S_ref: value })}
       />
@@ -96,6 +97,7 @@ interface ReferenceControlProps {
   readonly unit: string;
   /** What it is for, and what is accepted. */
   readonly entry: Entry | undefined;
+  /** NaN where nothing is known, as the stiffness of slack tendons. */
   readonly inForce: number;
   readonly min: number;
   readonly max: number;
@@ -146,13 +148,17 @@ function ReferenceControl(props: ReferenceControlProps) {
             <Slider
               thumbLabel={name}
               // the value itself: what is only measured may lie beside the scale, where the thumb ends
-              thumbValueText={`${fixed(sent.value, decimals)} ${unit}${proposed ? ", not sent yet" : ""}`}
+              thumbValueText={
+                Number.isFinite(sent.value)
+                  ? `${fixed(sent.value, decimals)} ${unit}${proposed ? ", not sent yet" : ""}`
+                  : "slack"
+              }
               size="sm"
               disabled={disabled}
               min={min}
               max={max}
               step={step}
-              value={sent.value}
+              value={Number.isFinite(sent.value) ? sent.value : min}
               label={null}
               startPointValue={Math.max(0, min)}
               onChange={sent.edit}

@@ -21,7 +21,7 @@ export function ViewOnly() {
           {angleText(references.q_ref, 1, angles)} {angles}
         </dd>
         <dt>{references.in_force ? "Stiffness reference" : "Stiffness, without reference"}</dt>
-        <dd>{fixed(references.S_ref, 2)} N·m/rad</dd>
+        <dd>{references.S_ref === null ? "slack: none" : `${fixed(references.S_ref, 2)} N·m/rad`}</dd>
         <dt>λ_q, λ_S, λ_motor</dt>
         <dd>
           {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s

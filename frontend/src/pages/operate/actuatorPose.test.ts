@@ -25,14 +25,22 @@ describe("actuatorPose", () => {
       1,
     );
     expect(none.ghost_deg).toBeNull();
-    expect([none.link_deg, none.fan_deg, none.A.springLength, none.B.tendon].every(Number.isFinite)).toBe(
-      true,
-    );
+    expect([none.link_deg, none.A.springLength, none.B.tendon].every(Number.isFinite)).toBe(true);
+    expect([none.A.slack, none.B.slack, none.slack]).toEqual([false, false, false]);
+    expect(none.fan_deg).toBeNull();
+  });
+
+  it("has no stiffness while a tendon is slack, whatever the angles would give", () => {
+    for (const loose of [{ F_A: 0.1 }, { F_B: 0.1 }]) {
+      const pose = actuatorPose({ ...REST, ...loose, S: -8.7 }, 1);
+      expect([pose.slack, pose.fan_deg]).toEqual([true, null]);
+    }
+    expect(actuatorPose({ ...REST, S: Number.NaN }, 1).fan_deg).toBeNull();
   });
 
   it("opens the fan wider when the joint is softer", () => {
     const soft = actuatorPose({ ...REST, S: 8 }, 1).fan_deg;
     expect(soft).toBeCloseTo((2 / 8) * (180 / Math.PI), 9);
-    expect(soft).toBeGreaterThan(actuatorPose({ ...REST, S: 14 }, 1).fan_deg);
+    expect(soft).toBeGreaterThan(actuatorPose({ ...REST, S: 14 }, 1).fan_deg ?? Number.NaN);
   });
 });

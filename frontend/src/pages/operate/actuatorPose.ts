@@ -38,23 +38,30 @@ export interface ActuatorPose {
   readonly link_deg: number;
   /** Turn of the reference, null while there is none. */
   readonly ghost_deg: number | null;
-  /** Half angle that 2 N·m would deflect the joint. */
-  readonly fan_deg: number;
+  /** Half angle that 2 N·m would deflect the joint; null where the stiffness is not known. */
+  readonly fan_deg: number | null;
+  /** Whether a tendon is slack: the joint has no stiffness that angles could tell. */
+  readonly slack: boolean;
   readonly A: Side;
   readonly B: Side;
 }
 
-/** The pose for samples in SI. Elongations follow equation 1 of the paper; NaN is drawn as 0. */
+/** The pose for samples in SI. Elongations follow equation 1 of the paper; NaN is drawn as 0, and no force as taut. */
 export function actuatorPose(signals: Signals, slack_N: number): ActuatorPose {
   const value = (name: keyof Signals) => (Number.isFinite(signals[name]) ? signals[name] : 0);
   const x_A = R_M * value("theta_A") - R_J * value("q");
   const x_B = R_M * value("theta_B") + R_J * value("q");
+  const A = side(x_A, signals.F_A, -value("theta_A"), slack_N);
+  const B = side(x_B, signals.F_B, value("theta_B"), slack_N);
+  const slack = A.slack || B.slack;
   return {
     link_deg: -value("q") * DEGREES,
     ghost_deg: Number.isFinite(signals.q_ref) ? -signals.q_ref * DEGREES : null,
-    fan_deg: Math.min(60, (FAN_TORQUE / Math.max(value("S"), 1)) * DEGREES),
-    A: side(x_A, value("F_A"), -value("theta_A"), slack_N),
-    B: side(x_B, value("F_B"), value("theta_B"), slack_N),
+    fan_deg:
+      slack || Number.isNaN(signals.S) ? null : Math.min(60, (FAN_TORQUE / Math.max(signals.S, 1)) * DEGREES),
+    slack,
+    A,
+    B,
   };
 }
 
@@ -65,7 +72,7 @@ function side(elongation_m: number, force_N: number, reel_rad: number, slack_N: 
     slack: force_N < slack_N,
     spring: zigzag(springLength),
     springLength,
-    tendon: 1.5 + Math.min(Math.max(force_N, 0), 50) / 14,
+    tendon: 1.5 + Math.min(Math.max(force_N || 0, 0), 50) / 14,
     reel_deg: reel_rad * DEGREES,
   };
 }

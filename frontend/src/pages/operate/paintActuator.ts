@@ -39,7 +39,9 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
     0,
     16,
   );
-  pen.fillText(`S ${sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`)}`, 0, HEIGHT - 4);
+  const unknown = Number.isFinite(signals.q) && Number.isNaN(signals.S) ? "not known before pretension" : null;
+  const stiffness = pose.slack ? "slack" : (unknown ?? sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`));
+  pen.fillText(`S ${stiffness}`, 0, HEIGHT - 4);
   pen.restore();
 }
 
@@ -57,13 +59,7 @@ function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): 
   pen.save();
   pen.translate(0, AXIS_Y);
   turned(pen, pose.link_deg, () => {
-    pen.globalAlpha = 0.2;
-    pen.fillStyle = colours.drawn(HUES.S);
-    pen.beginPath();
-    pen.moveTo(0, 0);
-    pen.arc(0, 0, LINK + 10, -Math.PI / 2 - pose.fan_deg / DEGREES, -Math.PI / 2 + pose.fan_deg / DEGREES);
-    pen.fill();
-    pen.globalAlpha = 1;
+    if (pose.fan_deg !== null) paintFan(pen, pose.fan_deg / DEGREES, colours);
     line(pen, [0, 0, 0, -LINK], colours.drawn(HUES.q), 9);
     disc(pen, PULLEY, colours, 3);
     line(pen, [0, -PULLEY + 9, 0, -PULLEY + 2], colours.axis, 3);
@@ -80,6 +76,17 @@ function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): 
   pen.arc(0, 0, 5, 0, 2 * Math.PI);
   pen.fill();
   pen.restore();
+}
+
+/** Where 2 N·m to either side would hold the joint. */
+function paintFan(pen: Pen, half_rad: number, colours: Surface["colours"]): void {
+  pen.globalAlpha = 0.2;
+  pen.fillStyle = colours.drawn(HUES.S);
+  pen.beginPath();
+  pen.moveTo(0, 0);
+  pen.arc(0, 0, LINK + 10, -Math.PI / 2 - half_rad, -Math.PI / 2 + half_rad);
+  pen.fill();
+  pen.globalAlpha = 1;
 }
 
 function paintSide(

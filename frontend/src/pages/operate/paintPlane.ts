@@ -5,7 +5,7 @@ import { short } from "../../samples/format";
 import { type Angles, told, toSI } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
 import { HUES } from "../../theme/signals";
-import type { Limits, Prediction, References } from "../../wire/types";
+import type { Limits, Prediction, References, State } from "../../wire/types";
 import { type Plane, planeOver, xOf, yOf } from "./planeScale";
 
 const Q_GRID = { deg: [-60, -30, 0, 30, 60], rad: [-1, -0.5, 0, 0.5, 1] } as const;
@@ -28,7 +28,7 @@ export type PlannedWay = Pick<Prediction, "path" | "q_low" | "q_high">;
 export function paintPlane(
   surface: Surface,
   limits: Limits,
-  references: References | undefined,
+  references: State["references"] | undefined,
   window: SampleWindow,
   entries: readonly PlaneEntry[],
   target: References | null,
@@ -43,7 +43,8 @@ export function paintPlane(
   if (planned) paintPlanned(pen, plane, planned, colours);
   paintEntries(pen, plane, entries, colours);
   paintTrail(pen, plane, window, colours);
-  if (references) paintCross(pen, plane, references, colours);
+  if (references && references.S_ref !== null)
+    paintCross(pen, plane, { q_ref: references.q_ref, S_ref: references.S_ref }, colours);
   if (target) {
     pen.setLineDash([3, 2]);
     paintCross(pen, plane, target, colours);
