@@ -7,6 +7,7 @@ import { lazy, Suspense, useEffect, useState } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { AddressProblems, Problems } from "./components/AddressProblems";
+import { Boundary } from "./components/Boundary";
 import { ControlLoss } from "./components/ControlLoss";
 import { Explanation } from "./components/Explanation";
 import { Header } from "./components/Header";
@@ -25,7 +26,6 @@ import { AnglesContext } from "./service/angles";
 import type { ControlForm } from "./service/handOver";
 import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
-import { StopProvider } from "./service/StopProvider";
 import { useFreshness } from "./service/useFreshness";
 import { useTelling } from "./service/useTelling";
 import { RequestError } from "./wire/client";
@@ -61,7 +61,7 @@ function Dashboard() {
   const session = useQuery(sessionQuery);
   const signedOut = session.error instanceof RequestError && session.error.status === 401;
   return (
-    <StopProvider>
+    <>
       {signedOut ? (
         <>
           <Problems />
@@ -72,7 +72,7 @@ function Dashboard() {
           <Shell />
         </LiveProvider>
       )}
-    </StopProvider>
+    </>
   );
 }
 
@@ -90,7 +90,7 @@ function Shell() {
   const [settingUp, setup] = useDisclosure(false);
   const [naming, name] = useDisclosure(false);
   const [form, setForm] = useState<ControlForm | null>(null);
-  const [, go] = useLocation();
+  const [address, go] = useLocation();
   const pages = usePages();
   useFreshness();
   useScheme();
@@ -106,40 +106,54 @@ function Shell() {
   return (
     <AnglesContext value={angles}>
       <div className={styles.shell}>
-        <Header onShortcuts={open} onName={name.open} onForm={setForm} />
-        <StatusStrip form={form} onForm={setForm} />
-        <AddressProblems />
-        <ControlLoss />
-        <NameQuestion wanted={naming} onDone={name.close} />
-        <Tour />
+        <Boundary of="Header">
+          <Header onShortcuts={open} onName={name.open} onForm={setForm} />
+        </Boundary>
+        <Boundary of="Status">
+          <StatusStrip form={form} onForm={setForm} />
+        </Boundary>
+        <Boundary of="Notices">
+          <AddressProblems />
+          <ControlLoss />
+          <NameQuestion wanted={naming} onDone={name.close} />
+          <Tour />
+        </Boundary>
         <div className={styles.body}>
-          <Navigation onSetup={setup.open} />
+          <Boundary of="Navigation">
+            <Navigation onSetup={setup.open} />
+          </Boundary>
           <main className={styles.page}>
-            <Suspense>
-              <Switch>
-                <Route path="/operate" component={OperatePage} />
-                <Route path="/bring-up" component={BringUpPage} />
-                <Route path={IDENTIFY} component={IdentifyPage} />
-                <Route path={BANKS} component={BanksPage} />
-                <Route path={EXPERIMENTS} component={ExperimentsPage} />
-                <Route path={STUDIES} component={StudiesPage} />
-                <Route path={RUNS} component={RunsPage} />
-                <Route path={FLIGHT} component={FlightPage} />
-                <Route path="/log" component={LogPage} />
-                <Route path={DOCS} component={DocsPage} />
-                <Route path="/glossary" component={GlossaryPage} />
-                <Route path="/system/developer" component={DeveloperPage} />
-                <Route path="/system" component={SystemPage} />
-                <Route>
-                  <Redirect to="/operate" replace />
-                </Route>
-              </Switch>
-            </Suspense>
+            <Boundary of="Page" at={address}>
+              <Suspense>
+                <Switch>
+                  <Route path="/operate" component={OperatePage} />
+                  <Route path="/bring-up" component={BringUpPage} />
+                  <Route path={IDENTIFY} component={IdentifyPage} />
+                  <Route path={BANKS} component={BanksPage} />
+                  <Route path={EXPERIMENTS} component={ExperimentsPage} />
+                  <Route path={STUDIES} component={StudiesPage} />
+                  <Route path={RUNS} component={RunsPage} />
+                  <Route path={FLIGHT} component={FlightPage} />
+                  <Route path="/log" component={LogPage} />
+                  <Route path={DOCS} component={DocsPage} />
+                  <Route path="/glossary" component={GlossaryPage} />
+                  <Route path="/system/developer" component={DeveloperPage} />
+                  <Route path="/system" component={SystemPage} />
+                  <Route>
+                    <Redirect to="/operate" replace />
+                  </Route>
+                </Switch>
+              </Suspense>
+            </Boundary>
           </main>
         </div>
-        <Shortcuts opened={shortcuts} onClose={close} />
-        <Explanation />
-        <SetupDrawer opened={settingUp} onClose={setup.close} />
+        <Boundary of="Help">
+          <Shortcuts opened={shortcuts} onClose={close} />
+          <Explanation />
+        </Boundary>
+        <Boundary of="Set-up">
+          <SetupDrawer opened={settingUp} onClose={setup.close} />
+        </Boundary>
       </div>
     </AnglesContext>
   );

@@ -8,6 +8,7 @@ import { createRoot } from "react-dom/client";
 import { Router } from "wouter";
 import { useHashLocation } from "wouter/use-hash-location";
 import { App } from "./App";
+import { Boundary } from "./components/Boundary";
 import { sessionQuery } from "./service/queries";
 import { theme } from "./theme/theme";
 import { RequestError } from "./wire/client";
@@ -40,7 +41,9 @@ createRoot(document.getElementById("root") as HTMLElement).render(
     <MantineProvider theme={theme} defaultColorScheme="auto">
       <QueryClientProvider client={queries}>
         <Router hook={useHashLocation}>
-          <App />
+          <Boundary of="Sinew">
+            <App />
+          </Boundary>
         </Router>
       </QueryClientProvider>
     </MantineProvider>

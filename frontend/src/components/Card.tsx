@@ -1,6 +1,7 @@
 /** A titled region of a page. */
 
 import type { ReactNode } from "react";
+import { Boundary } from "./Boundary";
 import styles from "./Card.module.css";
 import { Terms } from "./Terms";
 
@@ -18,13 +19,15 @@ export function Card({ title, aside, children, className }: CardProps) {
       className={className === undefined ? styles.card : `${styles.card} ${className}`}
       aria-label={title}
     >
-      <Terms>
-        <div className={styles.head}>
-          <h2 className={styles.title}>{title}</h2>
-          {aside}
-        </div>
-        {children}
-      </Terms>
+      <Boundary of={title}>
+        <Terms>
+          <div className={styles.head}>
+            <h2 className={styles.title}>{title}</h2>
+            {aside}
+          </div>
+          {children}
+        </Terms>
+      </Boundary>
     </section>
   );
 }

@@ -17,7 +17,6 @@ import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
 import { NotificationMenu } from "./NotificationMenu";
 import { PlantBadge } from "./PlantBadge";
-import { StopButton } from "./StopButton";
 import { Terms } from "./Terms";
 
 interface HeaderProps {
@@ -82,7 +81,6 @@ export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
           </ActionIcon>
         </Tooltip>
       </div>
-      <StopButton />
     </header>
   );
 }

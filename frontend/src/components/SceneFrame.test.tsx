@@ -8,7 +8,6 @@ vi.mock("../drawing/canvas", () => ({
   paintsInSoftware: () => browser.software,
 }));
 
-import { StopProvider } from "../service/StopProvider";
 import { SceneFrame } from "./SceneFrame";
 import { PATIENCE_S } from "./sceneStage";
 
@@ -25,9 +24,7 @@ afterEach(() => {
 
 const view = (address: string) => (
   <MantineProvider>
-    <StopProvider>
-      <SceneFrame address={address} title="3D view" />
-    </StopProvider>
+    <SceneFrame address={address} title="3D view" />
   </MantineProvider>
 );
 const frame = () => screen.getByTitle<HTMLIFrameElement>("3D view");

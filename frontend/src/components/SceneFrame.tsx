@@ -4,7 +4,7 @@ import { Button } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
 import { canDrawSolid, paintsInSoftware } from "../drawing/canvas";
 import { FramePacer, paceWindow } from "../drawing/pacer";
-import { useStop } from "../service/StopProvider";
+import { watchKeys } from "../stop/stop";
 import styles from "./SceneFrame.module.css";
 import { NO_3D, PATIENCE_S, type Stage, sceneWords, stageIn } from "./sceneStage";
 
@@ -27,7 +27,6 @@ export function SceneFrame({ address, title }: SceneFrameProps) {
 
 function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => void }) {
   const frame = useRef<HTMLIFrameElement>(null);
-  const { watch } = useStop();
   const [stage, setStage] = useState<Stage>("page");
   const [late, setLate] = useState<Stage | null>(null);
   const [possible] = useState(canDrawSolid);
@@ -45,7 +44,7 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
       setStage(told);
       if (told === "failed" || element.contentWindow === null) return;
       // keys pressed while the 3D view has the focus go to its own document: STOP has to listen there too
-      unwatch = watch(element.contentWindow);
+      unwatch = watchKeys(element.contentWindow);
       paceWindow(element.contentWindow, new FramePacer(REST));
     };
     window.addEventListener("message", onMessage);
@@ -55,7 +54,7 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
       element.removeEventListener("load", onLoad);
       unwatch();
     };
-  }, [watch]);
+  }, []);
 
   useEffect(() => {
     setLate(null);

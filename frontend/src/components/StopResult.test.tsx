@@ -1,4 +1,4 @@
-import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { act, cleanup, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
 // the REST client takes hold of fetch when it is made
@@ -10,9 +10,8 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { StopProvider } from "../service/StopProvider";
+import { pressStop } from "../stop/stop";
 import type { State, StopProof } from "../wire/types";
-import { StopButton } from "./StopButton";
 import { StopResult } from "./StopResult";
 
 const FIRST: StopProof = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83 };
@@ -27,21 +26,19 @@ function told(mode: State["mode"], tick: number, stop_proof: StopProof | null, a
 }
 
 function press(): void {
-  fireEvent.pointerDown(screen.getByRole("button", { name: "STOP" }), { button: 0 });
+  act(pressStop);
 }
 
+const notice = () => screen.getByRole("alert", { name: "STOP" }).textContent;
 const result = () => screen.getByRole("status", { name: "Stop result" }).textContent;
 
 beforeEach(() => {
   store = new LiveStore(0);
   fetched.mockReset().mockImplementation(async () => new Response(JSON.stringify(FIRST)));
   render(
-    <StopProvider>
-      <LiveProvider store={store}>
-        <StopButton />
-        <StopResult />
-      </LiveProvider>
-    </StopProvider>,
+    <LiveProvider store={store}>
+      <StopResult />
+    </LiveProvider>,
   );
 });
 
@@ -83,10 +80,11 @@ it("says that a stop was not confirmed until the loop says that the motors rest"
   fetched.mockRejectedValue(new TypeError("no network"));
   told("run", 900, null);
   press();
-  await waitFor(() => expect(result()).toContain("NOT CONFIRMED"));
+  await waitFor(() => expect(notice()).toContain("NOT CONFIRMED"));
   told("run", 1500, null);
   told("off", 1600, null, false);
-  expect(result()).toContain("NOT CONFIRMED");
+  expect(notice()).toContain("NOT CONFIRMED");
+  expect(result()).toBe("");
   told("tripped", 2000, LOST);
   expect(result()).toContain("(tick 9420)");
 });

@@ -2,16 +2,18 @@
 
 import { useEffect } from "react";
 import { useLive } from "../live/react";
-import { useStop } from "../service/StopProvider";
+import { useStop } from "../service/useStop";
+import { hearState, showElsewhere } from "../stop/stop";
 import styles from "./StatusStrip.module.css";
 import { stopSentence } from "./status";
 
 export function StopResult() {
   const state = useLive((live) => live.state);
-  const { state: stop, heard } = useStop();
+  const stop = useStop();
+  useEffect(() => showElsewhere(), []);
   useEffect(() => {
-    if (state !== null) heard(state);
-  }, [state, heard]);
+    if (state !== null) hearState(state);
+  }, [state]);
   return (
     <output className={styles.proof} aria-label="Stop result" data-kind={stop.kind}>
       {stopSentence(stop, state)}

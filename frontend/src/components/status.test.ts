@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { stopWords } from "../stop/stop";
 import type { State } from "../wire/types";
 import { currentStatus, partOf, stopSentence, taskProgress, taskTitle, timeLeft } from "./status";
 
@@ -155,9 +156,9 @@ describe("stopSentence", () => {
     expect(stopSentence({ kind: "idle" }, { mode: "run", stop_proof: PROOF })).toBe("");
   });
 
-  it("never hides that a stop is not confirmed", () => {
-    const text = stopSentence({ kind: "unconfirmed", reason: "No answer." }, null);
-    expect(text).toContain("NOT CONFIRMED");
-    expect(text).toContain("at the machine");
+  it("leaves to STOP itself that a stop is not confirmed", () => {
+    const stop = { kind: "unconfirmed", reason: "No answer." } as const;
+    expect(stopSentence(stop, { mode: "tripped", stop_proof: PROOF })).toBe("");
+    expect(stopWords(stop)).toBe("STOP NOT CONFIRMED: use the stop at the machine. No answer.");
   });
 });

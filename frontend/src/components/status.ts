@@ -1,10 +1,10 @@
 /** The one sentence that matters most right now. Pure. */
 
 import type { Health } from "../live/link";
-import { age, duration, fixed } from "../samples/format";
+import { age, duration } from "../samples/format";
 import { capital, counted, inWordsOf } from "../samples/words";
-import type { StopState } from "../service/stop";
-import type { State, StopProof, Task } from "../wire/types";
+import { proofWords, type StopState, stopWords } from "../stop/stop";
+import type { State, Task } from "../wire/types";
 
 export type Tone = "calm" | "busy" | "warn" | "fault";
 
@@ -115,21 +115,12 @@ export function taskProgress(task: Task): number {
   return task.duration_s > 0 ? Math.min(1, task.elapsed_s / task.duration_s) : 0;
 }
 
-/** What became of the last STOP, in words; a stop that took place is told by the service, from wherever it came. */
+/**
+ * What became of the last STOP, in words; a stop that took place is told by the service, from wherever it came. STOP
+ * itself says that it was not confirmed, in a place that nothing narrows.
+ */
 export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_proof"> | null): string {
-  switch (stop.kind) {
-    case "idle":
-      return state?.mode === "tripped" && state.stop_proof !== null ? proofSentence(state.stop_proof) : "";
-    case "sending":
-      return "STOP sent, waiting for proof …";
-    case "confirmed":
-      return proofSentence(stop.proof);
-    case "unconfirmed":
-      return `STOP NOT CONFIRMED: ${stop.reason.replace(/\.?$/, ".")} Use the stop at the machine.`;
-  }
-}
-
-function proofSentence(proof: StopProof): string {
-  const ticks = proof.zero_tick - proof.arrived_tick;
-  return `Zero volts in ${counted(ticks, "tick")} · ${fixed(proof.milliseconds, 2)} ms (tick ${proof.zero_tick})`;
+  if (stop.kind === "unconfirmed") return "";
+  if (stop.kind !== "idle") return stopWords(stop);
+  return state?.mode === "tripped" && state.stop_proof !== null ? proofWords(state.stop_proof) : "";
 }

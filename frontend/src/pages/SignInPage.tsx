@@ -1,28 +1,13 @@
 /** Shown when the page has no session: a token opens it. STOP is here too: a session that lapsed is good for it. */
 
-import {
-  Alert,
-  Box,
-  Button,
-  Group,
-  Paper,
-  PasswordInput,
-  Stack,
-  Text,
-  TextInput,
-  Title,
-} from "@mantine/core";
+import { Alert, Box, Button, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
 import { type FormEvent, useState } from "react";
-import { StopButton } from "../components/StopButton";
-import { stopSentence } from "../components/status";
 import { useSignIn } from "../service/commands";
-import { useStop } from "../service/StopProvider";
 
 export function SignInPage() {
   const [token, setToken] = useState("");
   const [name, setName] = useState("");
   const signIn = useSignIn();
-  const stop = useStop();
 
   function submit(event: FormEvent): void {
     event.preventDefault();
@@ -41,20 +26,10 @@ export function SignInPage() {
               Open the sign-in link that the service printed when it started, or paste its token here. The
               token is also kept in the data folder.
             </Text>
-            <Group wrap="nowrap">
-              <div style={{ flexShrink: 0 }}>
-                <StopButton />
-              </div>
-              <Text size="sm">
-                STOP works here as long as this browser was signed in and did not sign out. If it is not
-                confirmed, use the stop at the machine.
-              </Text>
-            </Group>
-            {stop.state.kind !== "idle" && (
-              <Alert color={stop.state.kind === "unconfirmed" ? "red" : "blue"} p="xs">
-                <output aria-label="Stop result">{stopSentence(stop.state, null)}</output>
-              </Alert>
-            )}
+            <Text size="sm">
+              STOP works here as long as this browser was signed in and did not sign out. If it is not
+              confirmed, use the stop at the machine.
+            </Text>
             <PasswordInput
               label="Token"
               required

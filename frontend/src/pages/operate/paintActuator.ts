@@ -39,7 +39,8 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
     0,
     16,
   );
-  const unknown = Number.isFinite(signals.q) && Number.isNaN(signals.S) ? "not known before pretension" : null;
+  const unknown =
+    Number.isFinite(signals.q) && Number.isNaN(signals.S) ? "not known before pretension" : null;
   const stiffness = pose.slack ? "slack" : (unknown ?? sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`));
   pen.fillText(`S ${stiffness}`, 0, HEIGHT - 4);
   pen.restore();

@@ -1,0 +1,47 @@
+/** Keeps an error of one part of the page to that part, which says so and can be loaded again. */
+
+import { Button } from "@mantine/core";
+import { Component, type ReactNode } from "react";
+import styles from "./Boundary.module.css";
+
+interface BoundaryProps {
+  /** Name of the part, as a person knows it. */
+  readonly of: string;
+  /** What the part is about: with another one it has not failed. */
+  readonly at?: string;
+  readonly children: ReactNode;
+}
+
+export class Boundary extends Component<BoundaryProps, { readonly error: unknown }> {
+  override state: { readonly error: unknown } = { error: null };
+
+  static getDerivedStateFromError(error: unknown): { readonly error: unknown } {
+    return { error: error ?? "no reason given" };
+  }
+
+  override componentDidUpdate(before: BoundaryProps): void {
+    if (before.at !== this.props.at && this.state.error !== null) this.setState({ error: null });
+  }
+
+  override render(): ReactNode {
+    const { error } = this.state;
+    if (error === null) return this.props.children;
+    const reason = error instanceof Error ? error.message : String(error);
+    return (
+      <div role="alert" aria-label={`${this.props.of} failed`} className={styles.failed}>
+        <p>
+          <strong>{this.props.of} failed.</strong> STOP and the other parts of this page work. What is typed
+          in this part may be lost. Reason: {reason}
+        </p>
+        <div className={styles.remedies}>
+          <Button size="compact-sm" variant="default" onClick={() => this.setState({ error: null })}>
+            Show it again
+          </Button>
+          <Button size="compact-sm" variant="default" onClick={() => globalThis.location.reload()}>
+            Reload the page
+          </Button>
+        </div>
+      </div>
+    );
+  }
+}
