@@ -16,7 +16,7 @@ export type StopState =
 
 const ATTEMPTS = 3;
 const ANSWER_WITHIN_MS = 1500;
-const UNREACHABLE = "The service cannot be reached. Nothing was changed as far as this page knows.";
+const UNREACHABLE = "The service cannot be reached.";
 /** Colours of the theme, or their like where its style sheet is missing. */
 const STYLE = `
 .sinew-stop {
