@@ -5,13 +5,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
 
 import plant
 from backend.experiments import applied_parameters
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import Setup
+from backend.loop.commands import SetMode
 from backend.loop.mode import Mode
 from backend.loop.supervisor import Supervisor
 from backend.messages.tuning import TrialRequest
@@ -26,6 +30,8 @@ from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters, load_parameters
 from tests.api.stepped_service import Parts, Stepped, stepped
 from tests.experiments.test_applied_parameters import K, motors, spring, stored
+
+Sample = NDArray[np.float64]
 
 IDEAL = load_parameters("ideal")
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
@@ -255,24 +261,36 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
 
 @pytest.mark.live
 def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(database: Database) -> None:
-    """At rest with slack tendons θ_A = θ_B = 0: S = 2 r_j² k1 of the spring that the loop knows."""
+    """With both tendons pulled, S = r_j² (F_A'(x_A) + F_B'(x_B)) of the springs that the loop knows."""
     applied = applied_parameters.proposal(IDEAL, IDEAL, stored(database, spring()))
     sections = applied_parameters.sections_of(applied)
     then = IDEAL.with_identified(sections)
 
-    async def first_stiffness() -> float:
+    async def pulled() -> Sample:
         tuning = initial(then, TuningChoice()).command()
         supervisor = Supervisor(Setup(SIMULATOR, "ideal", 0, tuning, identified=sections))
         await supervisor.start()
         try:
-            await supervisor.advance(0.05)
+            await supervisor.send(SetMode(Mode.PRETENSION))
+            await supervisor.advance(8.0)
             newest = supervisor.ring.newest()
             assert newest is not None
-            return float(newest[INDEX["S"]])
+            return newest
         finally:
             await supervisor.stop()
 
-    S, r_j = asyncio.run(first_stiffness()), IDEAL.geometry.r_j
-    assert pytest.approx(2.0 * r_j**2 * then.identified_of("A").k[1], rel=1e-6) == S
-    assert pytest.approx(2.0 * r_j**2 * K[1], rel=0.03) == S
-    assert pytest.approx(2.0 * r_j**2 * IDEAL.identified_of("A").k[1], rel=0.03) != S
+    row = asyncio.run(pulled())
+    assert min(row[INDEX["F_A"]], row[INDEX["F_B"]]) > 1.0
+    S = float(row[INDEX["S"]])
+    assert pytest.approx(by_polynomials(row, then.identified_of("A").k, then.identified_of("B").k), rel=1e-6) == S
+    assert pytest.approx(by_polynomials(row, K, K), rel=0.03) == S
+    assert pytest.approx(by_polynomials(row, IDEAL.identified_of("A").k, IDEAL.identified_of("B").k), rel=0.03) != S
+
+
+def by_polynomials(row: Sample, k_A: tuple[float, ...], k_B: tuple[float, ...]) -> float:
+    """Joint stiffness [N·m/rad] at the row's angles, of springs with the coefficients ``k_A`` and ``k_B``."""
+    r_m, r_j = IDEAL.geometry.r_m, IDEAL.geometry.r_j
+    q, theta_A, theta_B = (float(row[INDEX[name]]) for name in ("q", "theta_A", "theta_B"))
+    slope_A = Polynomial(k_A).deriv()(r_m * theta_A - r_j * q)
+    slope_B = Polynomial(k_B).deriv()(r_m * theta_B + r_j * q)
+    return float(r_j**2 * (slope_A + slope_B))
