@@ -2,7 +2,18 @@
 
 import { expect, test } from "vitest";
 
-const LAYERS = ["pages", "charts", "components", "theme", "service", "live", "drawing", "samples", "wire"];
+const LAYERS = [
+  "pages",
+  "charts",
+  "components",
+  "theme",
+  "service",
+  "live",
+  "drawing",
+  "samples",
+  "stop",
+  "wire",
+];
 
 const SOURCES = import.meta.glob<string>(["./*/**/*.{ts,tsx}", "!./**/*.test.*", "!./**/*.gen.ts"], {
   query: "?raw",

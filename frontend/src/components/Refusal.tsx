@@ -3,8 +3,10 @@
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useToldAtField } from "../service/refusedFields";
+import { isAboutControl, useNoControl } from "../service/useNoControl";
 import { useStanding } from "../service/useStanding";
 import styles from "./Refusal.module.css";
+import { TakeControl } from "./TakeControl";
 
 interface RefusalProps {
   /** Shown until what caused it is gone. */
@@ -27,6 +29,8 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "" }
   const elsewhere = useToldAtField(standing) && !forFields;
   const said = standing === null ? text : elsewhere ? null : standing.message;
   const refused = said !== null && said !== undefined;
+  const noControl = useNoControl();
+  const offersControl = standing === null ? refused && said === noControl : isAboutControl(standing);
   const reason = refused ? inWords(said, angles) : undefined;
   return (
     <output
@@ -37,6 +41,12 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "" }
       title={refused ? inWords(standing?.message ?? said, angles) : undefined}
     >
       {refused ? reason : hint}
+      {offersControl && (
+        <>
+          {" "}
+          <TakeControl />
+        </>
+      )}
     </output>
   );
 }

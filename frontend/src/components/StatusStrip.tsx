@@ -13,6 +13,7 @@ import { useReset } from "../service/commands";
 import type { ControlForm } from "../service/handOver";
 import { flightOf, flightsQuery } from "../service/system";
 import { useMayCommand } from "../service/useMayCommand";
+import { isAboutControl, useNoControl } from "../service/useNoControl";
 import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
 import { Explained } from "./Explained";
@@ -20,6 +21,7 @@ import { HandOver } from "./HandOver";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
 import { currentStatus, type Status, type Tone, taskProgress } from "./status";
+import { TakeControl } from "./TakeControl";
 
 const ICONS: Record<Tone, typeof TbInfoCircle> = {
   calm: TbInfoCircle,
@@ -41,6 +43,7 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
   const reset = useReset();
   const may = useMayCommand();
   const refused = useStanding(reset.error);
+  const noControl = useNoControl();
   const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms), may !== false);
   const Icon = ICONS[status.tone];
   return (
@@ -57,11 +60,16 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
         </>
       )}
       {status.task !== null && <TaskProgress task={status.task} />}
+      {status.resettable && may !== false && (noControl !== null || isAboutControl(refused)) && (
+        <TakeControl />
+      )}
       {status.resettable && may !== false && (
         <Button
           size="compact-xs"
           variant="white"
           color="dark"
+          disabled={noControl !== null}
+          title={noControl ?? undefined}
           loading={reset.isPending}
           onClick={() => reset.mutate()}
         >

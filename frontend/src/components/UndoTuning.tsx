@@ -7,10 +7,12 @@ import type { useUndo } from "../service/commands";
 import { banksQuery } from "../service/queries";
 import { whyNoUndo } from "../service/retuning";
 import { tuningInWords } from "../service/tuningWords";
+import { useNoControl } from "../service/useNoControl";
 
 export function UndoTuning({ undo, size }: { undo: ReturnType<typeof useUndo>; size?: "compact-xs" }) {
   const earlier = useLive((live) => live.state?.earlier ?? null);
-  const reason = useLive((live) => whyNoUndo(live.state));
+  const noControl = useNoControl();
+  const reason = useLive((live) => whyNoUndo(live.state, noControl));
   const { data: banks = [] } = useQuery(banksQuery);
   const words = earlier === null ? "" : tuningInWords({ ...earlier, bank: earlier.bank?.id ?? 0 }, banks);
   return (

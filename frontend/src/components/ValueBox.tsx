@@ -1,13 +1,21 @@
-/** A number box that is sent on Enter or when it is left, and given up on Escape. What is no number is never sent. */
+/**
+ * A number box. Enter sends the value; Escape and leaving the box restore the one before, so that no click elsewhere
+ * moves the joint. A box of a form keeps its value when it is left, and a button of the form sends it. A text that is
+ * no number is never sent.
+ */
 
 import { TextInput } from "@mantine/core";
-import { type KeyboardEvent, useState } from "react";
+import { type KeyboardEvent, useEffect, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
 import { close } from "../service/explaining";
 import type { Entry } from "../service/glossary";
 import { useRefusedInput } from "../service/refusedFields";
 import { useDescribedBy } from "../service/useDescribedBy";
 import { help } from "./help";
+
+/** So long the page says that a value that was left was not sent [ms]. */
+const REMINDER_MS = 8000;
+const UNSENT = { borderStyle: "dashed", borderColor: "var(--warn-text)", borderWidth: 2 } as const;
 
 interface ValueBoxProps {
   readonly label: string;
@@ -17,6 +25,8 @@ interface ValueBoxProps {
   readonly step: number;
   readonly width: number;
   readonly disabled?: boolean;
+  /** Whether a button sends the value together with others: leaving the box keeps it. */
+  readonly isInForm?: boolean;
   /** The element that says why the value is not taken. */
   readonly saidAt: string;
   /** Whether the service refused the value, where that is known otherwise than by `place`. */
@@ -29,7 +39,7 @@ interface ValueBoxProps {
   onDraft?(value: number | undefined): void;
   /** A number as it is shown: rounded to the decimals of the box. */
   onCommit(value: number): void;
-  /** Why what was typed is not sent; null once it is changed or given up. */
+  /** Why the typed value is not sent; null once it is sent, changed or restored. */
   onProblem(problem: string | null): void;
 }
 
@@ -42,6 +52,7 @@ export function ValueBox(props: ValueBoxProps) {
     step,
     width,
     disabled = false,
+    isInForm = false,
     saidAt,
     refused = false,
     place,
@@ -54,13 +65,25 @@ export function ValueBox(props: ValueBoxProps) {
   const [typed, setTyped] = useState<string | null>(null);
   const [odd, setOdd] = useState(false);
   const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
-  useDescribedBy(ref, odd || refused ? saidAt : undefined);
+  const isUnsent = !isInForm && typed !== null;
+  useDescribedBy(ref, odd || refused || isUnsent ? saidAt : undefined);
+  const reminder = useRef<number | undefined>(undefined);
+  useEffect(() => () => window.clearTimeout(reminder.current), []);
 
   function take(text: string | null, problem: string | null = null): void {
+    window.clearTimeout(reminder.current);
     setTyped(text);
     setOdd(problem !== null);
-    onProblem(problem);
+    onProblem(problem ?? (isInForm ? null : unsent(text, "is not sent: Enter sends it, Escape restores.")));
     onDraft?.(text === null ? undefined : (numberIn(text) ?? undefined));
+  }
+
+  /** `after` is what to say of a text that is a number: "is not sent"; null where it says nothing. */
+  function unsent(text: string | null, after: string): string | null {
+    const number = text === null ? null : numberIn(text);
+    if (number === null) return null;
+    const words = unit === "1" ? "" : ` ${unit}`;
+    return `${shown(number, decimals)}${words} ${after}`;
   }
 
   function commit(): void {
@@ -72,6 +95,16 @@ export function ValueBox(props: ValueBoxProps) {
       take(null);
       onCommit(rounded(number, decimals));
     }
+  }
+
+  /** Restore the value before, and say for a while that the typed one was not sent. */
+  function leave(): void {
+    const was = unsent(typed, "was not sent: Enter sends a value.");
+    if (typed === null) return;
+    take(null);
+    if (was === null) return;
+    onProblem(was);
+    reminder.current = window.setTimeout(() => onProblem(null), REMINDER_MS);
   }
 
   function press(event: KeyboardEvent): void {
@@ -93,6 +126,7 @@ export function ValueBox(props: ValueBoxProps) {
       value={typed ?? shown(value, decimals)}
       error={odd || refused || said !== null}
       ref={ref}
+      data-unsent={isUnsent || undefined}
       disabled={disabled}
       autoComplete="off"
       w={width}
@@ -101,12 +135,13 @@ export function ValueBox(props: ValueBoxProps) {
       rightSectionPointerEvents="none"
       onChange={(event) => take(event.currentTarget.value)}
       onBlur={(event) => {
-        commit();
+        if (isInForm) commit();
+        else leave();
         onBlur?.(event);
       }}
       onKeyDown={press}
       styles={{
-        input: { textAlign: "right", fontWeight: 500 },
+        input: { textAlign: "right", fontWeight: 500, ...(isUnsent ? UNSENT : {}) },
         section: { color: "var(--text-2)", fontSize: 11 },
       }}
     />

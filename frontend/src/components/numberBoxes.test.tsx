@@ -5,7 +5,7 @@ import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { NumberField } from "./NumberField";
 import { ValueBox } from "./ValueBox";
 
-const NOT_NUMBERS = ["5-3", "1e", "0,5", "12 deg", "--4"];
+const NOT_NUMBERS = ["5-3", "1e", "0,5,1", "12 deg", "--4"];
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
@@ -16,10 +16,10 @@ const box = () => screen.getByRole("textbox") as HTMLInputElement;
 const type = (text: string) => fireEvent.change(box(), { target: { value: text } });
 const press = (key: string) => fireEvent.keyDown(box(), { key });
 
-function openBox() {
+function openBox({ isInForm = false } = {}) {
   const sent = vi.fn();
   const told = vi.fn();
-  const props = { label: "q_ref", unit: "deg", value: 12, decimals: 1, step: 1, width: 100, saidAt: "why" };
+  const props = { label: "q_ref", unit: "deg", value: 12, decimals: 1, step: 1, width: 100, saidAt: "why", isInForm };
   render(<ValueBox {...props} onCommit={sent} onProblem={told} />, { wrapper: MantineProvider });
   return { sent, told };
 }
@@ -28,7 +28,6 @@ it.each(NOT_NUMBERS)("commands nothing for %j, says so, and Escape restores", (t
   const { sent, told } = openBox();
   type(text);
   press("Enter");
-  fireEvent.blur(box());
   expect(sent).not.toHaveBeenCalled();
   expect(box().value).toBe(text);
   expect(box().getAttribute("aria-invalid")).toBe("true");
@@ -45,12 +44,38 @@ it.each([
   ["−53", -53],
   ["7.26", 7.3],
   ["-0.01", 0],
+  ["0,5", 0.5],
 ])("sends %j as the number that it is, rounded as it is shown", (text, value) => {
   const { sent } = openBox();
   type(text);
   press("Enter");
   fireEvent.blur(box());
   expect(sent.mock.calls).toEqual([[value]]);
+});
+
+it.each(["blur", "Escape"])("sends nothing of a typed value on %s, restores the one before, and says so", (how) => {
+  vi.useFakeTimers();
+  const { sent, told } = openBox();
+  type("25,04");
+  expect(box().dataset.unsent).toBe("true");
+  expect(told).toHaveBeenLastCalledWith("25.0 deg is not sent: Enter sends it, Escape restores.");
+  if (how === "blur") fireEvent.blur(box());
+  else press("Escape");
+  expect(sent).not.toHaveBeenCalled();
+  expect(box().value).toBe("12.0");
+  expect(box().dataset.unsent).toBeUndefined();
+  if (how === "blur") expect(told).toHaveBeenLastCalledWith("25.0 deg was not sent: Enter sends a value.");
+  vi.advanceTimersByTime(10_000);
+  expect(told).toHaveBeenLastCalledWith(null);
+  vi.useRealTimers();
+});
+
+it("keeps its value in a form, for the button that sends it", () => {
+  const { sent } = openBox({ isInForm: true });
+  type("25");
+  expect(box().dataset.unsent).toBeUndefined();
+  fireEvent.blur(box());
+  expect(sent.mock.calls).toEqual([[25]]);
 });
 
 it("sends nothing when it is left as it was, or empty", () => {

@@ -1,11 +1,13 @@
 /** What a person typed into a number box, as a number or not at all: nothing is dropped, nothing is guessed. Pure. */
 
-const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
+/** With a decimal point or a decimal comma; there are no separators of thousands. */
+const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 
 /** The number that the text is; null for anything else. */
 export function numberIn(text: string): number | null {
   const plain = text.trim().replaceAll("−", "-");
-  return NUMBER.test(plain) && Number.isFinite(Number(plain)) ? Number(plain) : null;
+  const number = NUMBER.test(plain) ? Number(plain.replace(",", ".")) : Number.NaN;
+  return Number.isFinite(number) ? number : null;
 }
 
 /** Why a text is not taken for a number. */

@@ -15,10 +15,10 @@ const FREE = {
 const changed = (part: object) => ({ ...FREE, ...part }) as State;
 
 it("changes no tuning that a run has", () => {
-  expect(whyNoRetuning(null)).toBeNull();
-  expect(whyNoRetuning(FREE)).toBeNull();
-  expect(whyNoRetuning(changed({ own_tuning: {}, task: { run: 7 } }))).toMatch(/^Run 7 has the tuning/);
-  expect(whyNoRetuning(changed({ own_tuning: {} }))).toMatch(/^A run that is being started has/);
+  expect(whyNoRetuning(null, null)).toBeNull();
+  expect(whyNoRetuning(FREE, null)).toBeNull();
+  expect(whyNoRetuning(changed({ own_tuning: {}, task: { run: 7 } }), null)).toMatch(/^Run 7 has the tuning/);
+  expect(whyNoRetuning(changed({ own_tuning: {} }), null)).toMatch(/^A run that is being started has/);
 });
 
 it("brings no rejection back of which nothing is learned any more", () => {
@@ -43,11 +43,15 @@ it("brings no rejection back of an estimate that moves more than its sixth of 0.
 });
 
 it("undoes what the service would undo, and says why not", () => {
-  expect(whyNoUndo(FREE)).toBe("Nothing was changed yet");
-  expect(whyNoUndo(learned(0.01))).toBeNull();
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0 } }))).toBeNull();
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }))).toContain("on trial");
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, own_tuning: {}, task: { run: 7 } }))).toContain("Run 7");
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0.7 } }))).toContain("learn at rest first");
-  expect(whyNoUndo(learned(0.08))).toContain("0.08 N");
+  expect(whyNoUndo(FREE, null)).toBe("Nothing was changed yet");
+  expect(whyNoUndo(learned(0.01), null)).toBeNull();
+  expect(whyNoUndo(changed({ earlier: { k_ext: 0 } }), null)).toBeNull();
+  expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }), null)).toContain(
+    "on trial",
+  );
+  expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, own_tuning: {}, task: { run: 7 } }), null)).toContain(
+    "Run 7",
+  );
+  expect(whyNoUndo(changed({ earlier: { k_ext: 0.7 } }), null)).toContain("learn at rest first");
+  expect(whyNoUndo(learned(0.08), null)).toContain("0.08 N");
 });

@@ -6,8 +6,9 @@ import type { State } from "../wire/types";
 
 export const ON_TRIAL = "A tuning is on trial: keep it or revert it first.";
 
-/** Why the tuning cannot be changed, by whatever part of it; null where it can. */
-export function whyNoRetuning(state: State | null): string | null {
+/** Why the tuning cannot be changed, by whatever part of it; null where it can. `noControl` says who holds control. */
+export function whyNoRetuning(state: State | null, noControl: string | null): string | null {
+  if (noControl !== null) return noControl;
   if (state?.own_tuning == null) return null;
   const run = state.task === null ? "A run that is being started" : `Run ${state.task.run}`;
   return `${run} has the tuning, which is part of its record: stop it first, or wait for its end.`;
@@ -31,8 +32,8 @@ export function whyNoRejection(state: State | null, k_ext: number | undefined): 
 }
 
 /** Why the last change cannot be undone; null where it can. */
-export function whyNoUndo(state: State | null): string | null {
+export function whyNoUndo(state: State | null, noControl: string | null): string | null {
   if (state?.earlier == null) return "Nothing was changed yet";
   if (state.trial !== null) return ON_TRIAL;
-  return whyNoRetuning(state) ?? whyNoRejection(state, state.earlier.k_ext);
+  return whyNoRetuning(state, noControl) ?? whyNoRejection(state, state.earlier.k_ext);
 }

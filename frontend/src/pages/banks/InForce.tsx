@@ -8,6 +8,7 @@ import { useLive } from "../../live/react";
 import { useGeometry, useUndo } from "../../service/commands";
 import { whyNoRetuning } from "../../service/retuning";
 import { tuningInWords } from "../../service/tuningWords";
+import { useNoControl } from "../../service/useNoControl";
 import type { Bank } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
 import page from "../Page.module.css";
@@ -16,10 +17,11 @@ export function InForce({ banks }: { banks: readonly Bank[] }) {
   const state = useLive((live) => live.state);
   const geometry = useGeometry();
   const undo = useUndo();
+  const noControl = useNoControl();
   if (state === null) return null;
   const { bank, entry_name } = state.tuning;
   const own = tuningOf(state);
-  const locked = whyNoRetuning(state);
+  const locked = whyNoRetuning(state, noControl);
   return (
     <div className={page.fields} style={{ padding: "4px 4px 8px" }}>
       <output aria-label="In force">
@@ -44,7 +46,7 @@ export function InForce({ banks }: { banks: readonly Bank[] }) {
           <UndoTuning undo={undo} />
         </div>
       </OperatorsOnly>
-      <Refusal error={geometry.error ?? undo.error} about={own} />
+      <Refusal error={geometry.error ?? undo.error} about={own} text={noControl} />
     </div>
   );
 }

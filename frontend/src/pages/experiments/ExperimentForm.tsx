@@ -17,6 +17,7 @@ import { banksQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
 import { useMayCommand } from "../../service/useMayCommand";
+import { useNoControl } from "../../service/useNoControl";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
@@ -38,6 +39,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const start = useStartExperiment();
   const queue = useQueueCommand();
   const may = useMayCommand();
+  const noControl = useNoControl();
   const shown = shownSettings(kind, state, changed, useAngles());
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
   const asked = orderOf(kind, shown);
@@ -45,7 +47,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
   const order = problem === null ? asked.order : null;
   const beyond = kind.why_not === "" ? null : `${capital(kind.why_not)}.`;
-  const reason = problem ?? beyond ?? whyNoStart(state, "experiment");
+  const reason = problem ?? beyond ?? whyNoStart(state, "experiment", noControl);
   const attempts = dryRun.variables?.name === kind.name ? [start, queue, dryRun] : [start, queue];
   const failure = problem === null ? lastRefusal(...attempts) : null;
 

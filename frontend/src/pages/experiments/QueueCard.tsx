@@ -9,6 +9,7 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { useQueueCommand } from "../../service/commands";
 import { queueQuery } from "../../service/queries";
+import { useNoControl } from "../../service/useNoControl";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
@@ -17,9 +18,10 @@ import { OrderWords } from "./OrderWords";
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);
   const command = useQueueCommand();
+  const noControl = useNoControl();
   const state = useLive((live) => live.state);
   const items = queue?.items ?? [];
-  const reason = whyNoStart(state, "experiment");
+  const reason = whyNoStart(state, "experiment", noControl);
   const startable = items.length > 0 && reason === null;
   const title = (name: string) => kinds.find((kind) => kind.name === name)?.title ?? name;
   return (
@@ -90,7 +92,11 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
             )}
           </div>
         </OperatorsOnly>
-        <Refusal error={command.error} about={queue} text={queue?.problem ? queue.problem : null} />
+        <Refusal
+          error={command.error}
+          about={queue}
+          text={queue?.problem ? queue.problem : items.length > 0 ? noControl : null}
+        />
       </div>
     </Card>
   );

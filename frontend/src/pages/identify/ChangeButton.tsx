@@ -5,6 +5,7 @@ import { useId } from "react";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { useMayCommand } from "../../service/useMayCommand";
+import { useNoControl } from "../../service/useNoControl";
 import styles from "./Identify.module.css";
 
 interface ChangeButtonProps {
@@ -20,12 +21,14 @@ export function ChangeButton({ children, error, pending, about, onPress }: Chang
   const may = useMayCommand();
   const mode = useLive((live) => live.state?.mode);
   const id = useId();
+  const noControl = useNoControl();
   const reason =
     may === false
       ? "Operators change the parameters."
-      : mode === "off" || mode === undefined
-        ? null
-        : `Parameters change in off only; the mode is ${mode}: switch it off first.`;
+      : (noControl ??
+        (mode === "off" || mode === undefined
+          ? null
+          : `Parameters change in off only; the mode is ${mode}: switch it off first.`));
   return (
     <>
       <Button

@@ -18,6 +18,7 @@ import { fieldEntry, settingEntry } from "../../service/fieldHelp";
 import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
 import { RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
+import { useNoControl } from "../../service/useNoControl";
 import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
@@ -71,6 +72,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const { data: banks = [] } = useQuery(banksQuery);
   const tuning = tuningOf(state);
   const start = useStartIdentification();
+  const noControl = useNoControl();
   const values = useMemo(() => valuesOf(kind, changed), [kind, changed]);
   const asked = useMemo(
     () => requestOf(kind, values, kind.kind === "actuator" ? tensions : ""),
@@ -81,7 +83,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const prediction = useQuery(predictionQuery(request, from));
   const leaves =
     prediction.data?.within_range === false ? "The run would leave the range, see the forecast." : null;
-  const reason = asked.problem ?? whyNoStart(state, "identify") ?? leaves;
+  const reason = asked.problem ?? whyNoStart(state, "identify", noControl) ?? leaves;
 
   const problem = asked.problem ?? prediction.error?.message;
   useEffect(

@@ -10,6 +10,7 @@ import { age, fixed } from "../../samples/format";
 import { angleText, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useMayCommand } from "../../service/useMayCommand";
+import { useNoControl } from "../../service/useNoControl";
 import { useReferenceOrders } from "../../service/useReferenceOrders";
 import type { References } from "../../wire/types";
 import { whyNoReferences } from "./allowed";
@@ -44,7 +45,8 @@ export function MapCard() {
   const canvas = useCanvas(drawing);
   const old_s = useSampleAge();
   const may = useMayCommand();
-  const locked = useLive((live) => whyNoReferences(live.state));
+  const noControl = useNoControl();
+  const locked = useLive((live) => whyNoReferences(live.state, noControl));
 
   function aim(event: MouseEvent<HTMLCanvasElement>): void {
     const limits = store.snapshot().state?.limits;

@@ -8,6 +8,7 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { capital, heading } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
+import { useNoControl } from "../../service/useNoControl";
 import type { Mode, State } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -34,12 +35,13 @@ const IN_FIRST_ROW = 3;
 export function ModeCard() {
   const state = useLive((live) => live.state);
   const setMode = useSetMode();
+  const noControl = useNoControl();
   return (
     <Card title="Mode">
       {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
       <div className={styles.moves} role="group" aria-label="Change mode">
         {MOVES.map(({ mode, name, meaning }, index) => {
-          const reason = whyNot(state, mode);
+          const reason = noControl ?? whyNot(state, mode);
           return (
             <Tooltip
               key={mode}
@@ -65,7 +67,11 @@ export function ModeCard() {
           );
         })}
       </div>
-      {isUnready(state) ? <Unready why={state.unready} /> : <Refusal error={setMode.error} />}
+      {isUnready(state) && noControl === null ? (
+        <Unready why={state.unready} />
+      ) : (
+        <Refusal error={setMode.error} text={noControl} />
+      )}
     </Card>
   );
 }

@@ -11,6 +11,7 @@ import { useAngles } from "../../service/angles";
 import { usePush } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
+import { useNoControl } from "../../service/useNoControl";
 import type { State } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -31,7 +32,8 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   const [F_push, setForce] = useState(10);
   const [duration_s, setDuration] = useState(2);
   const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
-  const reason = whyNoPush(mode);
+  const noControl = useNoControl();
+  const reason = noControl ?? whyNoPush(mode);
   const problem = problems.find((one) => one !== null) ?? null;
   const refusal = problem === null && reason === null ? push.error : null;
   const about = [F_push, duration_s];
@@ -41,6 +43,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
         <div className={styles.pushRow} role="group" aria-label="Push">
           <ValueBox
+            isInForm
             label="Push [N]"
             unit="N"
             value={F_push}
@@ -54,6 +57,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
           <ValueBox
+            isInForm
             label="Push for [s]"
             unit="s"
             value={duration_s}
@@ -81,6 +85,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
           <Button
             size="compact-sm"
             variant="default"
+            disabled={noControl !== null}
             onClick={() => push.mutate({ F_push: 0, duration_s: 0 })}
           >
             Let go

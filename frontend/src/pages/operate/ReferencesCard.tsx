@@ -15,6 +15,7 @@ import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import type { Entry } from "../../service/glossary";
 import { whyNoRetuning } from "../../service/retuning";
+import { useNoControl } from "../../service/useNoControl";
 import { useReferenceOrders } from "../../service/useReferenceOrders";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
@@ -27,9 +28,10 @@ export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
   const limits = useLive((live) => live.state?.limits);
   const open = useLive((live) => live.state?.mode === "compliance");
-  const locked = useLive((live) => whyNoReferences(live.state));
+  const noControl = useNoControl();
+  const locked = useLive((live) => whyNoReferences(live.state, noControl));
   const tuning = useLive((live) => live.state?.tuning);
-  const fixedTuning = useLive((live) => whyNoRetuning(live.state));
+  const fixedTuning = useLive((live) => whyNoRetuning(live.state, noControl));
   return (
     <Card title="References">
       {references && limits ? (

@@ -11,6 +11,7 @@ import { useAngles } from "../../service/angles";
 import { useTouch } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
+import { useNoControl } from "../../service/useNoControl";
 import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -26,6 +27,7 @@ export function TouchCard() {
 
 function TouchControls({ touch, limits }: { touch: TouchView; limits: State["limits"] }) {
   const order = useTouch();
+  const noControl = useNoControl();
   const angles = useAngles();
   const running = useLive((live) => live.state?.mode === "run");
   const rejects = useLive((live) => (live.state?.tuning.k_ext ?? 0) > 0);
@@ -43,6 +45,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
         <div className={styles.touchRows} role="group" aria-label="Touch">
           <ValueBox
+            isInForm
             label="Gives way from [N]"
             unit="N"
             value={contact_N}
@@ -61,7 +64,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={problem !== null || touch.learned.length === 0 || sweeping}
+            disabled={noControl !== null || problem !== null || touch.learned.length === 0 || sweeping}
             onClick={() => order.mutate({ contact_N })}
           >
             {armed ? "Change" : "Give way"}
@@ -69,7 +72,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={!armed}
+            disabled={noControl !== null || !armed}
             onClick={() => order.mutate({ contact_N: 0 })}
           >
             Hold on
@@ -77,7 +80,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={sweeping || !running}
+            disabled={noControl !== null || sweeping || !running}
             title={running ? "At rest, with nothing touching the joint" : NOT_IN_RUN}
             onClick={() => order.mutate({ learn: true })}
           >
@@ -86,7 +89,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={armed || !(running || sweeping)}
+            disabled={noControl !== null || armed || !(running || sweeping)}
             title={running || sweeping ? "At five stiffnesses, one after the other" : NOT_IN_RUN}
             onClick={() => order.mutate({ sweep: sweeping ? "stop" : "begin" })}
           >
@@ -95,7 +98,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={touch.learned.length === 0 || armed || sweeping || rejects}
+            disabled={noControl !== null || touch.learned.length === 0 || armed || sweeping || rejects}
             title={rejects ? "Pushes are rejected by what was learned: turn that off first" : undefined}
             onClick={() => order.mutate({ forget: true })}
           >
@@ -110,7 +113,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           error={refusal}
           about={about}
           forFields
-          text={problem}
+          text={problem ?? noControl}
           hint={`Threshold ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
         />
         <Learned points={touch.learned} />

@@ -12,6 +12,7 @@ import { type Angles, told } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
 import { whyNoRetuning } from "../../service/retuning";
+import { useNoControl } from "../../service/useNoControl";
 import { type Previewed, usePreview, usePreviewedStiffness } from "../../service/usePreview";
 import { type LambdaName, useStaged } from "../../service/useStaged";
 import { HUES } from "../../theme/signals";
@@ -38,7 +39,8 @@ export function TuningCard() {
 
 function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const setTuning = useSetTuning();
-  const locked = useLive((live) => whyNoRetuning(live.state));
+  const noControl = useNoControl();
+  const locked = useLive((live) => whyNoRetuning(live.state, noControl));
   const staged = useStaged();
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});

@@ -12,6 +12,7 @@ import { useAngles } from "../../service/angles";
 import { useSetWall } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
+import { useNoControl } from "../../service/useNoControl";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -27,6 +28,7 @@ export function WallCard() {
 function WallControls({ limits }: { limits: Limits }) {
   const stands = useLive((live) => live.state?.wall ?? null);
   const order = useSetWall();
+  const noControl = useNoControl();
   const angles = useAngles();
   const stiffness = { minimum: limits.k_wall_min, maximum: limits.k_wall_max };
   const damping = { minimum: 0, maximum: limits.c_wall_max };
@@ -62,6 +64,7 @@ function WallControls({ limits }: { limits: Limits }) {
             w={84}
           />
           <ValueBox
+            isInForm
             label={`Wall at [${unit}]`}
             unit={unit}
             value={q_wall}
@@ -75,6 +78,7 @@ function WallControls({ limits }: { limits: Limits }) {
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
           <ValueBox
+            isInForm
             label="Stiffness of the wall [N/m]"
             unit="N/m"
             value={k_wall}
@@ -88,6 +92,7 @@ function WallControls({ limits }: { limits: Limits }) {
             onProblem={(found) => setProblems((before) => before.with(1, found))}
           />
           <ValueBox
+            isInForm
             label="Damping of the wall [s/m]"
             unit="s/m"
             value={c_wall}
@@ -103,6 +108,7 @@ function WallControls({ limits }: { limits: Limits }) {
           <Button
             size="compact-sm"
             variant="default"
+            disabled={noControl !== null}
             onClick={() => {
               const wall = { q_wall: toSI(q_wall, "rad", angles), side, k_wall, c_wall };
               if (problem === null) order.mutate({ wall });
@@ -110,7 +116,12 @@ function WallControls({ limits }: { limits: Limits }) {
           >
             Put up
           </Button>
-          <Button size="compact-sm" variant="default" onClick={() => order.mutate({ wall: null })}>
+          <Button
+            size="compact-sm"
+            variant="default"
+            disabled={noControl !== null}
+            onClick={() => order.mutate({ wall: null })}
+          >
             Take away
           </Button>
         </div>
@@ -119,7 +130,7 @@ function WallControls({ limits }: { limits: Limits }) {
           error={refusal}
           about={about}
           forFields
-          text={problem}
+          text={problem ?? noControl}
           hint={`${bounds(limits)}; its force is F_wall`}
         />
       </RefusedFields>

@@ -13,17 +13,19 @@ const FREE = {
 const changed = (part: object) => ({ ...FREE, ...part }) as State;
 
 it("starts nothing beside a run or a tuning on trial, which the service refuses", () => {
-  expect(whyNoStart(FREE, "experiment")).toBeNull();
-  expect(whyNoStart(changed({ task: { run: 3 } }), "experiment")).toBe("Another task is running.");
-  expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment")).toContain("on trial");
-  expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment")).toContain("slack");
+  expect(whyNoStart(FREE, "experiment", null)).toBeNull();
+  expect(whyNoStart(changed({ task: { run: 3 } }), "experiment", null)).toBe("Another task is running.");
+  expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment", null)).toContain("on trial");
+  expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment", null)).toContain(
+    "slack",
+  );
 });
 
 it("takes references in run and compliance only, and none while the joint gives way", () => {
-  expect(whyNoReferences(null)).toBe("not known yet");
-  for (const mode of ["run", "compliance"]) expect(whyNoReferences(changed({ mode }))).toBeNull();
+  expect(whyNoReferences(null, null)).toBe("not known yet");
+  for (const mode of ["run", "compliance"]) expect(whyNoReferences(changed({ mode }), null)).toBeNull();
   for (const mode of ["off", "pretension", "experiment", "tripped"]) {
-    expect(whyNoReferences(changed({ mode }))).toBe("set in run and compliance");
+    expect(whyNoReferences(changed({ mode }), null)).toBe("set in run and compliance");
   }
-  expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }))).toContain("gives way");
+  expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }), null)).toContain("gives way");
 });
