@@ -12,6 +12,7 @@ from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, database_of, parameters_in_force, settings_with
 from backend.plain_text import as_lines
+from backend.reading import counted
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -82,7 +83,8 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
         print_json(checked.model_dump())
         return
     changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
-    words = f"{checked.name} can be run: {checked.duration_s:.6g} s in {checked.segments} pieces{changes}"
+    segments = counted(checked.segments, "segment")
+    words = f"{checked.name} can be run: {checked.duration_s:.6g} s in {segments}{changes}"
     out.print(words, highlight=False, markup=False)
     if checked.peak_voltage_V is not None and checked.min_tension_N is not None and checked.max_tension_N is not None:
         reach = f"tensions {checked.min_tension_N:.3g} to {checked.max_tension_N:.3g} N"

@@ -86,7 +86,7 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     form.get_by_role("button", name="Start nudges under two λ", exact=True).click()
     result = page.get_by_role("region", name="Result", exact=True)
     expect(result).to_contain_text("Nudges under two λ, run", timeout=MOTION_TIMEOUT_MS)
-    expect(result).to_contain_text("All 1 criteria passed", timeout=MOTION_TIMEOUT_MS)
+    expect(result).to_contain_text("The one criterion passed", timeout=MOTION_TIMEOUT_MS)
     operator.go("Runs")
     expect(page.get_by_role("table").get_by_role("row").nth(1)).to_contain_text("Nudges under two λ")
     page.context.close()

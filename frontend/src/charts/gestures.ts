@@ -8,7 +8,7 @@ export interface GestureTarget {
   /** Drag by a fraction of the plotting area, positive to the right. */
   pan(by: number): void;
   reset(): void;
-  /** The wheel turned without Ctrl over a chart that was not clicked into: the page scrolls, nothing zooms. */
+  /** The wheel turned without Ctrl over a chart: the page scrolls, nothing zooms. */
   leftToScroll(): void;
   /** Follow the pointer, or null when it has left. */
   hover(at: number | null): void;
@@ -26,8 +26,6 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   const abort = new AbortController();
   const held = new Set<string>();
   let over = false;
-  /** A click takes the wheel for the charts until the pointer leaves. */
-  let engaged = false;
   let drag: { pointer: number; x: number; cursor: number | null; moved: boolean } | null = null;
 
   const fraction = (clientX: number) => {
@@ -36,7 +34,7 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   };
 
   function onWheel(event: WheelEvent): void {
-    const meant = engaged || event.ctrlKey || event.metaKey || held.has("v") || held.has("b");
+    const meant = event.ctrlKey || event.metaKey || held.has("v") || held.has("b");
     if (!meant) {
       target.leftToScroll();
       return;
@@ -50,7 +48,6 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
 
   function onDown(event: PointerEvent): void {
     if (event.button !== 0) return;
-    engaged = true;
     area.setPointerCapture(event.pointerId);
     drag = {
       pointer: event.pointerId,
@@ -103,7 +100,6 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
     "pointerleave",
     () => {
       over = false;
-      engaged = false;
       target.hover(null);
     },
     options,

@@ -2,7 +2,7 @@
 
 import { useCallback, useEffect, useState } from "react";
 
-export const WHEEL_HINT = "Ctrl and wheel zoom, or a click into the chart first.";
+export const WHEEL_HINT = "Ctrl and wheel zoom the chart.";
 const SHOWN_MS = 5000;
 
 let told = false;

@@ -75,7 +75,7 @@ function closes(anchor: HTMLElement): string {
 }
 
 /**
- * Below the word, above it where there is no room; in a table beside it, so that the next row is not covered. Always
+ * Above a box; below a word, or above it where there is no room; in a table beside it, so that the next row is not covered. Always
  * within the window, and clear of the header.
  */
 function place(tooltip: HTMLElement, anchor: HTMLElement): void {
@@ -86,7 +86,14 @@ function place(tooltip: HTMLElement, anchor: HTMLElement): void {
   const beside = anchor.closest("td, tr > th:only-of-type") !== null && at.right + GAP + width <= right;
   const above = at.top - GAP - height;
   const under = at.bottom + GAP;
-  const vertical = beside ? at.top : under + height <= bottom || above < head + GAP ? under : above;
+  const fitsAbove = above >= head + GAP;
+  // below a box its refusal is said, and the next box follows
+  const prefersAbove = anchor.matches("input, select, textarea") && fitsAbove;
+  const vertical = beside
+    ? at.top
+    : !prefersAbove && (under + height <= bottom || !fitsAbove)
+      ? under
+      : above;
   tooltip.style.top = `${Math.max(Math.min(vertical, bottom - height), head + GAP)}px`;
   tooltip.style.left = `${Math.max(EDGE, Math.min(beside ? at.right + GAP : at.left, right - width))}px`;
 }

@@ -28,9 +28,10 @@ interface HeaderProps {
 export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
+  const isStateCurrent = useLive((live) => live.isStateCurrent);
   const now_ms = useNow(250);
   const old_s = useSampleAge();
-  const stale = old_s !== null || health(link, now_ms) !== "live";
+  const stale = old_s !== null || health(link, now_ms) !== "live" || !isStateCurrent;
   const timing = state?.timing;
   return (
     <header className={styles.header}>

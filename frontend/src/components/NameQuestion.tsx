@@ -69,7 +69,7 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
             error={set.error}
             forFields
             about={name}
-            hint="It stands beside what you command, and your settings of the page are kept under it."
+            hint="The log names you with it, and the page keeps your settings under it."
           />
         </div>
       </form>

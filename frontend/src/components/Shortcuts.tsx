@@ -13,7 +13,7 @@ const KEYS: Keys = [
   [["L"], "Operate: follow the newest sample (Live)"],
   [["Space"], "Operate: hold the charts, go on"],
   [["M"], "Operate: measuring cursors"],
-  [["Ctrl", "Wheel"], "Charts, also after a click: zoom time; hold V for the value axis, B for both"],
+  [["Ctrl", "Wheel"], "Charts: zoom time; hold V for the value axis, B for both"],
   [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
   [["G"], "Glossary: what every symbol, figure, verdict and fault means"],
   [["D"], "Docs: the first hour, and everything else that is written, with a search"],

@@ -39,12 +39,19 @@ interface StatusStripProps {
 export function StatusStrip({ form, onForm }: StatusStripProps) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
+  const isStateCurrent = useLive((live) => live.isStateCurrent);
   const now_ms = useNow(500);
   const reset = useReset();
   const may = useMayCommand();
   const refused = useStanding(reset.error);
   const noControl = useNoControl();
-  const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms), may !== false);
+  const status = currentStatus(
+    state,
+    health(link, now_ms),
+    age_ms(link, now_ms),
+    may !== false,
+    isStateCurrent,
+  );
   const Icon = ICONS[status.tone];
   return (
     <div className={styles.strip} data-tone={status.tone}>

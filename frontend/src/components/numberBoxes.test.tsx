@@ -19,7 +19,16 @@ const press = (key: string) => fireEvent.keyDown(box(), { key });
 function openBox({ isInForm = false } = {}) {
   const sent = vi.fn();
   const told = vi.fn();
-  const props = { label: "q_ref", unit: "deg", value: 12, decimals: 1, step: 1, width: 100, saidAt: "why", isInForm };
+  const props = {
+    label: "q_ref",
+    unit: "deg",
+    value: 12,
+    decimals: 1,
+    step: 1,
+    width: 100,
+    saidAt: "why",
+    isInForm,
+  };
   render(<ValueBox {...props} onCommit={sent} onProblem={told} />, { wrapper: MantineProvider });
   return { sent, told };
 }
@@ -53,22 +62,25 @@ it.each([
   expect(sent.mock.calls).toEqual([[value]]);
 });
 
-it.each(["blur", "Escape"])("sends nothing of a typed value on %s, restores the one before, and says so", (how) => {
-  vi.useFakeTimers();
-  const { sent, told } = openBox();
-  type("25,04");
-  expect(box().dataset.unsent).toBe("true");
-  expect(told).toHaveBeenLastCalledWith("25.0 deg is not sent: Enter sends it, Escape restores.");
-  if (how === "blur") fireEvent.blur(box());
-  else press("Escape");
-  expect(sent).not.toHaveBeenCalled();
-  expect(box().value).toBe("12.0");
-  expect(box().dataset.unsent).toBeUndefined();
-  if (how === "blur") expect(told).toHaveBeenLastCalledWith("25.0 deg was not sent: Enter sends a value.");
-  vi.advanceTimersByTime(10_000);
-  expect(told).toHaveBeenLastCalledWith(null);
-  vi.useRealTimers();
-});
+it.each(["blur", "Escape"])(
+  "sends nothing of a typed value on %s, restores the one before, and says so",
+  (how) => {
+    vi.useFakeTimers();
+    const { sent, told } = openBox();
+    type("25,04");
+    expect(box().dataset.unsent).toBe("true");
+    expect(told).toHaveBeenLastCalledWith("25.0 deg is not sent: Enter sends it, Escape restores.");
+    if (how === "blur") fireEvent.blur(box());
+    else press("Escape");
+    expect(sent).not.toHaveBeenCalled();
+    expect(box().value).toBe("12.0");
+    expect(box().dataset.unsent).toBeUndefined();
+    if (how === "blur") expect(told).toHaveBeenLastCalledWith("25.0 deg was not sent: Enter sends a value.");
+    vi.advanceTimersByTime(10_000);
+    expect(told).toHaveBeenLastCalledWith(null);
+    vi.useRealTimers();
+  },
+);
 
 it("keeps its value in a form, for the button that sends it", () => {
   const { sent } = openBox({ isInForm: true });

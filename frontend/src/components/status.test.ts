@@ -15,6 +15,8 @@ function state(part: Partial<State>): State {
     unready: "",
     pretension_done: true,
     recording_run: null,
+    holder: null,
+    touch: { felt: null },
     ...part,
   } as State;
 }
@@ -44,6 +46,34 @@ describe("currentStatus", () => {
     expect(status.tone).toBe("warn");
     expect(status.text).toContain("4.2 s");
     expect(status.resettable).toBe(false);
+  });
+
+  it("shows nothing of the state before a reconnection", () => {
+    const before = currentStatus(state({ recording_run: 22 }), "live", 10, true, false);
+    expect(before.text).toBe("Connected. Waiting for the state of the loop.");
+    expect(currentStatus(state({ recording_run: 22 }), "live", 10).text).toBe(
+      "Loops closed. Recording run 22.",
+    );
+  });
+
+  it("says what follows while the page in control is not heard, where something moves", () => {
+    const holder = { name: "Mara Stein", epoch: 3, page: true, silent_s: 2.5, lost: true } as State["holder"];
+    for (const mode of ["pretension", "run", "compliance"] as const) {
+      const status = currentStatus(state({ mode, holder }), "live", 10);
+      expect(status.tone).toBe("warn");
+      expect(status.text).toContain("Mara Stein");
+      expect(status.remedy).toContain("soft stop");
+    }
+    expect(currentStatus(state({ mode: "off", holder }), "live", 10).text).toBe("Motors off.");
+  });
+
+  it("names the force of a contact that the joint gives way to", () => {
+    const touch = { felt: { F_ext_hat: -6.24 } } as State["touch"];
+    const status = currentStatus(state({ mode: "compliance", touch }), "live", 10);
+    expect(status).toMatchObject({ tone: "warn", text: "Contact of 6.2 N: the joint gives way." });
+    expect(currentStatus(state({ mode: "compliance" }), "live", 10).text).toMatch(
+      /^Compliance: joint loop open/,
+    );
   });
 
   it("puts a fault before a task, with its remedy", () => {

@@ -1,7 +1,7 @@
 /** The one sentence that matters most right now. Pure. */
 
 import type { Health } from "../live/link";
-import { age, duration } from "../samples/format";
+import { age, duration, fixed } from "../samples/format";
 import { capital, counted, inWordsOf } from "../samples/words";
 import { proofWords, type StopState, stopWords } from "../stop/stop";
 import type { State, Task } from "../wire/types";
@@ -27,6 +27,15 @@ const HINTS: Record<State["mode"], string> = {
   tripped: "Stopped and latched.",
 };
 
+/** Modes in which the loss of the page that holds control ends in a soft stop. */
+const MOVABLE: ReadonlySet<State["mode"]> = new Set([
+  "pretension",
+  "run",
+  "compliance",
+  "identify",
+  "experiment",
+]);
+
 /** What whoever may command does next. */
 const NEXT: Partial<Record<State["mode"], string>> = { off: "Start Pretension to wind the tendons up." };
 
@@ -39,6 +48,7 @@ export function currentStatus(
   health: Health,
   age_ms: number | null,
   mayCommand = true,
+  isStateCurrent = true,
 ): Status {
   if (health === "down") {
     const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
@@ -48,7 +58,8 @@ export function currentStatus(
     const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
     return sentence("warn", `Nothing heard from the service${since}. Values are old.`);
   }
-  if (state === null) return sentence("calm", "Waiting for the state of the loop.");
+  if (state === null || !isStateCurrent)
+    return sentence("calm", "Connected. Waiting for the state of the loop.");
   const { restarting, restarting_s } = state.link;
   if (restarting) {
     const since = restarting_s == null ? "" : `, ${duration(restarting_s)}`;
@@ -67,6 +78,19 @@ export function currentStatus(
   }
   if (state.problems.length > 0) return sentence("warn", state.problems.join(" "), { task: state.task });
   if (state.task !== null) return sentence("busy", taskName(state.task), { task: state.task });
+  if (state.holder?.lost && MOVABLE.has(state.mode)) {
+    return sentence("warn", `The page of ${state.holder.name}, who holds control, is not heard.`, {
+      remedy: "The references are held; a soft stop follows unless the page comes back.",
+    });
+  }
+  if (state.mode === "compliance" && state.touch.felt) {
+    const { F_ext_hat } = state.touch.felt;
+    return sentence("warn", `Contact of ${fixed(Math.abs(F_ext_hat), 1)} N: the joint gives way.`, {
+      remedy: mayCommand ? "Choose a mode to go on." : "",
+    });
+  }
+  if (state.mode === "identify" && state.task === null)
+    return sentence("busy", "A step of the bring-up is running.");
   if (state.mode === "pretension" && state.pretension_done) {
     return sentence("calm", "Pretension held in both tendons. Ready to run.");
   }

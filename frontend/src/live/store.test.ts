@@ -46,6 +46,22 @@ describe("LiveStore", () => {
     expect(store.window.length).toBe(0);
   });
 
+  it("takes a state for current until the connection ends, and again with the next state", () => {
+    const store = new LiveStore(0);
+    const { link } = store.snapshot();
+    expect(store.snapshot().isStateCurrent).toBe(false);
+    store.setLink({ ...link, phase: "open" });
+    store.setState(state(1, 1000));
+    expect(store.snapshot().isStateCurrent).toBe(true);
+    store.setLink({ ...link, phase: "open", pinged_ms: 5 });
+    expect(store.snapshot().isStateCurrent).toBe(true);
+    store.setLink({ ...link, phase: "waiting" });
+    store.setLink({ ...link, phase: "open" });
+    expect(store.snapshot().isStateCurrent).toBe(false);
+    store.setState(state(1, 1000));
+    expect(store.snapshot().isStateCurrent).toBe(true);
+  });
+
   it("counts what it missed and tells its listeners", () => {
     const store = new LiveStore(0);
     let told = 0;

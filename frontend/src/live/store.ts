@@ -16,6 +16,8 @@ export interface Live {
   readonly link: Link;
   readonly layout: Layout | null;
   readonly state: State | null;
+  /** Whether the state is of this connection, and not of the one before. */
+  readonly isStateCurrent: boolean;
   readonly marks: readonly Mark[];
   /** Samples that did not reach this page since it was opened. */
   readonly missed: number;
@@ -32,7 +34,14 @@ export class LiveStore {
   private readonly listeners = new Set<() => void>();
 
   constructor(now_ms: number) {
-    this.live = { link: firstLink(now_ms), layout: null, state: null, marks: [], missed: 0 };
+    this.live = {
+      link: firstLink(now_ms),
+      layout: null,
+      state: null,
+      isStateCurrent: false,
+      marks: [],
+      missed: 0,
+    };
   }
 
   readonly subscribe = (listener: () => void): (() => void) => {
@@ -43,7 +52,8 @@ export class LiveStore {
   readonly snapshot = (): Live => this.live;
 
   setLink(link: Link): void {
-    if (link !== this.live.link) this.change({ link });
+    if (link === this.live.link) return;
+    this.change(link.phase === "open" ? { link } : { link, isStateCurrent: false });
   }
 
   /** A new connection was greeted: samples and marks come again from the service. */
@@ -66,7 +76,7 @@ export class LiveStore {
     }
     if (this.history?.untilTick === null) this.history.untilTick = state.tick + 1;
     // equal parts keep their identity, so that only what shows a change is rendered again
-    this.change({ state: replaceEqualDeep(this.live.state, state) });
+    this.change({ state: replaceEqualDeep(this.live.state, state), isStateCurrent: true });
   }
 
   addMark(mark: Mark): void {

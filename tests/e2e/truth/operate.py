@@ -204,7 +204,7 @@ def _outside(found: Findings, moment: Moment) -> None:
     found.same("whether a wall is said to stand", told.startswith("A wall stands"), wall is not None)
     if wall is not None:
         angle = wall["q_wall"] * (180.0 / math.pi if angles == "deg" else 1.0)
-        found.sentence("wall", told, f"A wall stands {wall['side']} {{n}}.", angle)
+        found.sentence("wall", told, f"A wall stands {wall['side']} {{n}} {angles}.", angle)
     pushed, _ = moment.of("F_push")
     told = said.get("refusal-of-push", "")
     if pushed is not None and pushed[0] == pushed[1] == 0.0:

@@ -17,11 +17,11 @@ const STEPS = [
   },
   {
     target: "Charts",
-    text: "The wheel with Ctrl, or after a click into the chart, zooms time (hold V for values), dragging pans, a double click resets, Live returns to now.",
+    text: "The wheel with Ctrl zooms time (hold V for values), dragging pans, a double click resets, Live returns to now.",
   },
   {
     target: "Reachable map",
-    text: "A click in the map sets position and stiffness together; what cannot be reached is refused and says why.",
+    text: "A click in the map aims at a position and a stiffness, Send target commands both; the service refuses with a reason what the joint cannot reach.",
   },
   {
     target: "Tuning",

@@ -94,7 +94,7 @@ it("tells which of the method's defaults is not offered on these models", async 
 
 it("has nothing to walk back where all is as saved", async () => {
   open(SAVED);
-  await screen.findAllByText("0.500");
+  await screen.findAllByText("0.500 s");
   await waitFor(() => expect(screen.getAllByText("switching").length).toBe(2));
   expect(revert().disabled).toBe(true);
 });

@@ -68,7 +68,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
       <table className={styles.table} aria-label="Saved, in force and staged">
         <thead>
           <tr>
-            <th scope="col">λ [s]</th>
+            <th scope="col">Setting</th>
             <th scope="col">saved</th>
             <th scope="col">in force</th>
             <th scope="col">staged</th>
@@ -227,5 +227,6 @@ function inWords(name: Part, value: number | boolean | string): string {
   if (typeof value === "boolean") return value ? "interpolating" : "switching";
   if (name === "u_plan") return `${fixed(value, 1)} V`;
   if (name === "k_ext") return value === 0 ? "none" : fixed(value, 2);
-  return fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS);
+  if (name === "b") return fixed(value, DECIMALS);
+  return `${fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS)} s`;
 }

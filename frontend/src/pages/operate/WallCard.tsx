@@ -48,7 +48,7 @@ function WallControls({ limits }: { limits: Limits }) {
       aside={
         <output id="told-of-wall" className={styles.bounds} data-stands={stands !== null}>
           {stands
-            ? `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)}.`
+            ? `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)} ${unit}.`
             : "simulated plants only"}
         </output>
       }
