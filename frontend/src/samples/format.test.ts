@@ -13,6 +13,7 @@ import {
   short,
   significant,
   timeOfDay,
+  withError,
 } from "./format";
 
 describe("numbers", () => {
@@ -106,4 +107,17 @@ describe("the time of day", () => {
     expect(dayTime(epoch_s + 0.7499, 0.1)).toBe("14:05:10.0");
     expect(dayTime(epoch_s, 0.001)).toBe("14:05:09.250");
   });
+});
+
+it.each([
+  [333_412, 70_699, "(3.33 ± 0.71)·10⁵"],
+  [-1577, 2179, "−1600 ± 2200"],
+  [2.31847, 0.00312, "2.3185 ± 0.0031"],
+  [0.342, 0.0996, "0.34 ± 0.10"],
+  [350.2, 4.96, "350.2 ± 5.0"],
+  [3.357e-6, 2.1e-8, "(3.357 ± 0.021)·10⁻⁶"],
+  [7, Number.NaN, "7.000"],
+  [7, 0, "7.000"],
+])("writes %d with its standard error %d to the place that it tells", (value, error, text) => {
+  expect(withError(value, error)).toBe(text);
 });

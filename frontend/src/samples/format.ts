@@ -28,6 +28,30 @@ export function significant(value: number, digits: number): string {
   return fixed(value, Math.max(0, digits - 1 - magnitude));
 }
 
+const SUPERSCRIPTS: Readonly<Record<string, string>> = {
+  "-": "⁻",
+  ...Object.fromEntries([..."⁰¹²³⁴⁵⁶⁷⁸⁹"].map((letter, digit) => [String(digit), letter])),
+};
+
+/**
+ * A value and its standard error to the place that the error tells: the error in two significant digits, the value to
+ * the same place; with one power of ten for both where they are large or small. An error that is not known is left out.
+ */
+export function withError(value: number, error: number): string {
+  if (!(error > 0) || !Number.isFinite(error) || !Number.isFinite(value)) return significant(value, 4);
+  const place = Math.floor(Math.log10(Number(error.toPrecision(2)))) - 1;
+  const size = Math.floor(Math.log10(Math.max(Math.abs(value), error)));
+  if (size < 5 && place > -5) {
+    const rounded = (number: number) =>
+      fixed(Math.round(number / 10 ** place) * 10 ** place, Math.max(0, -place));
+    return `${rounded(value)} ± ${rounded(error)}`;
+  }
+  const decimals = Math.max(0, size - place);
+  const scaled = (number: number) => fixed(number / 10 ** size, decimals);
+  const power = [...String(size)].map((letter) => SUPERSCRIPTS[letter]).join("");
+  return `(${scaled(value)} ± ${scaled(error)})·10${power}`;
+}
+
 /** A figure of a result; one that is not there was not measured, and the reason stands beside it. */
 export function measured(value: number | null, digits: number): string {
   return value === null ? NOT_MEASURED : significant(value, digits);

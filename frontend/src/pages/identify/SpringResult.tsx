@@ -6,7 +6,7 @@ import { CurvePlot } from "../../charts/CurvePlot";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
-import { dateTime, fixed, significant } from "../../samples/format";
+import { dateTime, fixed, withError } from "../../samples/format";
 import { curvesQuery, springTableCurvesQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { Identification, Spring, SpringCurves, SpringTable, SpringTableReading } from "../../wire/types";
@@ -15,7 +15,6 @@ import { ApplyParameters } from "./ApplyParameters";
 import styles from "./Identify.module.css";
 
 const MILLI = 1000;
-const LARGE = 1e5;
 const ORDER_COLOURS: Record<number, string> = { 2: "text", 3: HUES.u_B, 5: HUES.u_A };
 
 export function SpringRunResult({ identification }: { identification: Identification }) {
@@ -133,7 +132,7 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
             {spring.fits.map((fit) => (
               <Table.Td key={fit.order} className={page.number} style={{ whiteSpace: "nowrap" }}>
                 <Shown value={fit.k[power]} why={`order ${fit.order} has none`}>
-                  {(k) => `${coefficient(k, 4)} ± ${coefficient(fit.std_errors[power] ?? Number.NaN, 2)}`}
+                  {(k) => withError(k, fit.std_errors[power] ?? Number.NaN)}
                 </Shown>
               </Table.Td>
             ))}
@@ -142,13 +141,6 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
       </Table.Tbody>
     </Table>
   );
-}
-
-/** Coefficients of high powers are millions: four digits of them are enough. */
-function coefficient(value: number, digits: number): string {
-  if (!(Math.abs(value) >= LARGE)) return significant(value, digits);
-  const [mantissa, exponent] = value.toExponential(digits - 2).split("e");
-  return `${mantissa}·10^${Number(exponent)}`.replace("-", "−");
 }
 
 function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurves; hue: string }) {

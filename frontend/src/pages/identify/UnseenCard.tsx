@@ -5,11 +5,11 @@ import { useQueries } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "wouter";
 import { type Curve, CurvePlot } from "../../charts/CurvePlot";
-import { Shown } from "../../components/Absent";
+import { Absent, Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
-import { fixed, significant } from "../../samples/format";
+import { fixed, significant, withError } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { unseenQuery } from "../../service/comparedModels";
@@ -234,10 +234,13 @@ function Side({ name, title, shown, outputs, unit, factor }: SideProps) {
                 {candidate.estimates.map((one, at) => (
                   <Table.Td key={one.name} className={page.number}>
                     <span className={styles.together}>
-                      {significant(one.value, 4)} ±{" "}
-                      <Shown value={one.std} why="its standard error was not determined">
-                        {(std) => significant(std, 2)}
-                      </Shown>
+                      {one.std === null ? significant(one.value, 4) : withError(one.value, one.std)}
+                      {one.std === null && (
+                        <>
+                          {" ± "}
+                          <Absent why="its standard error was not determined" />
+                        </>
+                      )}
                     </span>
                     {index > 0 && (
                       <small className={styles.apart}>
