@@ -1,5 +1,15 @@
 import { describe, expect, it } from "vitest";
-import { type Angles, angleText, boxText, inSI, inWords, rangeText, readingOf, told } from "./quantity";
+import {
+  type Angles,
+  angleText,
+  boxText,
+  inSI,
+  inWords,
+  rangeText,
+  readingNear,
+  readingOf,
+  told,
+} from "./quantity";
 
 /** Angles in degrees with up to six decimals, the same at each run. */
 function* someAngles(): Generator<number> {
@@ -100,4 +110,18 @@ it("reads a text in degrees in radians, where somebody changes the unit while it
   expect(inWords("120 deg is outside -100 to 100 deg", "rad")).toBe(
     "2.094 rad is outside -1.745 to 1.745 rad",
   );
+});
+
+it.each([
+  [7.019e-5, "V", "µV", 70.19],
+  [3.357e-6, "V", "µV", 3.357],
+  [-4.2e-8, "N", "nN", -42],
+  [0.0021, "V", "V", 0.0021],
+  [0, "V", "V", 0],
+  [1e-5, "1", "1", 1e-5],
+  [1e-5, "N·m/rad", "N·m/rad", 1e-5],
+])("reads %d %s in %s", (value, unit, read, figure) => {
+  const reading = readingNear(value, unit, "deg");
+  expect(reading.unit).toBe(read);
+  expect(value * reading.factor).toBeCloseTo(figure, 9);
 });

@@ -37,6 +37,19 @@ export function readingOf(unit: string, angles: Angles): Reading {
   return (angles === "deg" ? IN_DEGREES[unit] : undefined) ?? { unit, factor: 1 };
 }
 
+/** Units that take a prefix where a number is small. */
+const PREFIXED: ReadonlySet<string> = new Set(["V", "N", "s", "m", "A"]);
+
+/**
+ * How a quantity is read whose largest figure is `largest` in SI: as `readingOf`, and small volts, newtons, seconds,
+ * metres and amperes with the prefix that makes them numbers from 1 on.
+ */
+export function readingNear(largest: number, unit: string, angles: Angles): Reading {
+  const size = Math.abs(largest);
+  if (!PREFIXED.has(unit) || !(size > 0) || size >= 1e-3) return readingOf(unit, angles);
+  return size >= 1e-6 ? { unit: `µ${unit}`, factor: 1e6 } : { unit: `n${unit}`, factor: 1e9 };
+}
+
 /** A value in SI as it stands in a number box: as it was typed, or else to six digits. */
 export function boxText(value: number, unit: string, angles: Angles): string {
   if (!(unit in IN_DEGREES)) return String(value);

@@ -5,7 +5,7 @@ import { Explained } from "../../components/Explained";
 import { Unit } from "../../components/Unit";
 import { Verdict } from "../../components/Verdict";
 import { measured, NOT_MEASURED } from "../../samples/format";
-import { type Angles, inWords, readingOf, told } from "../../samples/quantity";
+import { type Angles, inWords, readingNear, readingOf, told } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { figureEntry } from "../../service/glossary";
 import type { Criterion, Metric } from "../../wire/types";
@@ -71,9 +71,16 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
                   <Explained of={figureEntry(metric)}>{metric.label}</Explained>
                   <Reason text={metric.reason} seen={metric.value === null ? undefined : SEEN["<"]} />
                 </Table.Td>
-                <Table.Td className={page.number}>{figure(metric, 4, angles)}</Table.Td>
+                <Table.Td className={page.number}>
+                  {measured(
+                    metric.value === null
+                      ? null
+                      : metric.value * readingNear(metric.value, metric.unit, angles).factor,
+                    4,
+                  )}
+                </Table.Td>
                 <Table.Td>
-                  <Unit unit={metric.unit} />
+                  <Unit unit={metric.unit} near={metric.value ?? undefined} />
                 </Table.Td>
               </Table.Tr>
             ))}
