@@ -18,6 +18,7 @@ from backend.api.auth import signed_in
 from backend.api.service import Service
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
+from backend.archive.figures import RecordedFigures
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
@@ -218,6 +219,7 @@ def assemble(
         bring_up=bring_up,
         live=live,
         runs=stored_runs,
+        figures=RecordedFigures(database),
         run_library=RunLibrary(database),
         identifications=StoredIdentifications(
             database, stored_runs.progress, processes.computing, lambda: present.tuning

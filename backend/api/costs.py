@@ -8,7 +8,7 @@ STOP waiting.
 from dataclasses import dataclass
 
 from backend import processes
-from backend.archive import downloads
+from backend.archive import downloads, figures
 from backend.offload import Limits
 from backend.operating import chart_sheets, dry_runs, text_work
 
@@ -58,6 +58,7 @@ SHEET = Cost(
 )
 REPORT = Cost("the process for reports", processes.REPORTS)
 LONG_RECORDING = Cost("a thread; of long recordings the process for reports", processes.REPORTS)
+RANGE = Cost("threads of the service; of long ranges a process for each", at_a_time=f"{figures.AT_ONCE}")
 EVALUATION = Cost("the process for evaluations of stored runs", processes.EVALUATIONS)
 MODELS = Cost("the process for results and banks")
 STUDY = Cost("the processes for studies")
@@ -177,6 +178,10 @@ COSTS: dict[str, Cost] = {
     "POST /api/runs/{id}/replay": ROWS,
     "GET /api/runs/{id}/samples": LONG_RECORDING,
     "GET /api/runs/{id}/samples.bin": LONG_RECORDING,
+    "GET /api/runs/{id}/statistics": RANGE,
+    "GET /api/runs/{id}/spectra": RANGE,
+    "GET /api/runs/{id}/range.csv": RANGE,
+    "GET /api/runs/{id}/values": ROWS,
     "GET /api/runs/{id}/report.html": REPORT,
     "GET /api/runs/{id}/report.pdf": REPORT,
     "GET /api/runs/{id}/data.{format}": DOWNLOAD,

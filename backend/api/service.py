@@ -13,6 +13,7 @@ from backend.access.people import Person
 from backend.api.auth import Operator
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
+from backend.archive.figures import RecordedFigures
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
@@ -55,6 +56,7 @@ class Service:
     bring_up: BringUp
     live: LiveStream
     runs: StoredRuns
+    figures: RecordedFigures
     run_library: RunLibrary
     identifications: StoredIdentifications
     evaluations: Evaluations

@@ -35,7 +35,7 @@ def combined_envelope(
     """
     count = len(buckets) - 1
     low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
-    lengths = _lengths(session, recording.run_id, wanted)
+    lengths = lengths_of(session, recording.run_id, wanted)
     names = list(dict.fromkeys(term.column for one in wanted for term in one.terms))
     kept = [name for name in names if name in recording.fields]
     indices = [recording.fields.index(name) for name in kept]
@@ -70,7 +70,8 @@ def sum_of(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: dict[str,
     return total
 
 
-def _lengths(session: Session, run_id: int, wanted: Sequence[Combined]) -> dict[str, float]:
+def lengths_of(session: Session, run_id: int, wanted: Sequence[Combined]) -> dict[str, float]:
+    """Return the lengths of the geometry [m] that these signals need, by name; nan where the run has none."""
     return dict(_found(session, run_id, {str(term.length) for one in wanted for term in one.terms} - {""}))
 
 

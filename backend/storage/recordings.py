@@ -144,6 +144,18 @@ def span(session: Session, run_id: int) -> Span:
     return Span(first.first_tick, last.first_tick + last.count)
 
 
+def tick_before(session: Session, run_id: int, tick: int) -> int:
+    """Return the last recorded tick at or before ``tick`` >= 0, both counted from the first sample of the run.
+
+    Raises UnknownRecordError when nothing of the run was recorded.
+    """
+    first_tick = span(session, run_id).first_tick
+    of_run = select(ChunkRow.first_tick, ChunkRow.count).where(ChunkRow.run_id == run_id)
+    begun = of_run.where(ChunkRow.first_tick <= first_tick + tick).order_by(ChunkRow.first_tick.desc()).limit(1)
+    chunk = session.execute(begun).one()
+    return min(tick, int(chunk.first_tick) + int(chunk.count) - 1 - first_tick)
+
+
 def extent(session: Session, run_id: int) -> Extent:
     """Return the span of a recording and the number of its samples, which takes a look at each chunk.
 

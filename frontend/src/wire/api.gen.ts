@@ -2055,6 +2055,86 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/runs/{id}/statistics": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Statistics
+         * @description Return statistics of every sample of a range: lines that tell how far it is, the result in the last one.
+         */
+        get: operations["get_statistics"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/runs/{id}/spectra": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Spectra
+         * @description Return spectra of every sample of a range (Welch's method): lines as ``statistics``.
+         */
+        get: operations["get_spectra"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/runs/{id}/range.csv": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Range File
+         * @description Return every sample of a range as comma-separated text; values as ``data.csv`` has them.
+         */
+        get: operations["get_range_file"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/runs/{id}/values": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Values
+         * @description Return the values of signals at the samples at or before some times.
+         */
+        get: operations["get_values"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/chart-sheet.pdf": {
         parameters: {
             query?: never;
@@ -4497,6 +4577,29 @@ export interface components {
             verdict: string;
         };
         /**
+         * Moment
+         * @description The values of signals at the sample at or before a time.
+         */
+        Moment: {
+            /**
+             * At S
+             * @description time that was asked for, since the run's first sample [s]
+             */
+            at_s: number;
+            /**
+             * T
+             * @description time of the sample [s]
+             */
+            t: number;
+            /**
+             * Values
+             * @description SI; null where the sample has no value
+             */
+            values: {
+                [key: string]: number | null;
+            };
+        };
+        /**
          * MotorCurves
          * @description Steps of one motor.
          */
@@ -5437,6 +5540,111 @@ export interface components {
             kept: boolean;
         };
         /**
+         * RecordedSpectra
+         * @description Spectra of signals over every sample of a range, by Welch's method.
+         */
+        RecordedSpectra: {
+            /** Run */
+            run: number;
+            /**
+             * From S
+             * @description first tick of the range since the run's first sample [s]
+             */
+            from_s: number;
+            /**
+             * To S
+             * @description last tick of the range since the run's first sample [s]
+             */
+            to_s: number;
+            /**
+             * Period S
+             * @description sampling period [s]
+             */
+            period_s: number;
+            /**
+             * Samples
+             * @description samples that the recording has within the range
+             */
+            samples: number;
+            /**
+             * Missing
+             * @description ticks of the range that the recording lacks
+             */
+            missing: number;
+            /**
+             * Method
+             * @default Welch
+             */
+            method: string;
+            /**
+             * Window
+             * @default Hann
+             */
+            window: string;
+            /**
+             * Overlap
+             * @description share of a segment that the next one overlaps
+             * @default 0.5
+             */
+            overlap: number;
+            /** Signals */
+            signals: {
+                [key: string]: components["schemas"]["SignalSpectrum"];
+            };
+        };
+        /**
+         * RecordedStatistics
+         * @description Statistics of signals over every sample of a range.
+         */
+        RecordedStatistics: {
+            /** Run */
+            run: number;
+            /**
+             * From S
+             * @description first tick of the range since the run's first sample [s]
+             */
+            from_s: number;
+            /**
+             * To S
+             * @description last tick of the range since the run's first sample [s]
+             */
+            to_s: number;
+            /**
+             * Period S
+             * @description sampling period [s]
+             */
+            period_s: number;
+            /**
+             * Samples
+             * @description samples that the recording has within the range
+             */
+            samples: number;
+            /**
+             * Missing
+             * @description ticks of the range that the recording lacks
+             */
+            missing: number;
+            /** Signals */
+            signals: {
+                [key: string]: components["schemas"]["SignalStatistics"];
+            };
+        };
+        /**
+         * RecordedValues
+         * @description The values of signals at some times of a recorded run.
+         */
+        RecordedValues: {
+            /** Run */
+            run: number;
+            /**
+             * Period S
+             * @description sampling period; an older sample means that later ones are missing [s]
+             */
+            period_s: number;
+            /** Moments */
+            moments: components["schemas"]["Moment"][];
+        };
+        /**
          * RecordingsView
          * @description What recordings take, and which may go, oldest first; empty while they take less than the limit.
          */
@@ -5998,11 +6206,112 @@ export interface components {
             name: string;
         };
         /**
+         * SignalSpectrum
+         * @description Power spectral density of one signal at 1, 2, ... times ``step_Hz``; without ``reason`` there is one.
+         */
+        SignalSpectrum: {
+            /** Unit */
+            unit: string;
+            /**
+             * Reason
+             * @description why there is no spectrum, empty where there is one
+             */
+            reason: string;
+            /**
+             * Values
+             * @description samples of the range that have a value
+             */
+            values: number;
+            /**
+             * Without Value
+             * @description samples that have none: not measured, or not in force at that time
+             */
+            without_value: number;
+            /**
+             * Used
+             * @description samples that lie in a segment; those of shorter stretches between gaps do not
+             */
+            used: number;
+            /**
+             * Segment
+             * @description length of a segment in samples
+             */
+            segment: number;
+            /** Segments */
+            segments: number;
+            /**
+             * Step Hz
+             * @description distance of the frequencies [Hz]
+             */
+            step_Hz: number;
+            /**
+             * Noise Bandwidth Hz
+             * @description equivalent noise bandwidth; a sine has the amplitude sqrt(2 density bandwidth) [Hz]
+             */
+            noise_bandwidth_Hz: number;
+            /**
+             * Density
+             * @description one-sided [unit²/Hz]
+             */
+            density: number[];
+        };
+        /**
+         * SignalStatistics
+         * @description Statistics of one signal; null where no sample has a value.
+         */
+        SignalStatistics: {
+            /** Unit */
+            unit: string;
+            /**
+             * Values
+             * @description samples that have a value: the statistics are computed from all of them
+             */
+            values: number;
+            /**
+             * Without Value
+             * @description samples that have none: not measured, or not in force at that time
+             */
+            without_value: number;
+            /** Minimum */
+            minimum: number | null;
+            /**
+             * Minimum S
+             * @description when the minimum is reached first, since the run's first sample [s]
+             */
+            minimum_s: number | null;
+            /** Maximum */
+            maximum: number | null;
+            /**
+             * Maximum S
+             * @description when the maximum is reached first, since the run's first sample [s]
+             */
+            maximum_s: number | null;
+            /** Mean */
+            mean: number | null;
+            /**
+             * Deviation
+             * @description standard deviation about the mean, divided by the number of values
+             */
+            deviation: number | null;
+        };
+        /**
          * Silence
          * @description What falls silent in the safety chain, the plant being whole.
          * @enum {string}
          */
         Silence: "service_silent" | "page_silent";
+        /**
+         * SpectraLine
+         * @description One line of the answer: how much has been read; the last line has the result.
+         */
+        SpectraLine: {
+            /**
+             * Share
+             * @description share of the range that has been read, 0 to 1
+             */
+            share: number;
+            result?: components["schemas"]["RecordedSpectra"] | null;
+        };
         /**
          * SpringCurves
          * @description Pairs of one spring with the polynomials through them.
@@ -6372,6 +6681,18 @@ export interface components {
              * @constant
              */
             type: "state";
+        };
+        /**
+         * StatisticsLine
+         * @description One line of the answer: how much has been read; the last line has the result.
+         */
+        StatisticsLine: {
+            /**
+             * Share
+             * @description share of the range that has been read, 0 to 1
+             */
+            share: number;
+            result?: components["schemas"]["RecordedStatistics"] | null;
         };
         /**
          * StepCurve
@@ -20765,6 +21086,484 @@ export interface operations {
                 };
                 content: {
                     "application/zip": unknown;
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_statistics: {
+        parameters: {
+            query?: {
+                /** @description begin, from the run's first sample [s] */
+                from?: number;
+                /** @description end [s], itself included; the run's end if left out */
+                to?: number | null;
+                /** @description names separated by commas */
+                signals?: string;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["StatisticsLine"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_spectra: {
+        parameters: {
+            query?: {
+                /** @description begin, from the run's first sample [s] */
+                from?: number;
+                /** @description end [s], itself included; the run's end if left out */
+                to?: number | null;
+                /** @description names separated by commas */
+                signals?: string;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["SpectraLine"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_range_file: {
+        parameters: {
+            query?: {
+                /** @description begin, from the run's first sample [s] */
+                from?: number;
+                /** @description end [s], itself included; the run's end if left out */
+                to?: number | null;
+                /** @description names separated by commas */
+                signals?: string;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/csv": unknown;
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_values: {
+        parameters: {
+            query: {
+                /** @description times since the run's first sample [s] */
+                at: number[];
+                /** @description names separated by commas */
+                signals?: string;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RecordedValues"];
                 };
             };
             /** @description the body cannot be parsed */

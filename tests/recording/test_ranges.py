@@ -1,0 +1,216 @@
+"""Figures of a range of a recording come from every sample of it, and agree with the run's CSV."""
+
+import json
+from collections.abc import Iterator
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pytest
+from numpy.typing import NDArray
+from scipy import signal
+
+from backend.archive import figures
+from backend.archive.figures import RangeAsked, file_pieces, spectra_lines, statistics_lines, values_at
+from backend.exports import csv_file
+from backend.exports.source import of_run
+from backend.recording.reader import UnknownSignalError
+from backend.refusal import OutOfRangeError
+from backend.sample import STORED_NAMES
+from backend.storage import Database, open_database
+from backend.storage.records import UnknownRecordError
+from plant.interface import T_s
+from tests.recording.stored_run import R_J, R_M, store_run
+
+COUNT = 130_000
+"""More than two slabs, and no whole number of them."""
+MISSING = slice(61_000, 61_700)
+SIGNALS = ("q", "q_ref", "S", "u_A", "q - q_ref", "x_A")
+
+
+def made_up() -> dict[str, NDArray[np.floating]]:
+    """Return what only every sample tells: noise between spikes of one sample, on a large offset."""
+    chance = np.random.default_rng(5)
+    t = np.arange(COUNT) * T_s
+    q = 0.4 * np.sin(2 * np.pi * 0.2 * t) + 1e-3 * chance.standard_normal(COUNT)
+    q_ref = np.where(t < 20.0, np.nan, 0.4 * np.sin(2 * np.pi * 0.2 * t))
+    S = 1000.0 + chance.standard_normal(COUNT)
+    S[40_000:40_321] = np.nan
+    u_A = np.sign(np.sin(2 * np.pi * 47.0 * t))
+    u_A[70_007], u_A[90_009] = 9.5, -8.5
+    return {"q": q, "q_ref": q_ref, "S": S, "u_A": u_A, "theta_A": 3.0 * q}
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Database, int]]:
+    database = open_database(tmp_path_factory.mktemp("ranges"))
+    yield database, store_run(database, made_up(), MISSING)
+    database.close()
+
+
+@pytest.fixture(scope="module")
+def whole(stored: tuple[Database, int], tmp_path_factory: pytest.TempPathFactory) -> dict[str, NDArray[np.float64]]:
+    """The run's data.csv, read as anybody reads it; beside it what is computed from its columns."""
+    file = tmp_path_factory.mktemp("csv") / "data.csv"
+    file.write_bytes(b"".join(csv_file.write(of_run(*stored))))
+    return with_computed(read_csv(file))
+
+
+def with_computed(columns: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    of = columns
+    return columns | {"q - q_ref": of["q"] - of["q_ref"], "x_A": R_M * of["theta_A"] - R_J * of["q"]}
+
+
+def read_csv(file: Path) -> dict[str, NDArray[np.float64]]:
+    """Read recorded columns in single precision, as they are written: the digits give each value back exactly."""
+    with file.open() as lines:
+        comments = sum(1 for _ in takewhile(lambda line: line.startswith("#"), lines))
+    types = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(STORED_NAMES, pa.float32()))
+    columns = pyarrow.csv.read_csv(file, pyarrow.csv.ReadOptions(skip_rows=comments), convert_options=types)
+    return {name: columns[name].cast(pa.float64()).to_numpy() for name in columns.column_names}
+
+
+def last_of(lines: Iterator[bytes]) -> dict[str, Any]:
+    """Return the result, after checking that the lines before told that it comes."""
+    *under_way, last = [json.loads(line) for line in lines]
+    shares = [line["share"] for line in under_way]
+    assert shares == sorted(shares) and all(0.0 < share <= 1.0 for share in shares)
+    assert all(line["result"] is None for line in under_way)
+    assert last["share"] == 1.0
+    return dict(last["result"])
+
+
+@pytest.mark.parametrize(("from_s", "to_s"), [(0.0, None), (35.7, 66.3), (19.9995, 20.0004), (60.9, 62.0)])
+def test_statistics_are_those_of_the_csv(
+    stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]], from_s: float, to_s: float | None
+) -> None:
+    database, run = stored
+    result = last_of(statistics_lines(database, RangeAsked(run, from_s, to_s, SIGNALS)))
+    t = whole["t"]
+    within = (t >= from_s - 1e-9) & (t <= (np.inf if to_s is None else to_s) + 1e-9)
+    ticks = round((t[within][-1] - t[within][0]) / T_s) + 1
+    assert (result["samples"], result["missing"]) == (within.sum(), ticks - within.sum())
+    assert (result["from_s"], result["to_s"]) == (t[within][0], t[within][-1])
+    for name in SIGNALS:
+        found, column = result["signals"][name], whole[name][within]
+        there = np.isfinite(column)
+        assert (found["values"], found["without_value"]) == (there.sum(), column.size - there.sum())
+        if not there.any():
+            assert found["mean"] is found["deviation"] is found["minimum"] is found["maximum_s"] is None
+            continue
+        wanted = column[there]
+        assert found["mean"] == pytest.approx(wanted.mean(), rel=1e-9, abs=1e-12)
+        assert found["deviation"] == pytest.approx(wanted.std(), rel=1e-9, abs=1e-12)
+        assert (found["minimum"], found["maximum"]) == (wanted.min(), wanted.max())
+        assert found["minimum_s"] == t[within][there][wanted.argmin()]
+        assert found["maximum_s"] == t[within][there][wanted.argmax()]
+
+
+def test_a_file_of_a_range_has_the_rows_of_the_csv(
+    stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]], tmp_path: Path
+) -> None:
+    database, run = stored
+    file = tmp_path / "range.csv"
+    file.write_bytes(b"".join(file_pieces(database, RangeAsked(run, 35.7, 66.3, SIGNALS))))
+    found = read_csv(file)
+    assert list(found) == ["t", *SIGNALS]
+    within = (whole["t"] >= 35.7) & (whole["t"] <= 66.3)
+    for name, column in found.items():
+        np.testing.assert_array_equal(column, whole[name][within])
+
+
+def test_values_are_those_of_the_sample_at_or_before(
+    stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]]
+) -> None:
+    database, run = stored
+    times = [0.0, 35.7, 35.7009, 61.35, 129.999]
+    found = values_at(database, run, times, SIGNALS)
+    for time_s, moment in zip(times, found.moments, strict=True):
+        row = np.flatnonzero(whole["t"] <= time_s + 1e-9)[-1]
+        assert (moment.at_s, moment.t) == (time_s, whole["t"][row])
+        for name in SIGNALS:
+            value = whole[name][row]
+            assert moment.values[name] == (None if np.isnan(value) else value)
+
+
+def test_spectra_are_those_of_scipy(
+    stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database, run = stored
+    result = last_of(spectra_lines(database, RangeAsked(run, 62.0, None, ("q", "u_A"))))
+    within = whole["t"] >= 62.0
+    for name in ("q", "u_A"):
+        found = result["signals"][name]
+        assert (found["values"], found["without_value"], result["missing"]) == (within.sum(), 0, 0)
+        segment = found["segment"]
+        options = {"window": "hann", "nperseg": segment, "detrend": "constant"}
+        f, density = signal.welch(whole[name][within], 1.0 / T_s, **options)
+        np.testing.assert_allclose(found["density"], density[1:-1], rtol=1e-7, atol=1e-14)
+        np.testing.assert_allclose(found["step_Hz"] * np.arange(1, segment // 2), f[1:-1], rtol=1e-12)
+        assert found["used"] == (found["segments"] - 1) * segment // 2 + segment
+    monkeypatch.setattr(figures, "MOST_VALUES", 100_000)
+    with pytest.raises(OutOfRangeError) as refused:
+        list(spectra_lines(database, RangeAsked(run, 62.0, None, ("q", "u_A"))))
+    assert (refused.value.value, refused.value.maximum) == (2 * within.sum(), 100_000)
+
+
+def test_a_spectrum_takes_no_segment_over_a_gap_and_says_what_it_left_out(stored: tuple[Database, int]) -> None:
+    database, run = stored
+    result = last_of(spectra_lines(database, RangeAsked(run, 39.0, 80.0, ("S", "u_A", "q_ref"))))
+    assert (result["samples"], result["missing"]) == (41_001 - 700, 700)
+    stiffness = result["signals"]["S"]
+    assert (stiffness["without_value"], stiffness["values"]) == (321, 41_001 - 700 - 321)
+    assert 0 < stiffness["used"] <= stiffness["values"]
+    # white noise of deviation 1 has the same density everywhere: a gap that was bridged would add to it
+    assert np.mean(stiffness["density"]) == pytest.approx(2.0 * T_s, rel=0.05)
+    square = result["signals"]["u_A"]
+    place = int(np.argmax(square["density"]))
+    assert (place + 1) * square["step_Hz"] == pytest.approx(47.0, abs=square["step_Hz"])
+    amplitude = np.sqrt(2.0 * square["density"][place] * square["noise_bandwidth_Hz"])
+    assert amplitude == pytest.approx(
+        4.0 / np.pi, rel=0.08
+    )  # of its first harmonic; Hann loses up to 15 % aside a line
+    none = last_of(spectra_lines(database, RangeAsked(run, 19.0, 20.05, ("q_ref",))))["signals"]["q_ref"]
+    assert (none["segments"], none["density"], none["values"]) == (0, [], 51)
+    assert none["reason"]
+
+
+@pytest.mark.parametrize(
+    ("from_s", "to_s", "quantity", "minimum", "maximum"),
+    [
+        (130.0, None, "from", 0.0, 129.999),
+        (-0.5, 3.0, "from", 0.0, 129.999),
+        (3.0, 2.0, "to", 3.0, 129.999),
+        (3.0, 130.5, "to", 3.0, 129.999),
+        (3.0002, 3.0008, "range", T_s, None),
+    ],
+)
+def test_a_range_that_is_none_is_refused_with_its_bounds(
+    stored: tuple[Database, int],
+    from_s: float,
+    to_s: float | None,
+    quantity: str,
+    minimum: float,
+    maximum: float | None,
+) -> None:
+    database, run = stored
+    for lines in (statistics_lines, spectra_lines, file_pieces):
+        with pytest.raises(OutOfRangeError) as refused:
+            next(lines(database, RangeAsked(run, from_s, to_s, SIGNALS)))
+        assert (refused.value.quantity, refused.value.unit) == (quantity, "s")
+        assert refused.value.minimum == pytest.approx(minimum)
+        assert refused.value.maximum == (None if maximum is None else pytest.approx(maximum))
+
+
+def test_what_is_not_there_is_refused(stored: tuple[Database, int]) -> None:
+    database, run = stored
+    for lines in (statistics_lines, spectra_lines, file_pieces):
+        with pytest.raises(UnknownSignalError):
+            next(lines(database, RangeAsked(run, 0.0, 1.0, ("q", "nonsense"))))
+        with pytest.raises(UnknownRecordError):
+            next(lines(database, RangeAsked(run + 1, 0.0, 1.0, ("q",))))
+    with pytest.raises(OutOfRangeError):
+        values_at(database, run, [0.0, 130.0], ["q"])
