@@ -77,7 +77,8 @@ def last_of(lines: Iterator[bytes]) -> dict[str, Any]:
     """Return the result, after checking that the lines before told that it comes."""
     *under_way, last = [json.loads(line) for line in lines]
     shares = [line["share"] for line in under_way]
-    assert shares == sorted(shares) and all(0.0 < share <= 1.0 for share in shares)
+    assert shares == sorted(shares)
+    assert all(0.0 < share <= 1.0 for share in shares)
     assert all(line["result"] is None for line in under_way)
     assert last["share"] == 1.0
     return dict(last["result"])

@@ -8,6 +8,8 @@ import type { PictureKind } from "./save";
 interface ChartToolsProps {
   readonly measuring: boolean;
   readonly figures: boolean;
+  /** Of what the service has every sample; null where the page has all that there is. */
+  readonly dataOf: string | null;
   onMeasure(): void;
   onFigures(): void;
   onSpectrum(): void;
@@ -16,7 +18,7 @@ interface ChartToolsProps {
 }
 
 export function ChartTools(props: ChartToolsProps) {
-  const { measuring, figures, onMeasure, onFigures, onSpectrum, onPicture, onData } = props;
+  const { measuring, figures, dataOf, onMeasure, onFigures, onSpectrum, onPicture, onData } = props;
   return (
     <>
       <Button
@@ -27,10 +29,15 @@ export function ChartTools(props: ChartToolsProps) {
       >
         Measure
       </Button>
-      <Tool name="Statistics" hint="Min, max, mean of what is in sight" pressed={figures} onClick={onFigures}>
+      <Tool
+        name="Statistics"
+        hint="Statistics of the visible range, or between the cursors"
+        pressed={figures}
+        onClick={onFigures}
+      >
         <TbSum size={16} />
       </Tool>
-      <Tool name="Spectrum" hint="Spectrum of what is in sight, or between the cursors" onClick={onSpectrum}>
+      <Tool name="Spectrum" hint="Spectrum of the visible range, or between the cursors" onClick={onSpectrum}>
         <TbChartHistogram size={16} />
       </Tool>
       <Menu position="top" withinPortal>
@@ -50,7 +57,11 @@ export function ChartTools(props: ChartToolsProps) {
           <Menu.Item onClick={() => onPicture("png")}>PNG, 180 mm at 300 dpi</Menu.Item>
         </Menu.Dropdown>
       </Menu>
-      <Tool name="Save data" hint="Data of what is in sight (CSV, SI)" onClick={onData}>
+      <Tool
+        name="Save data"
+        hint={`${dataOf === null ? "Data" : `Every sample of ${dataOf}`} in the visible range, or between the cursors (CSV, SI)`}
+        onClick={onData}
+      >
         <TbFileTypeCsv size={16} />
       </Tool>
     </>

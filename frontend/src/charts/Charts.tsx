@@ -4,7 +4,7 @@ import { useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { Terms } from "../components/Terms";
-import { type SampleTable, toCsv } from "../samples/table";
+import { toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
 import { type Panel, unitOf } from "../theme/signals";
 import styles from "./Charts.module.css";
@@ -18,14 +18,16 @@ import { type Origin, sheetNow } from "./origin";
 import { PlaneFigure } from "./Planes";
 import { isPlane } from "./plane";
 import type { Playhead } from "./playhead";
+import { RangeStatistics } from "./RangeStatistics";
 import { Readout } from "./readout";
 import { SpectrumDialog } from "./SpectrumDialog";
-import { StatisticsTable } from "./StatisticsTable";
-import { type PictureKind, picture, save, stamp } from "./save";
+import { type PictureKind, picture, save, saveFrom, stamp } from "./save";
 import { svgOf } from "./sheet";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
+import type { StoredData } from "./stored";
 import { timeText } from "./timeAxis";
+import type { SpectrumOrder } from "./useSpectra";
 import type { ViewControl } from "./useViewport";
 import { useWheelHint, WHEEL_HINT } from "./useWheelHint";
 import { held, panned, stretch, type Viewport, zoomed } from "./viewport";
@@ -49,6 +51,8 @@ interface ChartsProps {
   readonly name: string;
   /** Time of day at time 0 [s since 1970]; left out where there is no one such time. */
   readonly epoch_s?: () => number;
+  /** What the service has every sample of; left out where the page has all that there is. */
+  readonly stored?: StoredData;
   /** What is drawn is not the person's to choose. */
   readonly fixed?: boolean;
   /** Buttons before the tools. */
@@ -59,6 +63,7 @@ interface ChartsProps {
 
 export function Charts(props: ChartsProps) {
   const { panels, source, control, home, longest_s, limits, marks, stale, playhead, name } = props;
+  const stored = props.stored ?? null;
   const { change, current } = control;
   const scheme = useComputedColorScheme("light");
   const size = useElementSize();
@@ -72,7 +77,7 @@ export function Charts(props: ChartsProps) {
   const epoch = useEpoch(preferences.clock ? props.epoch_s : undefined);
   const [measuring, measure] = useDisclosure(false);
   const [unsaved, setUnsaved] = useState<string | null>(null);
-  const [spectrum, setSpectrum] = useState<SampleTable | null>(null);
+  const [spectrum, setSpectrum] = useState<SpectrumOrder | null>(null);
   useHotkeys([["m", measure.toggle]]);
   const readout = useMemo(
     () => new Readout(source, [...timed, ...planes], playhead),
@@ -159,10 +164,9 @@ export function Charts(props: ChartsProps) {
     const drawn = panels.flatMap(({ traces, over }) => [...traces, ...(over === undefined ? [] : [over])]);
     return [...new Set(drawn.map((one) => one.name))];
   }, [panels]);
-  const selected = useCallback(
-    () => source.table(names, readout.selection() ?? seen()),
-    [source, names, readout, seen],
-  );
+  const range = useCallback(() => readout.selection() ?? seen(), [readout, seen]);
+  const selected = useCallback(() => source.table(names, range()), [source, names, range]);
+  const told = useCallback((time_s: number) => timeText(time_s, 0.001, epoch()), [epoch]);
 
   function toggle(signal: string): void {
     const kept = preferences.hidden.filter((one) => one !== signal);
@@ -182,7 +186,21 @@ export function Charts(props: ChartsProps) {
     }
   }
 
+  function orderSpectrum(): void {
+    setSpectrum({ range: range(), table: stored === null ? selected() : null, stored });
+  }
+
   function saveData(): void {
+    const file = stored?.file(names, range());
+    if (file === null) {
+      setUnsaved(`No data were saved: ${stored?.fileOf} has no sample in this range.`);
+      return;
+    }
+    setUnsaved(null);
+    if (file !== undefined) {
+      saveFrom(file);
+      return;
+    }
     const content = toCsv(selected(), unitOf);
     save(new Blob([content], { type: "text/csv" }), `${name}-${stamp(new Date())}.csv`);
   }
@@ -249,11 +267,14 @@ export function Charts(props: ChartsProps) {
           </div>
         )}
         {preferences.statistics && (
-          <StatisticsTable
+          <RangeStatistics
             panels={panels}
             hidden={hidden}
+            names={names}
+            range={range}
             table={selected}
-            timeText={(time_s) => timeText(time_s, 0.001, epoch())}
+            stored={stored}
+            timeText={told}
           />
         )}
       </Terms>
@@ -265,9 +286,10 @@ export function Charts(props: ChartsProps) {
           figures={preferences.statistics}
           onMeasure={measure.toggle}
           onFigures={() => remember({ statistics: !preferences.statistics })}
-          onSpectrum={() => setSpectrum(selected())}
+          onSpectrum={orderSpectrum}
           onPicture={(kind) => void savePicture(kind)}
           onData={saveData}
+          dataOf={stored?.fileOf ?? null}
         />
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
         <span className={styles.toolbarEnd}>
@@ -275,7 +297,7 @@ export function Charts(props: ChartsProps) {
           {wheelHint ? WHEEL_HINT : props.remark}
         </span>
       </div>
-      <SpectrumDialog panels={panels} table={spectrum} onClose={() => setSpectrum(null)} />
+      <SpectrumDialog panels={panels} order={spectrum} timeText={told} onClose={() => setSpectrum(null)} />
     </section>
   );
 }

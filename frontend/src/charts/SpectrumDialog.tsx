@@ -1,43 +1,56 @@
 /** Power density or amplitude over frequency of what was in sight, or between the cursors, when it was opened. */
 
-import { Modal, NativeSelect, SegmentedControl, useComputedColorScheme } from "@mantine/core";
+import { Modal, NativeSelect, Progress, SegmentedControl, useComputedColorScheme } from "@mantine/core";
 import { useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
+import type { SignalSpectrum, Spectra } from "../samples/figures";
 import { fixed, significant } from "../samples/format";
-import { longestWhole, type Spectrum, welch } from "../samples/spectrum";
-import type { SampleTable } from "../samples/table";
+import type { Spectrum } from "../samples/spectrum";
 import { dashOf, type Panel, paintOf } from "../theme/signals";
-import { PERIOD_S } from "../wire/sample.gen";
+import { basisWords, grouped } from "./basisWords";
 import { readColours } from "./colours";
 import { decadeRange } from "./range";
 import styles from "./Spectrum.module.css";
 import { logLabels } from "./ticks";
+import { type SpectrumOrder, useSpectra } from "./useSpectra";
 
 type Quantity = "density" | "amplitude";
 
 interface SpectrumDialogProps {
   readonly panels: readonly Panel[];
   /** Taken when the dialog was opened; null while it is closed. */
-  readonly table: SampleTable | null;
+  readonly order: SpectrumOrder | null;
+  /** A moment as the time axis tells it. */
+  timeText(time_s: number): string;
   onClose(): void;
 }
 
-export function SpectrumDialog({ panels, table, onClose }: SpectrumDialogProps) {
+export function SpectrumDialog({ panels, order, timeText, onClose }: SpectrumDialogProps) {
   return (
-    <Modal opened={table !== null} onClose={onClose} title="Spectrum" size={860}>
-      {table !== null && <Content panels={panels} table={table} />}
+    <Modal opened={order !== null} onClose={onClose} title="Spectrum" size={860}>
+      {order !== null && <Content panels={panels} order={order} timeText={timeText} />}
     </Modal>
   );
 }
 
-function Content({ panels, table }: { panels: readonly Panel[]; table: SampleTable }) {
+interface ContentProps {
+  readonly panels: readonly Panel[];
+  readonly order: SpectrumOrder;
+  timeText(time_s: number): string;
+}
+
+function Content({ panels, order, timeText }: ContentProps) {
   const [title, setTitle] = useState(panels[0]?.title ?? "");
   const [quantity, setQuantity] = useState<Quantity>("density");
   const panel = panels.find((one) => one.title === title) ?? (panels[0] as Panel);
-  const spectra = useMemo(() => spectraOf(panel, table), [panel, table]);
-  const first = spectra.find((spectrum) => spectrum !== null);
-  const length_s = (table.t.at(-1) ?? 0) - (table.t[0] ?? 0);
+  const names = useMemo(() => panel.traces.map((trace) => trace.name), [panel]);
+  const { spectra: found, share, problem } = useSpectra(order, names);
+  const spectra = useMemo(
+    () => panel.traces.map((trace) => scaled(found, trace.name, panel)),
+    [found, panel],
+  );
   const unit = quantity === "density" ? `(${panel.unit})²/Hz` : panel.unit;
+  const computed = found !== null && spectra.some((spectrum) => spectrum !== null);
   return (
     <div className={styles.content}>
       <div className={styles.choices}>
@@ -63,33 +76,71 @@ function Content({ panels, table }: { panels: readonly Panel[]; table: SampleTab
           </span>
         ))}
       </div>
-      {first === undefined ? (
-        <p className={styles.empty}>
-          {table.raw
-            ? "Too few samples without a gap: show at least 0.1 s."
-            : "Only the extremes of this stretch are here: zoom in until single samples show (about 4 s)."}
-        </p>
-      ) : (
-        <>
-          <SpectrumPlot panel={panel} spectra={spectra} quantity={quantity} />
-          <output className={styles.foot} aria-label="Spectrum facts">
-            {unit} over Hz; {fixed(length_s, 3)} s, {first.segments} Hann windows that overlap by half,
-            resolution {significant(first.frequencies[0] ?? Number.NaN, 3)} Hz
-          </output>
-        </>
+      {problem !== "" && <p className={styles.empty}>Not computed: {problem}</p>}
+      {problem === "" && found === null && (
+        <div className={styles.empty}>
+          <p>Reading every sample of the range: {fixed(100 * share, 0)} %. Close the dialog to stop.</p>
+          <Progress value={100 * share} aria-label="Spectrum progress" />
+        </div>
+      )}
+      {computed && <SpectrumPlot panel={panel} spectra={spectra} quantity={quantity} />}
+      {found !== null && !computed && (
+        <p className={styles.empty}>No spectrum: {reasonsOf(found, names).join("; ")}.</p>
+      )}
+      {found !== null && (
+        <output className={styles.foot} aria-label="Spectrum facts">
+          {computed && `${unit} over Hz. Welch's method: ${methodOf(found, names)}. `}
+          From {basisWords(found.basis, timeText)}.
+          {computed && ` ${[...leftOut(found, names), ...reasonsOf(found, names)].join("; ")}`}
+        </output>
       )}
     </div>
   );
 }
 
-function spectraOf(panel: Panel, table: SampleTable): (Spectrum | null)[] {
-  return panel.traces.map((trace) => {
-    const column = table.columns.find((one) => one.name === trace.name);
-    if (!table.raw || column === undefined) return null;
-    return welch(
-      longestWhole(column.minimum).map((value) => value * panel.factor),
-      PERIOD_S,
-    );
+/** The spectrum of a signal in the unit shown. */
+function scaled(found: Spectra | null, name: string, { factor }: Panel): SignalSpectrum | null {
+  const spectrum = found?.signals.get(name);
+  if (spectrum === undefined) return null;
+  return {
+    ...spectrum,
+    density: spectrum.density.map((value) => value * factor ** 2),
+    amplitude: spectrum.amplitude.map((value) => value * Math.abs(factor)),
+  };
+}
+
+/** How the spectra were made; those that were made alike are told once. */
+function methodOf({ signals }: Spectra, names: readonly string[]): string {
+  const ways = new Map<string, string[]>();
+  for (const name of names) {
+    const spectrum = signals.get(name);
+    if (spectrum === undefined) continue;
+    const step = significant(spectrum.frequencies[0] ?? Number.NaN, 3);
+    const way = `${spectrum.segments} Hann windows of ${grouped(spectrum.segment)} samples that overlap by half, resolution ${step} Hz`;
+    ways.set(way, [...(ways.get(way) ?? []), name]);
+  }
+  if (ways.size === 1) return [...ways.keys()].join();
+  return [...ways].map(([way, alike]) => `${alike.join(", ")}: ${way}`).join("; ");
+}
+
+/** Samples of the range that no spectrum is of. */
+function leftOut({ signals }: Spectra, names: readonly string[]): string[] {
+  return names.flatMap((name) => {
+    const spectrum = signals.get(name);
+    if (spectrum === undefined) return [];
+    const { values, withoutValue, used } = spectrum;
+    const parts = [
+      withoutValue > 0 ? `${grouped(withoutValue)} without value` : "",
+      values > used ? `${grouped(values - used)} in no window` : "",
+    ].filter(Boolean);
+    return parts.length > 0 ? [`${name}: ${parts.join(", ")}`] : [];
+  });
+}
+
+function reasonsOf({ reasons }: Spectra, names: readonly string[]): string[] {
+  return names.flatMap((name) => {
+    const reason = reasons.get(name);
+    return reason === undefined ? [] : [`${name}: ${reason}`];
   });
 }
 

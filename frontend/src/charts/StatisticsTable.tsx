@@ -1,48 +1,48 @@
-/** Peaks with their times, mean and deviation of every signal in sight, renewed twice a second. */
+/** Peaks with their times, mean and deviation of every signal in sight, with what they were computed from. */
 
-import { useEffect, useState } from "react";
+import { Progress } from "@mantine/core";
 import { Shown } from "../components/Absent";
 import { SignalName } from "../components/SignalName";
 import { fixed } from "../samples/format";
-import { type Statistics, statistics } from "../samples/statistics";
-import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
+import { basisWords, grouped } from "./basisWords";
 import styles from "./Statistics.module.css";
-
-const EVERY_MS = 500;
+import type { ShownStatistics } from "./useStatistics";
 
 interface StatisticsTableProps {
   readonly panels: readonly Panel[];
   readonly hidden: ReadonlySet<string>;
-  /** The samples in sight, or between the cursors. */
-  table(): SampleTable;
+  readonly shown: ShownStatistics;
   /** A moment as the time axis tells it. */
   timeText(time_s: number): string;
 }
 
-export function StatisticsTable({ panels, hidden, table, timeText }: StatisticsTableProps) {
-  const [figures, setFigures] = useState<ReadonlyMap<string, Statistics>>(new Map());
-  useEffect(() => {
-    const renew = () => {
-      const { t, columns } = table();
-      setFigures(new Map(columns.map((column) => [column.name, statistics(column, t)])));
-    };
-    renew();
-    const timer = window.setInterval(renew, EVERY_MS);
-    return () => window.clearInterval(timer);
-  }, [table]);
+const HEADINGS = [
+  ["Signal", undefined],
+  ["Values", "Samples that have a value. Those without one were not measured, or not in force."],
+  ["Min, at", undefined],
+  ["Max, at", undefined],
+  ["Mean", undefined],
+  ["Std dev", "Standard deviation about the mean, divided by the number of values."],
+  ["Unit", undefined],
+] as const;
+
+export function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTableProps) {
+  const { figures, share, problem } = shown;
   const rows = panels.flatMap((panel) =>
     panel.traces
       .filter((trace) => !hidden.has(trace.name))
       .map((trace) => ({ panel, name: trace.name, key: `${panel.title} ${trace.name}` })),
   );
+  const ofBuckets = figures?.basis.some(({ bucket_s }) => bucket_s !== null) === true;
+  const none = figures === null ? "not computed yet" : "no sample of this range has a value";
   return (
-    <div className={styles.frame}>
-      <table className={styles.table} aria-label="Statistics">
+    <div className={styles.frame} aria-busy={share !== null}>
+      <table className={styles.table} aria-label="Statistics" data-old={share !== null}>
         <thead>
           <tr>
-            {["Signal", "Min, at", "Max, at", "Mean", "Std dev", "Unit"].map((heading) => (
-              <th key={heading} scope="col">
+            {HEADINGS.map(([heading, hint]) => (
+              <th key={heading} scope="col" title={hint}>
                 {heading}
               </th>
             ))}
@@ -50,40 +50,55 @@ export function StatisticsTable({ panels, hidden, table, timeText }: StatisticsT
         </thead>
         <tbody>
           {rows.map(({ panel, name, key }) => {
-            const figure = figures.get(name);
-            const shown = (value: number | undefined, decimals: number) => (
-              <Shown value={value} why="no value of it in sight">
+            const figure = figures?.signals.get(name);
+            const number = (value: number | undefined, decimals: number, why = none) => (
+              <Shown value={value} why={why}>
                 {(some) => fixed(some * panel.factor, decimals)}
               </Shown>
             );
             const at = (time_s: number | undefined) => (
               <div className={styles.when}>
-                <Shown value={time_s} why="no value of it in sight">
+                <Shown value={time_s} why={none}>
                   {timeText}
                 </Shown>
               </div>
             );
+            const needsAll = ofBuckets ? "it needs every sample: only min and max are here" : none;
             return (
               <tr key={key}>
                 <th scope="row">
                   <SignalName name={name} />
                 </th>
                 <td>
-                  {shown(figure?.minimum, panel.decimals)}
+                  <Shown value={ofBuckets ? undefined : figure?.values} why={needsAll}>
+                    {grouped}
+                  </Shown>
+                  {figure !== undefined && !ofBuckets && figure.withoutValue > 0 && (
+                    <div className={styles.when}>{grouped(figure.withoutValue)} without value</div>
+                  )}
+                </td>
+                <td>
+                  {number(figure?.minimum, panel.decimals)}
                   {at(figure?.minimum_s)}
                 </td>
                 <td>
-                  {shown(figure?.maximum, panel.decimals)}
+                  {number(figure?.maximum, panel.decimals)}
                   {at(figure?.maximum_s)}
                 </td>
-                <td>{shown(figure?.mean, panel.decimals)}</td>
-                <td>{shown(figure?.deviation, panel.decimals + 1)}</td>
+                <td>{number(figure?.mean, panel.decimals, needsAll)}</td>
+                <td>{number(figure?.deviation, panel.decimals + 1, needsAll)}</td>
                 <td>{panel.unit}</td>
               </tr>
             );
           })}
         </tbody>
       </table>
+      <output className={styles.foot} aria-label="Statistics facts">
+        {problem !== "" && `Not computed: ${problem}`}
+        {problem === "" && figures !== null && `From ${basisWords(figures.basis, timeText)}.`}
+        {share !== null && ` Reading every sample of the new range: ${fixed(100 * share, 0)} %`}
+      </output>
+      {share !== null && <Progress value={100 * share} size={3} aria-label="Statistics progress" />}
     </div>
   );
 }

@@ -59,7 +59,7 @@ export function comparedPanels(panels: readonly Panel[], further = 1): Panel[] {
 }
 
 /** The name of a signal and the recording it is of: 0 for the first. */
-function parted(name: string): { signal: string; of: number } {
+export function parted(name: string): { signal: string; of: number } {
   const at = name.indexOf(PRIME);
   if (at < 0) return { signal: name, of: 0 };
   const mark = name.slice(at);
@@ -122,6 +122,10 @@ export class ComparedSource implements PlotSource {
   at(name: string, time_s: number): number {
     const { signal, of } = parted(name);
     return this.sources[of]?.at(signal, time_s) ?? Number.NaN;
+  }
+
+  exactAt(time_s: number): boolean {
+    return this.sources.every((source) => source.exactAt?.(time_s) ?? true);
   }
 
   /** Of the first recording only: files and figures of several are taken one by one. */

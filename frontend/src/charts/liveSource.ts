@@ -20,6 +20,9 @@ class Buffers {
   }
 }
 
+/** Share of a period by which a time may miss its tick: 0.3 / 0.001 is a little less than 300. */
+const EXACT = 1e-3;
+
 /** How far the way of the samples to this page may carry the time of day astray before it is set anew. */
 const ASTRAY_S = 0.25;
 
@@ -109,10 +112,10 @@ export class LiveSource implements PlotSource {
       window.copyTo(name, from, values);
       return { name, minimum: values, maximum: values };
     });
-    return { raw: true, t, columns };
+    return { raw: true, width_s: PERIOD_S, t, columns };
   }
 
   at(name: string, time_s: number): number {
-    return this.store.window.at(name, Math.round(time_s / PERIOD_S));
+    return this.store.window.at(name, Math.floor(time_s / PERIOD_S + EXACT));
   }
 }

@@ -43,11 +43,11 @@ export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, ban
 
 /** λ as the samples in sight have it: two numbers where it was changed meanwhile. */
 function lambdas(source: PlotSource, seen: Stretch): string[] {
-  const { t, columns } = source.table(Object.keys(TUNING), seen);
+  const { t, raw, columns } = source.table(Object.keys(TUNING), seen);
   return Object.entries(TUNING).map(([name, symbol]) => {
     const column = columns.find((one) => one.name === name);
     if (column === undefined) return `${symbol} not recorded`;
-    const { minimum, maximum } = statistics(column, t);
+    const { minimum, maximum } = statistics(column, t, raw);
     if (Number.isNaN(minimum)) return `${symbol} not in force`;
     return `${symbol} ${minimum === maximum ? short(minimum) : `${short(minimum)} … ${short(maximum)}`} s`;
   });

@@ -1,6 +1,6 @@
 /** A stored run as a source of curves: an overview of all of it, and detail where the view has come to rest. */
 
-import { nearest, pointTimes, pointValues } from "../samples/envelope";
+import { atOrBefore, pointTimes, pointValues } from "../samples/envelope";
 import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
@@ -72,11 +72,16 @@ export class RecordedSource implements PlotSource {
   at(name: string, time_s: number): number {
     const chosen = this.covering({ from_s: time_s, to_s: time_s });
     if (chosen === null || chosen.samples.t.length === 0) return Number.NaN;
-    const index = nearest(chosen.samples.t, time_s);
+    const index = atOrBefore(chosen.samples.t, time_s);
+    if (index < 0) return Number.NaN;
     const signal = chosen.samples.signals[name];
     const minimum = signal?.minimum[index] ?? Number.NaN;
     const maximum = signal?.maximum[index] ?? Number.NaN;
     return (minimum + maximum) / 2;
+  }
+
+  exactAt(time_s: number): boolean {
+    return this.covering({ from_s: time_s, to_s: time_s })?.samples.raw ?? true;
   }
 
   pairs(x: string, y: string, seen: Stretch): Pairs {
@@ -91,13 +96,14 @@ export class RecordedSource implements PlotSource {
 
   table(names: readonly string[], seen: Stretch): SampleTable {
     const chosen = this.covering(seen);
-    if (chosen === null) return { raw: false, t: new Float64Array(0), columns: [] };
-    const { t, raw, signals } = chosen.samples;
+    if (chosen === null) return { raw: false, width_s: Number.NaN, t: new Float64Array(0), columns: [] };
+    const { t, raw, width_s, signals } = chosen.samples;
     const inside = t.map((_, row) => row).filter((row) => within(t[row] as number, seen));
     const values = (series: Float32Array | undefined) =>
       Float64Array.from(inside, (row) => series?.[row] ?? Number.NaN);
     return {
       raw,
+      width_s,
       t: Float64Array.from(inside, (row) => t[row] as number),
       columns: names.map((name) => ({
         name,

@@ -16,6 +16,14 @@ export function save(content: Blob, name: string): void {
   setTimeout(() => URL.revokeObjectURL(link.href));
 }
 
+/** Let the browser download what the service writes, under the name that it gives; however long, nothing is held here. */
+export function saveFrom(address: string): void {
+  const link = document.createElement("a");
+  link.href = address;
+  link.download = "";
+  link.click();
+}
+
 /** The moment as part of a file name: 2026-03-01-14-05-09, in the person's own zone. */
 export function stamp(when: Date): string {
   const parts = [

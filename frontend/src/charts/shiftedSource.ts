@@ -43,6 +43,10 @@ export class ShiftedSource implements PlotSource {
       : this.own.at(name, time_s - this.offset_s);
   }
 
+  exactAt(time_s: number): boolean {
+    return this.own.exactAt?.(time_s - this.offset_s) ?? true;
+  }
+
   table(names: readonly string[], stretch: Stretch): SampleTable {
     const found = this.own.table(names, this.back(stretch));
     return { ...found, t: found.t.map((time) => time + this.offset_s) };

@@ -33,8 +33,10 @@ export interface PlotSource {
   curves(panel: Panel, stretch: Stretch, pixels: number): Curves;
   /** About `points` pairs at most, each of one moment, or of the middles of one bucket where single samples are not here. */
   pairs?(x: string, y: string, seen: Stretch, points: number): Pairs;
-  /** The sample nearest to an instant, in SI; NaN where there is none. */
+  /** The sample at or before an instant, in SI; the middle of a bucket where single samples are not here; NaN where there is none. */
   at(name: string, time_s: number): number;
+  /** Whether `at` tells a sample then, not the middle of a bucket; left out where it always does. */
+  exactAt?(time_s: number): boolean;
   /** What is known of a stretch, every sample where the source has them; a copy. */
   table(names: readonly string[], stretch: Stretch): SampleTable;
 }

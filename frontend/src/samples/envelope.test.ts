@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { nearest, pointTimes, pointValues } from "./envelope";
+import { atOrBefore, pointTimes, pointValues } from "./envelope";
 
 const floats = (...values: number[]) => Float32Array.from(values);
 const ENVELOPE = {
@@ -33,8 +33,13 @@ it("raw samples stay one point each", () => {
   expect(Array.from(pointValues(raw, "q", 1).values)).toEqual([0, -2, 5]);
 });
 
-it("finds the nearest time", () => {
+it("finds the time at or before a moment", () => {
   const times = [0, 1, 2, 5];
-  expect([-3, 0.4, 0.6, 3.4, 3.6, 99].map((wanted) => nearest(times, wanted))).toEqual([0, 0, 1, 2, 3, 3]);
-  expect(nearest([4], 100)).toBe(0);
+  expect([-3, 0, 0.6, 0.9999, 3.4, 5, 99].map((wanted) => atOrBefore(times, wanted))).toEqual([
+    -1, 0, 0, 1, 2, 3, 3,
+  ]);
+  expect(atOrBefore([4], 3)).toBe(-1);
+  expect(atOrBefore([4], 100)).toBe(0);
+  const ticks = Float64Array.from({ length: 1000 }, (_, tick) => tick * 0.001);
+  expect([0.3, 0.299, 0.7].map((wanted) => atOrBefore(ticks, wanted))).toEqual([300, 299, 700]);
 });

@@ -49,14 +49,18 @@ export function pointValues(
   return { values, extent };
 }
 
-/** Index of the time nearest to `wanted` in ascending `times`. */
-export function nearest(times: ArrayLike<number>, wanted: number): number {
-  let low = 0;
-  let high = times.length - 1;
+/** Share of the distance of two times by which a time may miss its own: 0.3 is not 300 times 0.001. */
+const EXACT = 1e-3;
+
+/** Index of the last time at or before `wanted` in ascending `times`; -1 where it is before all of them. */
+export function atOrBefore(times: ArrayLike<number>, wanted: number): number {
+  const slack = times.length > 1 ? EXACT * ((times[1] as number) - (times[0] as number)) : 0;
+  let low = -1;
+  let high = times.length;
   while (high - low > 1) {
     const middle = (low + high) >> 1;
-    if ((times[middle] as number) <= wanted) low = middle;
+    if ((times[middle] as number) <= wanted + slack) low = middle;
     else high = middle;
   }
-  return wanted - (times[low] as number) <= (times[high] as number) - wanted ? low : high;
+  return low;
 }

@@ -8,27 +8,32 @@ const column = (minimum: number[], maximum = minimum) => ({
 });
 
 describe("statistics", () => {
-  it("gives extremes, mean and deviation of raw samples, without the missing ones", () => {
-    const figures = statistics(column([2, 4, Number.NaN, 4, 4, 5, 5, 7, 9]), [1, 2, 3, 4, 5, 6, 7, 8, 9]);
-    expect(figures).toEqual({ minimum: 2, minimum_s: 1, maximum: 9, maximum_s: 9, mean: 5, deviation: 2 });
+  it("gives extremes, mean and deviation of raw samples, and counts the missing ones", () => {
+    const samples = column([2, 4, Number.NaN, 4, 4, 5, 5, 7, 9]);
+    const figures = statistics(samples, [1, 2, 3, 4, 5, 6, 7, 8, 9], true);
+    const extremes = { minimum: 2, minimum_s: 1, maximum: 9, maximum_s: 9 };
+    expect(figures).toEqual({ ...extremes, mean: 5, deviation: 2, values: 8, withoutValue: 1 });
   });
 
   it("keeps its precision far from zero", () => {
-    expect(statistics(column([1e9 + 1, 1e9 + 3]), [0, 1]).deviation).toBeCloseTo(1, 9);
+    expect(statistics(column([1e9 + 1, 1e9 + 3]), [0, 1], true).deviation).toBeCloseTo(1, 9);
   });
 
-  it("takes the exact extremes of an envelope", () => {
-    const figures = statistics(column([-1, 0], [3, 8]), [10, 11]);
-    expect([figures.minimum, figures.maximum, figures.mean]).toEqual([-1, 8, 2.5]);
+  it("takes the exact extremes of an envelope, and no mean or deviation", () => {
+    const figures = statistics(column([-1, 0], [3, 8]), [10, 11], false);
+    expect([figures.minimum, figures.maximum]).toEqual([-1, 8]);
+    expect([figures.mean, figures.deviation]).toEqual([Number.NaN, Number.NaN]);
     expect([figures.minimum_s, figures.maximum_s]).toEqual([10, 11]);
   });
 
   it("says where an extreme is first", () => {
-    const figures = statistics(column([5, 1, 7, 1, 7]), [0, 0.5, 1, 1.5, 2]);
+    const figures = statistics(column([5, 1, 7, 1, 7]), [0, 0.5, 1, 1.5, 2], true);
     expect([figures.minimum_s, figures.maximum_s]).toEqual([0.5, 1]);
   });
 
   it("is NaN without any number", () => {
-    expect(statistics(column([Number.NaN]), [0]).minimum).toBeNaN();
+    const figures = statistics(column([Number.NaN]), [0], true);
+    expect(figures.minimum).toBeNaN();
+    expect([figures.values, figures.withoutValue]).toEqual([0, 1]);
   });
 });

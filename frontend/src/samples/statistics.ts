@@ -9,8 +9,11 @@ export interface Statistics {
   readonly maximum: number;
   readonly maximum_s: number;
   readonly mean: number;
-  /** Standard deviation about the mean. */
+  /** Standard deviation about the mean, divided by the number of values. */
   readonly deviation: number;
+  /** Samples, or buckets, that have a value and that have none. */
+  readonly values: number;
+  readonly withoutValue: number;
 }
 
 const NOTHING: Statistics = {
@@ -20,13 +23,15 @@ const NOTHING: Statistics = {
   maximum_s: Number.NaN,
   mean: Number.NaN,
   deviation: Number.NaN,
+  values: 0,
+  withoutValue: 0,
 };
 
 /**
- * Statistics of a column over the times of its rows; NaN without any number. Of an envelope the extremes are exact, mean and deviation those of the
- * buckets' middles.
+ * Statistics of a column over the times of its rows; NaN without any number. Of an envelope (not `raw`) the extremes
+ * are exact, and there is no mean or deviation: they need every sample.
  */
-export function statistics({ minimum, maximum }: Column, t: ArrayLike<number>): Statistics {
+export function statistics({ minimum, maximum }: Column, t: ArrayLike<number>, raw: boolean): Statistics {
   let low = Number.POSITIVE_INFINITY;
   let high = Number.NEGATIVE_INFINITY;
   let [lowRow, highRow] = [0, 0];
@@ -40,18 +45,20 @@ export function statistics({ minimum, maximum }: Column, t: ArrayLike<number>): 
     if (a < low) [low, lowRow] = [a, row];
     if (b > high) [high, highRow] = [b, row];
     count += 1;
-    const value = (a + b) / 2;
-    const shift = value - mean;
+    const shift = a - mean;
     mean += shift / count;
-    squares += shift * (value - mean);
+    squares += shift * (a - mean);
   }
-  if (count === 0) return NOTHING;
+  const withoutValue = minimum.length - count;
+  if (count === 0) return { ...NOTHING, withoutValue };
   return {
     minimum: low,
     minimum_s: t[lowRow] as number,
     maximum: high,
     maximum_s: t[highRow] as number,
-    mean,
-    deviation: Math.sqrt(squares / count),
+    mean: raw ? mean : Number.NaN,
+    deviation: raw ? Math.sqrt(squares / count) : Number.NaN,
+    values: count,
+    withoutValue,
   };
 }

@@ -7,13 +7,18 @@ const unitOf = () => "rad";
 describe("toCsv", () => {
   it("writes raw samples with units, and nothing where one is missing", () => {
     const values = Float64Array.from([0.25, Number.NaN]);
-    const table = { raw: true, t, columns: [{ name: "q", minimum: values, maximum: values }] };
+    const table = {
+      raw: true,
+      width_s: 0.001,
+      t,
+      columns: [{ name: "q", minimum: values, maximum: values }],
+    };
     expect(toCsv(table, unitOf)).toBe("t [s],q [rad]\n0.1,0.25\n0.101,\n");
   });
 
   it("writes both extremes of an envelope", () => {
     const column = { name: "q", minimum: Float64Array.from([-1, -2]), maximum: Float64Array.from([1, 2]) };
-    const table = { raw: false, t, columns: [column] };
+    const table = { raw: false, width_s: 0.001, t, columns: [column] };
     expect(toCsv(table, unitOf)).toBe("t [s],q_min [rad],q_max [rad]\n0.1,-1,1\n0.101,-2,2\n");
   });
 });

@@ -10,6 +10,8 @@ export interface Column {
 export interface SampleTable {
   /** Every sample of the stretch, not the extremes of buckets. */
   readonly raw: boolean;
+  /** Length of a row: the sampling period, or that of a bucket [s]. */
+  readonly width_s: number;
   /** Begin of each row [s]. */
   readonly t: Float64Array;
   readonly columns: readonly Column[];

@@ -8,6 +8,7 @@ import type { PlacedMark } from "../../charts/decorations";
 import { Playhead } from "../../charts/playhead";
 import { ShiftedSource } from "../../charts/shiftedSource";
 import type { PlotSource } from "../../charts/source";
+import { StoredRuns } from "../../charts/storedRuns";
 import { TraceLine } from "../../charts/TraceLine";
 import { useViewport, type ViewControl } from "../../charts/useViewport";
 import type { Viewport } from "../../charts/viewport";
@@ -182,6 +183,7 @@ function RecordedCharts(props: RecordedChartsProps) {
     <Charts
       panels={useMemo(() => (further === 0 ? panels : comparedPanels(panels, further)), [panels, further])}
       source={source}
+      stored={useMemo(() => new StoredRuns(runs), [runs])}
       control={control}
       home={home}
       longest_s={home.span_s}

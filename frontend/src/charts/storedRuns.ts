@@ -1,0 +1,188 @@
+/** Recorded runs on one time axis, of which the service computes figures from every sample. Pure but for its requests. */
+
+import type { Basis, Figures, SignalSpectrum, Spectra } from "../samples/figures";
+import type { Statistics } from "../samples/statistics";
+import type { Stretch } from "../samples/stretch";
+import {
+  type RecordedSpectra,
+  type RecordedStatistics,
+  rangeFile,
+  rangeSpectra,
+  rangeStatistics,
+  valuesAt,
+  type Waiting,
+} from "../service/ranges";
+import { PERIOD_S } from "../wire/sample.gen";
+import { parted } from "./comparedSource";
+import type { Moment, StoredData } from "./stored";
+
+export interface StoredRun {
+  readonly id: number;
+  readonly duration_s: number;
+  /** What its times are shifted by onto the axis of the charts. */
+  readonly offset_s?: number;
+}
+
+/** A part of what is asked for that is of one run: signals as drawn and as recorded, and the range on its own axis. */
+interface Part {
+  readonly run: StoredRun;
+  readonly drawn: readonly string[];
+  readonly recorded: readonly string[];
+  readonly range: Stretch;
+}
+
+export class StoredRuns implements StoredData {
+  constructor(private readonly runs: readonly StoredRun[]) {}
+
+  get fileOf(): string {
+    return `run ${this.runs[0]?.id}`;
+  }
+
+  async statistics(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Figures> {
+    const found = await this.each(names, range, waiting, ({ run, range: own, recorded }, shared) =>
+      rangeStatistics(run.id, own, recorded, shared),
+    );
+    const signals = found.flatMap(([part, result]) =>
+      part.drawn.map((name, n): [string, Statistics] => [
+        name,
+        statisticsOf(result, part.recorded[n] as string, offsetOf(part.run)),
+      ]),
+    );
+    return { basis: found.map(([part, result]) => this.basis(part, result)), signals: new Map(signals) };
+  }
+
+  async spectra(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Spectra> {
+    const found = await this.each(names, range, waiting, ({ run, range: own, recorded }, shared) =>
+      rangeSpectra(run.id, own, recorded, shared),
+    );
+    const signals = new Map<string, SignalSpectrum>();
+    const reasons = new Map(names.map((name) => [name, "the run has no sample in this range"]));
+    for (const [part, result] of found) {
+      part.drawn.forEach((name, n) => {
+        const { spectrum, reason } = spectrumOf(result, part.recorded[n] as string);
+        if (spectrum === null) reasons.set(name, reason);
+        else reasons.delete(name);
+        if (spectrum !== null) signals.set(name, spectrum);
+      });
+    }
+    return { basis: found.map(([part, result]) => this.basis(part, result)), signals, reasons };
+  }
+
+  async values(names: readonly string[], times_s: readonly number[], signal: AbortSignal): Promise<Moment[]> {
+    const moments = times_s.map(() => new Map<string, number>());
+    await Promise.all(
+      this.runs.map(async (run, of) => {
+        const drawn = names.filter((name) => parted(name).of === of);
+        const last_s = lastOf(run);
+        const inside = times_s.flatMap((time_s, n) => {
+          const own_s = time_s - offsetOf(run);
+          return own_s >= 0 && own_s < last_s + PERIOD_S ? [{ n, at_s: Math.min(own_s, last_s) }] : [];
+        });
+        if (drawn.length === 0 || inside.length === 0) return;
+        const recorded = drawn.map((name) => parted(name).signal);
+        const at = inside.map(({ at_s }) => at_s);
+        const found = await valuesAt(run.id, at, recorded, signal);
+        found.moments.forEach(({ t, at_s, values }, index) => {
+          // an older sample is not of this time: those after it are missing
+          if (at_s - t > 1.5 * found.period_s) return;
+          const moment = moments[inside[index]?.n ?? -1];
+          drawn.forEach((name, n) => {
+            moment?.set(name, values[recorded[n] as string] ?? Number.NaN);
+          });
+        });
+      }),
+    );
+    return moments;
+  }
+
+  file(names: readonly string[], range: Stretch): string | null {
+    const first = this.parts(names, range).find(({ run }) => run === this.runs[0]);
+    return first === undefined ? null : rangeFile(first.run.id, first.range, first.recorded);
+  }
+
+  /** Ask for one run after the other: the service reads few ranges at a time. */
+  private async each<Result>(
+    names: readonly string[],
+    range: Stretch,
+    { signal, onShare }: Waiting,
+    ask: (part: Part, waiting: Waiting) => Promise<Result>,
+  ): Promise<[Part, Result][]> {
+    const parts = this.parts(names, range);
+    const found: [Part, Result][] = [];
+    for (const part of parts) {
+      const hear = (share: number) => onShare((found.length + share) / parts.length);
+      found.push([part, await ask(part, { signal, onShare: hear })]);
+    }
+    return found;
+  }
+
+  private parts(names: readonly string[], { from_s, to_s }: Stretch): Part[] {
+    return this.runs.flatMap((run, of) => {
+      const drawn = names.filter((name) => parted(name).of === of);
+      const own = {
+        from_s: Math.max(0, from_s - offsetOf(run)),
+        to_s: Math.min(to_s - offsetOf(run), lastOf(run)),
+      };
+      if (drawn.length === 0 || own.to_s < own.from_s) return [];
+      return [{ run, drawn, recorded: drawn.map((name) => parted(name).signal), range: own }];
+    });
+  }
+
+  private basis(
+    { run }: Part,
+    { from_s, to_s, samples, missing }: RecordedStatistics | RecordedSpectra,
+  ): Basis {
+    const offset_s = offsetOf(run);
+    return {
+      of: this.runs.length > 1 ? `run ${run.id}` : "",
+      range: { from_s: from_s + offset_s, to_s: to_s + offset_s },
+      samples,
+      missing,
+      bucket_s: null,
+    };
+  }
+}
+
+function offsetOf({ offset_s = 0 }: StoredRun): number {
+  return offset_s;
+}
+
+/** Time of the last sample on the run's own axis [s]. */
+function lastOf({ duration_s }: StoredRun): number {
+  return Math.max(0, duration_s - PERIOD_S);
+}
+
+function statisticsOf({ signals }: RecordedStatistics, name: string, offset_s: number): Statistics {
+  const found = signals[name];
+  const number = (value: number | null | undefined) => value ?? Number.NaN;
+  return {
+    minimum: number(found?.minimum),
+    minimum_s: number(found?.minimum_s) + offset_s,
+    maximum: number(found?.maximum),
+    maximum_s: number(found?.maximum_s) + offset_s,
+    mean: number(found?.mean),
+    deviation: number(found?.deviation),
+    values: found?.values ?? 0,
+    withoutValue: found?.without_value ?? 0,
+  };
+}
+
+function spectrumOf(
+  { signals }: RecordedSpectra,
+  name: string,
+): { spectrum: SignalSpectrum | null; reason: string } {
+  const found = signals[name];
+  if (found === undefined || found.reason !== "") return { spectrum: null, reason: found?.reason ?? "" };
+  const density = Float64Array.from(found.density);
+  const spectrum = {
+    frequencies: density.map((_, line) => (line + 1) * found.step_Hz),
+    density,
+    amplitude: density.map((value) => Math.sqrt(2 * value * found.noise_bandwidth_Hz)),
+    segments: found.segments,
+    segment: found.segment,
+    values: found.values,
+    withoutValue: found.without_value,
+    used: found.used,
+  };
+  return { spectrum, reason: "" };
+}
