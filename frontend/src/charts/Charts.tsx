@@ -79,10 +79,13 @@ export function Charts(props: ChartsProps) {
   const [unsaved, setUnsaved] = useState<string | null>(null);
   const [spectrum, setSpectrum] = useState<SpectrumOrder | null>(null);
   useHotkeys([["m", measure.toggle]]);
+  const told = useCallback((time_s: number) => timeText(time_s, 0.001, epoch()), [epoch]);
   const readout = useMemo(
-    () => new Readout(source, [...timed, ...planes], playhead),
-    [source, timed, planes, playhead],
+    () => new Readout(source, [...timed, ...planes], told, stored, playhead),
+    [source, timed, planes, told, stored, playhead],
   );
+  useEffect(() => () => readout.close(), [readout]);
+  useEffect(() => readout.setMarks(marks), [readout, marks]);
   const seen = useCallback(() => stretch(current.current, source.now_s()), [current, source]);
   const looked = useCallback(() => readout.looked(seen()), [readout, seen]);
   const stack = useRef<ChartStack | null>(null);
@@ -166,7 +169,6 @@ export function Charts(props: ChartsProps) {
   }, [panels]);
   const range = useCallback(() => readout.selection() ?? seen(), [readout, seen]);
   const selected = useCallback(() => source.table(names, range()), [source, names, range]);
-  const told = useCallback((time_s: number) => timeText(time_s, 0.001, epoch()), [epoch]);
 
   function toggle(signal: string): void {
     const kept = preferences.hidden.filter((one) => one !== signal);

@@ -8,6 +8,9 @@ import styles from "./Charts.module.css";
 import { ColourChoice } from "./ColourChoice";
 import { TraceLine } from "./TraceLine";
 
+/** While it is measured: the values at the cursors and their difference, in place of the one value. */
+const CURSORS = ["cursor-0", "cursor-1", "delta"] as const;
+
 interface LegendProps {
   readonly panel: Panel;
   readonly hidden: ReadonlySet<string>;
@@ -44,7 +47,9 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
             <span className="visually-hidden">{trace.name}</span>
           </button>
           <span className={styles.value} data-role={`value-${trace.name}`} />
-          <span className={styles.delta} data-role={`delta-${trace.name}`} />
+          {CURSORS.map((role) => (
+            <span key={role} className={styles.delta} data-role={`${role}-${trace.name}`} />
+          ))}
         </span>
       ))}
       {panel.over !== undefined && (

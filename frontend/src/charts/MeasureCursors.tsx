@@ -12,7 +12,10 @@ interface MeasureCursorsProps {
 export function MeasureCursors({ readout, measuring, span_s }: MeasureCursorsProps) {
   return (
     <>
-      <div className={styles.cursor} data-role="hover" />
+      <div className={styles.cursor} data-role="hover" aria-hidden="true">
+        <span className={styles.lineTime} data-role="hover-time" />
+        <span className={styles.lineMarks} data-role="marks" hidden />
+      </div>
       {([0, 1] as const).map((cursor) => (
         <div
           key={cursor}
@@ -29,7 +32,9 @@ export function MeasureCursors({ readout, measuring, span_s }: MeasureCursorsPro
             const share = event.shiftKey ? 0.1 : 0.005;
             readout.nudge(cursor, by * share, span_s());
           }}
-        />
+        >
+          <span className={styles.lineTime} data-role={`cursor-${cursor}-time`} aria-hidden="true" />
+        </div>
       ))}
     </>
   );

@@ -29,7 +29,8 @@ export function linesOf(panel: Panel, limits: readonly LimitLine[]): readonly Li
 export const MARK_LANE_PX = 14;
 const FONT_PX = 10;
 const LABEL_GAP_PX = 8;
-const LABEL_LENGTH = 28;
+/** Room that a label has at least, however much of its text that is. */
+const LEAST_LABEL = "mode ru… +1";
 
 export function drawLimits(plot: uPlot, limits: readonly LimitLine[], colours: ChartColours): void {
   const { ctx, bbox } = plot;
@@ -81,22 +82,76 @@ export function drawMarks(
   ctx.restore();
 }
 
-/** Names of the marks above the chart, as many as fit; those of faults come first. */
+/** Names of the marks above the chart. */
 function drawLabels(plot: uPlot, marks: readonly PlacedMark[], colours: ChartColours): void {
   const { ctx, bbox } = plot;
   const ratio = devicePixelRatio;
-  const taken: [left: number, right: number][] = [];
   ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
   ctx.textAlign = "left";
   ctx.textBaseline = "bottom";
-  for (const mark of [...marks.filter((one) => one.fault), ...marks.filter((one) => !one.fault)]) {
-    const text = mark.text.length > LABEL_LENGTH ? `${mark.text.slice(0, LABEL_LENGTH - 1)}…` : mark.text;
-    const width = ctx.measureText(text).width;
-    const left = Math.min(plot.valToPos(mark.time_s, "x", true), bbox.left + bbox.width - width);
-    const right = left + width + LABEL_GAP_PX * ratio;
-    if (taken.some(([from, to]) => left < to && right > from)) continue;
-    taken.push([left, right]);
-    ctx.fillStyle = mark.fault ? colours.fault : colours.axis;
-    ctx.fillText(text, left, bbox.top - 2 * ratio);
+  const placed = marks.map((mark) => ({ mark, x: plot.valToPos(mark.time_s, "x", true) }));
+  const right = bbox.left + bbox.width;
+  const labels = labelsOf(placed, right, LABEL_GAP_PX * ratio, (text) => ctx.measureText(text).width);
+  for (const { text, x, fault } of labels) {
+    ctx.fillStyle = fault ? colours.fault : colours.axis;
+    ctx.fillText(text, x, bbox.top - 2 * ratio);
   }
+}
+
+interface Label {
+  readonly text: string;
+  readonly x: number;
+  readonly fault: boolean;
+}
+
+/**
+ * Labels that do not run over each other, from left to right: of marks with too little room between them the first
+ * fault, or else the first, is named, with the number of the others: "trip +2". `right` is where the last one ends.
+ */
+export function labelsOf(
+  placed: readonly { readonly mark: PlacedMark; readonly x: number }[],
+  right: number,
+  gap: number,
+  widthOf: (text: string) => number,
+): Label[] {
+  const least = widthOf(LEAST_LABEL);
+  const groups: { lead: PlacedMark; x: number; count: number }[] = [];
+  for (const { mark, x } of [...placed].sort((a, b) => a.x - b.x)) {
+    const last = groups.at(-1);
+    if (last === undefined || x - last.x >= least + gap) {
+      groups.push({ lead: mark, x, count: 1 });
+      continue;
+    }
+    last.count += 1;
+    if (mark.fault && !last.lead.fault) last.lead = mark;
+  }
+  const more = groups.map(({ count }) => (count > 1 ? ` +${count - 1}` : ""));
+  const begins = groups.map(({ x }) => x);
+  const last = groups.at(-1);
+  if (last !== undefined) {
+    // it moves to the left as far as the one before it leaves room
+    const wanted = right - widthOf(last.lead.text + more.at(-1));
+    const leftmost = (begins.at(-2) ?? Number.NEGATIVE_INFINITY) + least + gap;
+    begins[begins.length - 1] = Math.min(last.x, Math.max(wanted, leftmost));
+  }
+  return groups.map(({ lead }, index) => {
+    const x = begins[index] as number;
+    const room = (begins[index + 1] ?? right + gap) - gap - x;
+    return { text: cut(lead.text, more[index] as string, room, widthOf), x, fault: lead.fault };
+  });
+}
+
+/** A text and what follows it within so much room: as much of the text as fits. */
+function cut(text: string, more: string, room: number, widthOf: (text: string) => number): string {
+  if (widthOf(text + more) <= room) return text + more;
+  let length = text.length;
+  while (length > 1 && widthOf(`${text.slice(0, length)}…${more}`) > room) length -= 1;
+  return `${text.slice(0, length).trimEnd()}…${more}`;
+}
+
+/** The marks within so much of a moment, in the order of time. */
+export function marksNear(marks: readonly PlacedMark[], at_s: number, within_s: number): PlacedMark[] {
+  return marks
+    .filter(({ time_s }) => Math.abs(time_s - at_s) <= within_s)
+    .sort((a, b) => a.time_s - b.time_s);
 }

@@ -4,8 +4,11 @@ import { writeAbsent, writeValue } from "../components/Absent";
 import { fixed } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
+import { marksNear, type PlacedMark } from "./decorations";
 import type { Playhead } from "./playhead";
 import type { PlotSource } from "./source";
+import type { StoredData } from "./stored";
+import { StoredMoments } from "./storedMoments";
 
 const EVERY_MS = 100;
 const GRAB_FRACTION = 0.015;
@@ -13,18 +16,48 @@ const GRAB_FRACTION = 0.015;
 const NO_SAMPLE = "no sample at this moment";
 const NOT_IN_FORCE = "none in force at this moment";
 const NOT_AT_BOTH = "not there at both cursors";
+const UNDER_WAY = "being read from the recording";
+/** How near to the pointer a mark has to be to be told in full [CSS px]. */
+const NEAR_PX = 6;
+/** Beyond this share of the width what stands beside a line stands to its left. */
+const TO_THE_LEFT = 0.7;
+/** The middle of the smallest and the largest value of a bucket, of which no single sample is here. */
+const ABOUT = "≈ ";
+
+/** A value as it can be told: of one sample, of about that time, or none, and why. */
+interface Told {
+  readonly value: number;
+  readonly about: boolean;
+  readonly why: string;
+}
 
 export class Readout {
   private frame: HTMLElement | null = null;
   private hovered: number | null = null;
   private cursors: [number, number] | null = null;
   private written_ms = 0;
+  private marks: readonly PlacedMark[] = [];
+  private readonly moments: StoredMoments | null;
 
   constructor(
     private readonly source: PlotSource,
     private readonly panels: readonly Panel[],
+    private readonly timeText: (time_s: number) => string,
+    stored: StoredData | null = null,
     private readonly playhead?: Playhead,
-  ) {}
+  ) {
+    const drawn = panels.flatMap(({ traces, over }) => [...traces, ...(over === undefined ? [] : [over])]);
+    const names = [...new Set(drawn.map(({ name }) => name))];
+    this.moments = stored === null ? null : new StoredMoments(stored, names);
+  }
+
+  close(): void {
+    this.moments?.close();
+  }
+
+  setMarks(marks: readonly PlacedMark[]): void {
+    this.marks = marks;
+  }
 
   attach(frame: HTMLElement | null): void {
     this.frame = frame;
@@ -83,14 +116,24 @@ export class Readout {
     if (this.frame === null) return;
     const span_s = seen.to_s - seen.from_s;
     const resting = this.playhead === undefined ? null : (this.playhead.at_s - seen.from_s) / span_s;
-    this.place("hover", this.hovered ?? resting);
+    const line = this.place("hover", this.hovered ?? resting);
+    if (line !== null) {
+      this.beside(line, "hover-time", this.timeText(this.looked(seen)));
+      this.beside(
+        line,
+        "marks",
+        this.hovered === null ? "" : this.marksTold(line, this.looked(seen), span_s),
+      );
+    }
     for (const index of [0, 1] as const) {
       const cursor = this.cursors?.[index];
       const line = this.place(
         `cursor-${index}`,
         cursor === undefined ? null : (cursor - seen.from_s) / span_s,
       );
-      if (cursor !== undefined) line?.setAttribute("aria-valuenow", cursor.toFixed(3));
+      if (cursor === undefined || line === null) continue;
+      line.setAttribute("aria-valuenow", cursor.toFixed(3));
+      this.beside(line, `cursor-${index}-time`, `${index + 1}  ${this.timeText(cursor)}`);
     }
     const now_ms = performance.now();
     if (now_ms - this.written_ms < EVERY_MS) return;
@@ -98,38 +141,88 @@ export class Readout {
     this.write(seen);
   }
 
+  /** The events near the pointer in full, each with its time. */
+  private marksTold(line: HTMLElement, at_s: number, span_s: number): string {
+    const perPixel_s = span_s / Math.max(1, line.parentElement?.clientWidth ?? 1);
+    return marksNear(this.marks, at_s, NEAR_PX * perPixel_s)
+      .map(({ time_s, text }) => `${this.timeText(time_s)}  ${text}`)
+      .join("\n");
+  }
+
+  private beside(line: HTMLElement, role: string, text: string): void {
+    const element = line.querySelector<HTMLElement>(`[data-role="${role}"]`);
+    if (element === null) return;
+    if (element.textContent !== text) element.textContent = text;
+    element.hidden = text === "";
+    const left = Number.parseFloat(line.style.left) > 100 * TO_THE_LEFT;
+    element.toggleAttribute("data-left", left);
+  }
+
   private write(seen: Stretch): void {
     const at_s = this.looked(seen);
+    this.moments?.want([at_s, ...(this.cursors ?? [])].filter((time_s) => !this.isHere(time_s)));
     for (const [place, panel] of this.panels.entries()) {
       const own = this.frame?.querySelector<HTMLElement>(`[data-panel="${place}"]`) ?? null;
-      const measured = panel.traces.some(({ name }) => !Number.isNaN(this.source.at(name, at_s)));
-      const why = measured ? NOT_IN_FORCE : NO_SAMPLE;
-      for (const { name } of panel.traces) this.writeTrace(own, panel, name, at_s, why);
+      for (const { name } of panel.traces) this.writeTrace(own, panel, name, at_s);
       if (panel.over === undefined) continue;
       const { name, factor, decimals } = panel.over;
-      this.number(own, "over", factor * this.source.at(name, at_s), decimals, "", why);
+      this.tell(own, "over", scaled(this.valueAt(panel, name, at_s), factor), decimals);
     }
     if (this.cursors !== null)
       this.text(this.frame, "delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
   }
 
-  private writeTrace(own: HTMLElement | null, panel: Panel, name: string, at_s: number, why: string): void {
-    const value = (time_s: number) => panel.factor * this.source.at(name, time_s);
-    this.number(own, `value-${name}`, value(at_s), panel.decimals, "", why);
-    if (this.cursors === null) return;
-    const apart = value(this.cursors[1]) - value(this.cursors[0]);
-    this.number(own, `delta-${name}`, apart, panel.decimals, "Δ ", NOT_AT_BOTH);
+  private writeTrace(own: HTMLElement | null, panel: Panel, name: string, at_s: number): void {
+    const { factor, decimals } = panel;
+    if (this.cursors === null) {
+      this.tell(own, `value-${name}`, scaled(this.valueAt(panel, name, at_s), factor), decimals);
+      return;
+    }
+    const [a, b] = this.cursors.map((time_s) => scaled(this.cursorValue(panel, name, time_s), factor)) as [
+      Told,
+      Told,
+    ];
+    this.tell(own, `cursor-0-${name}`, a, decimals, "1: ");
+    this.tell(own, `cursor-1-${name}`, b, decimals, "2: ");
+    const why = [a.why, b.why].find((reason) => reason === UNDER_WAY) ?? NOT_AT_BOTH;
+    const apart = { value: b.value - a.value, about: a.about || b.about, why };
+    this.tell(own, `delta-${name}`, apart, decimals, "Δ ");
   }
 
-  private number(
+  /** The sample at or before a time; of a recording whose samples are not all here, about it until it has come. */
+  private valueAt(panel: Panel, name: string, time_s: number): Told {
+    const here = this.isHere(time_s);
+    const exact = here ? null : (this.moments?.at(name, time_s) ?? null);
+    return this.told(panel, time_s, exact ?? this.source.at(name, time_s), !here && exact === null);
+  }
+
+  /** The same at a cursor, whose value is to be read off: it is not told before it is there. */
+  private cursorValue(panel: Panel, name: string, time_s: number): Told {
+    if (this.isHere(time_s) || this.moments === null) return this.valueAt(panel, name, time_s);
+    const value = this.moments.at(name, time_s);
+    if (value !== null) return this.told(panel, time_s, value, false);
+    return { value: Number.NaN, about: false, why: this.moments.problem || UNDER_WAY };
+  }
+
+  private told(panel: Panel, time_s: number, value: number, about: boolean): Told {
+    if (!Number.isNaN(value)) return { value, about, why: "" };
+    const measured = panel.traces.some(({ name }) => !Number.isNaN(this.source.at(name, time_s)));
+    return { value, about, why: measured ? NOT_IN_FORCE : NO_SAMPLE };
+  }
+
+  private isHere(time_s: number): boolean {
+    return this.source.exactAt?.(time_s) ?? true;
+  }
+
+  private tell(
     own: HTMLElement | null,
     role: string,
-    value: number,
+    { value, about, why }: Told,
     decimals: number,
-    before: string,
-    why: string,
-  ): void {
-    this.text(own, role, Number.isNaN(value) ? null : `${before}${fixed(value, decimals)}`, why);
+    before = "",
+  ) {
+    const text = Number.isNaN(value) ? null : `${before}${about ? ABOUT : ""}${fixed(value, decimals)}`;
+    this.text(own, role, text, why);
   }
 
   /** Where a recording is looked at, or the newest sample in sight; the edge of a following view may be a little ahead of it. */
@@ -154,4 +247,8 @@ export class Readout {
     if (text === null) writeAbsent(element, why);
     else writeValue(element, text);
   }
+}
+
+function scaled({ value, ...told }: Told, factor: number): Told {
+  return { ...told, value: factor * value };
 }
