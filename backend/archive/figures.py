@@ -74,29 +74,29 @@ class RecordedFigures:
 
     async def file(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
         """Return every sample as comma-separated text, in pieces. Raises like ``statistics``."""
-        return await self._begun(file_pieces, asked)
+        return await self._begun(file_pieces, asked, at_hand=0)  # its library takes long to load
 
     async def values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
         """Return the values at the samples at or before ``times_s``. Raises like ``statistics``."""
         return await asyncio.to_thread(values_at, self._database, run, times_s, signals)
 
-    async def _begun(self, lines: Lines, asked: RangeAsked) -> AsyncGenerator[bytes]:
+    async def _begun(self, lines: Lines, asked: RangeAsked, at_hand: int | None = None) -> AsyncGenerator[bytes]:
         """Return a stream whose first piece is there: whatever is refused has been refused by then."""
         if self._under_way >= AT_ONCE:
             raise RefusalError(
                 Because.TOO_MANY, f"{AT_ONCE} ranges are being read: wait for one of them", retry_after_s=2
             )
-        stretch = await asyncio.to_thread(_stretch, self._database, asked)
-        long = stretch.ticks > AT_HAND_SAMPLES
-        pieces = piped(lines, self._database, asked) if long else _in_threads(lines(self._database, asked))
-        stream = self._counted(pieces)
+        stream = self._counted(lines, asked, AT_HAND_SAMPLES if at_hand is None else at_hand)
         await anext(stream)
         return stream
 
-    async def _counted(self, pieces: AsyncGenerator[bytes]) -> AsyncGenerator[bytes]:
+    async def _counted(self, lines: Lines, asked: RangeAsked, at_hand: int) -> AsyncGenerator[bytes]:
         """Yield nothing when the first piece is there, then the pieces."""
         self._under_way += 1
         try:
+            stretch = await asyncio.to_thread(_stretch, self._database, asked)
+            long = stretch.ticks > at_hand
+            pieces = piped(lines, self._database, asked) if long else _in_threads(lines(self._database, asked))
             async with aclosing(pieces):
                 first = await anext(pieces, b"")
                 yield b""

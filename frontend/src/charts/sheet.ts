@@ -7,7 +7,7 @@ import { type LimitLine, linesOf, type PlacedMark } from "./decorations";
 import { type DrawnPlane, extentOf, gridOf, type Plane } from "./plane";
 import { roundedRange, type ValueRange } from "./range";
 import type { PlotSource } from "./source";
-import { splitsOf, stepFor, timeText } from "./timeAxis";
+import { printedTime, splitsOf, stepFor, timeTitle } from "./timeAxis";
 
 /** Width in print, and of the drawing's own units, in which letters are as large as in a caption. */
 export const WIDTH_MM = 180;
@@ -18,7 +18,8 @@ const HEADING = 26;
 const PANEL = 130;
 const PLANE = 320;
 const GAP = 14;
-const TIME_AXIS = 26;
+const VALUES = 26;
+const TIME_AXIS = VALUES + 18;
 const MARGIN = 16;
 const FOOT_LINE = 18;
 const LABEL_ROOM = { x: 90, y: 30 } as const;
@@ -55,7 +56,7 @@ export function heightOf({ panels, planes, foot }: Sheet): number {
     2 * MARGIN +
     timed +
     TIME_AXIS +
-    planes.length * (HEADING + PLANE + TIME_AXIS + GAP) +
+    planes.length * (HEADING + PLANE + VALUES + GAP) +
     foot.length * FOOT_LINE
   );
 }
@@ -83,13 +84,18 @@ export function svgOf(sheet: Sheet): string {
     const at = (time_s: number) => LEFT + ((time_s - seen.from_s) / (seen.to_s - seen.from_s)) * box.width;
     const step = stepFor(seen.to_s - seen.from_s, box.width, LABEL_ROOM.x);
     for (const split of splitsOf(seen.from_s, seen.to_s, step, epoch_s))
-      parts.push(text(at(split), box.top + box.height + 18, timeText(split, step, epoch_s), PALE, "middle"));
+      parts.push(
+        text(at(split), box.top + box.height + 18, printedTime(split, step, epoch_s), PALE, "middle"),
+      );
+    parts.push(
+      text(LEFT + box.width / 2, box.top + box.height + VALUES + 10, timeTitle(epoch_s), PALE, "middle"),
+    );
   }
   top += TIME_AXIS;
   for (const { plane, drawn } of planes) {
     const box = { left: LEFT, top: top + HEADING, width: WIDTH - LEFT - RIGHT, height: PLANE };
     parts.push(`<g data-panel="${escaped(plane.title)}">`, ...planePanel(plane, drawn, box), "</g>");
-    top = box.top + box.height + TIME_AXIS + GAP;
+    top = box.top + box.height + VALUES + GAP;
   }
   for (const [line, words] of foot.entries())
     parts.push(text(MARGIN, top + (line + 0.6) * FOOT_LINE, words, PALE, "start", 'data-role="foot"'));

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { splitsOf, stepFor, timeText } from "./timeAxis";
+import { printedTime, splitsOf, stepFor, timeText, timeTitle } from "./timeAxis";
 
 it("has its lines at round times since the start", () => {
   expect(splitsOf(-0.5, 10.2, 5, null)).toEqual([0, 5, 10]);
@@ -22,6 +22,13 @@ it("tells a moment in the one way or the other", () => {
   const epoch_s = new Date(2026, 2, 1, 14, 5, 9).getTime() / 1000;
   expect(timeText(61.5, 0.1, null)).toBe("1:01.5");
   expect(timeText(61.5, 0.1, epoch_s)).toBe("14:06:10.5");
+});
+
+it("is printed in seconds with their unit, or as the time of day", () => {
+  const epoch_s = new Date(2026, 2, 1, 14, 5, 9).getTime() / 1000;
+  expect([printedTime(605, 5, null), timeTitle(null)]).toEqual(["605", "time since the start [s]"]);
+  expect(printedTime(-0.25, 0.05, null)).toBe("−0.25");
+  expect([printedTime(61.5, 0.1, epoch_s), timeTitle(epoch_s)]).toEqual(["14:06:10.5", "time of day"]);
 });
 
 it("takes the finest distance for which there is room", () => {

@@ -1,6 +1,6 @@
 /** Where the lines of a time axis stand and what they say: since the start, or the time of day. Pure. */
 
-import { clockTime, dayTime } from "../samples/format";
+import { clockTime, dayTime, decimalsOf, fixed } from "../samples/format";
 
 /** Distances between the lines, of which those are taken that leave room for their labels [s]. */
 export const TIME_STEPS_S = [
@@ -20,6 +20,17 @@ export function splitsOf(from_s: number, to_s: number, step_s: number, epoch_s: 
 /** A moment as the axis tells it. */
 export function timeText(time_s: number, step_s: number, epoch_s: number | null): string {
   return epoch_s === null ? clockTime(time_s, step_s) : dayTime(epoch_s + time_s, step_s);
+}
+
+/** A moment as the axis of a printed drawing tells it: in seconds, or the time of day. */
+export function printedTime(time_s: number, step_s: number, epoch_s: number | null): string {
+  if (epoch_s !== null) return dayTime(epoch_s + time_s, step_s);
+  return fixed(time_s, Math.max(0, decimalsOf(step_s)));
+}
+
+/** What such an axis is of. */
+export function timeTitle(epoch_s: number | null): string {
+  return epoch_s === null ? "time since the start [s]" : "time of day";
 }
 
 /** The finest distance of lines that leaves `room_px` for each. */
