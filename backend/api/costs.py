@@ -58,7 +58,7 @@ SHEET = Cost(
 )
 REPORT = Cost("the process for reports", processes.REPORTS)
 LONG_RECORDING = Cost("a thread; of long recordings the process for reports", processes.REPORTS)
-RANGE = Cost("threads of the service; of long ranges a process for each", at_a_time=f"{figures.AT_ONCE}")
+RANGE = Cost("threads of the service; of long ranges and of files a process for each", at_a_time=f"{figures.AT_ONCE}")
 EVALUATION = Cost("the process for evaluations of stored runs", processes.EVALUATIONS)
 MODELS = Cost("the process for results and banks")
 STUDY = Cost("the processes for studies")

@@ -26,7 +26,7 @@ EVENTS = {200.0: "first of three", 200.2: "second of three", 200.4: LONG_TEXT, 4
 
 def made_up() -> dict[str, NDArray[np.float64]]:
     t = np.arange(COUNT) * 1e-3
-    q = 0.5 * np.sin(2 * np.pi * 0.05 * t) + 0.05 * np.sin(2 * np.pi * 3.0 * t)
+    q = 0.5 * np.sin(2 * np.pi * 0.0513 * t) + 0.05 * np.sin(2 * np.pi * 3.0 * t)
     q[123_456] = 1.5  # of one sample only
     S = np.where(t < 60.0, np.nan, 9.0 + np.sin(2 * np.pi * 20.0 * t))
     return {"q": q, "q_ref": np.round(q, 1), "S": S}
