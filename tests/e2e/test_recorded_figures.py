@@ -101,7 +101,7 @@ def _spectrum(page: Page) -> None:
     """It tells how far it is, can be left while it is computed, and is of the whole range."""
     held = "**/api/runs/1/spectra*"
     waiting: list[Route] = []
-    page.route(held, waiting.append)
+    page.route(held, lambda route: waiting.append(route))
     page.get_by_role("button", name="Spectrum", exact=True).click()
     dialog = page.get_by_role("dialog", name="Spectrum", exact=True)
     expect(dialog.get_by_role("progressbar")).to_be_visible()
