@@ -5,6 +5,7 @@ import io
 from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
 from contextlib import aclosing
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,11 @@ from backend.piping import piped
 from backend.plain_text import as_cell, as_comment
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import read_samples
-from backend.recording.spectrum import LEAST_SAMPLES, welch
+from backend.recording.spectrum import LEAST_SAMPLES, Spectrum, welch
 from backend.recording.statistics import Extreme, Statistics, add_slab
 from backend.recording.stretch import Slab, Stretch, slabs, stretch_of
 from backend.refusal import Because, RefusalError, require_within
-from backend.sample import COMBINED_BY_NAME, FIELDS, STORED, UNIT_OF
+from backend.sample import COMBINED, COMBINED_BY_NAME, FIELDS, STORED, UNIT_OF
 from backend.storage import Database, recordings
 
 AT_ONCE = 6
@@ -37,7 +38,7 @@ AT_ONCE = 6
 MOST_VALUES = 30_000_000
 """Samples times signals of which spectra are computed at once: they are held in memory, 240 MB."""
 
-_MEANINGS = {one.name: one.meaning for one in (*STORED, *COMBINED_BY_NAME.values())}
+_MEANINGS = {one.name: one.meaning for one in STORED} | {one.name: one.meaning for one in COMBINED}
 _SYMBOLS = {one.name: one.symbol for one in FIELDS}
 
 
@@ -205,7 +206,7 @@ def _share(slab: Slab, stretch: Stretch) -> float:
     return float(slab.ticks[-1] + 1 - stretch.begin) / stretch.ticks
 
 
-def _range(stretch: Stretch, samples: int) -> dict[str, float]:
+def _range(stretch: Stretch, samples: int) -> dict[str, Any]:
     return {
         "run": stretch.run_id,
         "from_s": stretch.from_s,
@@ -238,16 +239,16 @@ def _statistics(name: str, found: Statistics, period_s: float) -> SignalStatisti
 
 
 def _spectrum(name: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
-    found = welch(values, period_s)
+    found, reason = welch(values, period_s), ""
     there = int(np.count_nonzero(np.isfinite(values)))
-    counts = {"unit": UNIT_OF[name], "values": there, "without_value": samples - there}
     if found is None:
         reason = f"fewer than {LEAST_SAMPLES} consecutive samples have a value"
-        nothing = {"used": 0, "segment": 0, "segments": 0, "step_Hz": 0.0, "noise_bandwidth_Hz": 0.0}
-        return SignalSpectrum(**counts, **nothing, reason=reason, density=[])
+        found = Spectrum(step_Hz=0.0, noise_bandwidth_Hz=0.0, segment=0, segments=0, used=0, density=np.empty(0))
     return SignalSpectrum(
-        **counts,
-        reason="",
+        unit=UNIT_OF[name],
+        reason=reason,
+        values=there,
+        without_value=samples - there,
         used=found.used,
         segment=found.segment,
         segments=found.segments,

@@ -39,7 +39,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         run_id = store_run(database, made_up())
         with database.session() as session:
             for at_s, text in EVENTS.items():
-                at = runs.get(session, run_id).started_at + timedelta(seconds=at_s)
+                at = runs.get(session, run_id).started_at + timedelta(microseconds=at_s)
                 events.add(session, "push", text, run_id=run_id, tick=FIRST_TICK + round(1e3 * at_s), at=at)
     with running_service(data) as running:
         yield running

@@ -3,14 +3,16 @@
 import { Modal, NativeSelect, Progress, SegmentedControl, useComputedColorScheme } from "@mantine/core";
 import { useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
+import { SignalName } from "../components/SignalName";
 import type { SignalSpectrum, Spectra } from "../samples/figures";
 import { fixed, significant } from "../samples/format";
 import type { Spectrum } from "../samples/spectrum";
-import { dashOf, type Panel, paintOf } from "../theme/signals";
+import { dashOf, type Panel } from "../theme/signals";
 import { basisWords, grouped } from "./basisWords";
 import { readColours } from "./colours";
 import { decadeRange } from "./range";
 import styles from "./Spectrum.module.css";
+import { TraceLine } from "./TraceLine";
 import { logLabels } from "./ticks";
 import { type SpectrumOrder, useSpectra } from "./useSpectra";
 
@@ -72,7 +74,7 @@ function Content({ panels, order, timeText }: ContentProps) {
         />
         {panel.traces.map((trace) => (
           <span key={trace.name} className={styles.key}>
-            <span style={{ background: paintOf(trace.hue), opacity: trace.dashed ? 0.5 : 1 }} /> {trace.name}
+            <TraceLine trace={trace} /> <SignalName name={trace.name} />
           </span>
         ))}
       </div>
@@ -85,13 +87,13 @@ function Content({ panels, order, timeText }: ContentProps) {
       )}
       {computed && <SpectrumPlot panel={panel} spectra={spectra} quantity={quantity} />}
       {found !== null && !computed && (
-        <p className={styles.empty}>No spectrum: {reasonsOf(found, names).join("; ")}.</p>
+        <p className={styles.empty}>{sentence("No spectrum", reasonsOf(found, names))}</p>
       )}
       {found !== null && (
         <output className={styles.foot} aria-label="Spectrum facts">
           {computed && `${unit} over Hz. Welch's method: ${methodOf(found, names)}. `}
-          From {basisWords(found.basis, timeText)}.
-          {computed && ` ${[...leftOut(found, names), ...reasonsOf(found, names)].join("; ")}`}
+          From {basisWords(found.basis, timeText)}.{computed && sentence("Left out", leftOut(found, names))}
+          {computed && sentence("No spectrum", reasonsOf(found, names))}
         </output>
       )}
     </div>
@@ -109,39 +111,51 @@ function scaled(found: Spectra | null, name: string, { factor }: Panel): SignalS
   };
 }
 
-/** How the spectra were made; those that were made alike are told once. */
+/** How the spectra were made. */
 function methodOf({ signals }: Spectra, names: readonly string[]): string {
-  const ways = new Map<string, string[]>();
-  for (const name of names) {
-    const spectrum = signals.get(name);
-    if (spectrum === undefined) continue;
-    const step = significant(spectrum.frequencies[0] ?? Number.NaN, 3);
-    const way = `${spectrum.segments} Hann windows of ${grouped(spectrum.segment)} samples that overlap by half, resolution ${step} Hz`;
-    ways.set(way, [...(ways.get(way) ?? []), name]);
-  }
-  if (ways.size === 1) return [...ways.keys()].join();
-  return [...ways].map(([way, alike]) => `${alike.join(", ")}: ${way}`).join("; ");
-}
-
-/** Samples of the range that no spectrum is of. */
-function leftOut({ signals }: Spectra, names: readonly string[]): string[] {
-  return names.flatMap((name) => {
+  return together(names, (name) => {
     const spectrum = signals.get(name);
     if (spectrum === undefined) return [];
-    const { values, withoutValue, used } = spectrum;
-    const parts = [
-      withoutValue > 0 ? `${grouped(withoutValue)} without value` : "",
-      values > used ? `${grouped(values - used)} in no window` : "",
-    ].filter(Boolean);
-    return parts.length > 0 ? [`${name}: ${parts.join(", ")}`] : [];
+    const step = significant(spectrum.frequencies[0] ?? Number.NaN, 3);
+    return [
+      `${spectrum.segments} Hann windows of ${grouped(spectrum.segment)} samples that overlap by half, resolution ${step} Hz`,
+    ];
   });
 }
 
-function reasonsOf({ reasons }: Spectra, names: readonly string[]): string[] {
-  return names.flatMap((name) => {
-    const reason = reasons.get(name);
-    return reason === undefined ? [] : [`${name}: ${reason}`];
+/** Samples of the range that no spectrum is of, and signals without any power. */
+function leftOut({ signals }: Spectra, names: readonly string[]): string {
+  return together(names, (name) => {
+    const spectrum = signals.get(name);
+    if (spectrum === undefined) return [];
+    const { values, withoutValue, used, density } = spectrum;
+    return [
+      withoutValue > 0 ? `${grouped(withoutValue)} samples without value` : "",
+      values > used ? `${grouped(values - used)} samples in no window` : "",
+      density.every((value) => value === 0) ? "constant, not drawn" : "",
+    ].filter(Boolean);
   });
+}
+
+/** What is said of signals; what is said of all is said once, without their names. */
+function together(names: readonly string[], saying: (name: string) => readonly string[]): string {
+  const said = new Map<string, string[]>();
+  for (const name of names)
+    for (const words of saying(name)) said.set(words, [...(said.get(words) ?? []), name]);
+  return [...said]
+    .map(([words, of]) => (of.length === names.length ? words : `${of.join(", ")}: ${words}`))
+    .join("; ");
+}
+
+function reasonsOf({ reasons }: Spectra, names: readonly string[]): string {
+  return together(names, (name) => {
+    const reason = reasons.get(name);
+    return reason === undefined ? [] : [reason];
+  });
+}
+
+function sentence(before: string, words: string): string {
+  return words === "" ? "" : ` ${before}: ${words}.`;
 }
 
 interface SpectrumPlotProps {
