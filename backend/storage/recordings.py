@@ -152,7 +152,7 @@ def tick_before(session: Session, run_id: int, tick: int) -> int:
     first_tick = span(session, run_id).first_tick
     of_run = select(ChunkRow.first_tick, ChunkRow.count).where(ChunkRow.run_id == run_id)
     begun = of_run.where(ChunkRow.first_tick <= first_tick + tick).order_by(ChunkRow.first_tick.desc()).limit(1)
-    begin, count = session.execute(begun).one().tuple()
+    begin, count = session.execute(begun).one()
     return min(tick, begin + count - 1 - first_tick)
 
 
