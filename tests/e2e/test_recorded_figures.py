@@ -65,7 +65,7 @@ def test_figures_of_ten_minutes_are_those_of_every_sample(page: Page) -> None:
 def _statistics(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
     page.get_by_role("button", name="Statistics", exact=True).click()
     facts = page.get_by_role("status", name="Statistics facts")
-    expect(facts).to_have_text("From every sample from 0:00.000 to 9:59.999: 600\u202f000 samples.")
+    expect(facts).to_have_text("From every sample between 0:00.000 and 9:59.999: 600\u202f000 samples.")
     for name, column, factor, decimals in (("q", columns["q"], DEG, 2), ("S", columns["S"], 1.0, 2)):
         there = factor * column[np.isfinite(column)]
         wanted = [
@@ -104,7 +104,8 @@ def _spectrum(page: Page) -> None:
     page.route(held, lambda route: waiting.append(route))
     page.get_by_role("button", name="Spectrum", exact=True).click()
     dialog = page.get_by_role("dialog", name="Spectrum", exact=True)
-    expect(dialog.get_by_role("progressbar")).to_be_visible()
+    expect(dialog.get_by_role("progressbar", name="Spectrum progress")).to_be_attached()
+    expect(dialog).to_contain_text("Reading every sample of the range: 0 %")
     with page.expect_event("requestfailed", lambda request: "/spectra" in request.url):
         page.keyboard.press("Escape")
     expect(dialog).to_be_hidden()

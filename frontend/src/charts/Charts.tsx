@@ -4,9 +4,8 @@ import { useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { Terms } from "../components/Terms";
-import { toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
-import { type Panel, unitOf } from "../theme/signals";
+import type { Panel } from "../theme/signals";
 import styles from "./Charts.module.css";
 import { ChartTools } from "./ChartTools";
 import type { LimitLine, PlacedMark } from "./decorations";
@@ -21,12 +20,11 @@ import type { Playhead } from "./playhead";
 import { RangeStatistics } from "./RangeStatistics";
 import { Readout } from "./readout";
 import { SpectrumDialog } from "./SpectrumDialog";
-import { type PictureKind, picture, save, saveFrom, stamp } from "./save";
-import { svgOf } from "./sheet";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import type { StoredData } from "./stored";
 import { timeText } from "./timeAxis";
+import { useSaving } from "./useSaving";
 import type { SpectrumOrder } from "./useSpectra";
 import type { ViewControl } from "./useViewport";
 import { useWheelHint, WHEEL_HINT } from "./useWheelHint";
@@ -76,7 +74,6 @@ export function Charts(props: ChartsProps) {
   const planes = useMemo(() => panels.filter(isPlane), [panels]);
   const epoch = useEpoch(preferences.clock ? props.epoch_s : undefined);
   const [measuring, measure] = useDisclosure(false);
-  const [unsaved, setUnsaved] = useState<string | null>(null);
   const [spectrum, setSpectrum] = useState<SpectrumOrder | null>(null);
   useHotkeys([["m", measure.toggle]]);
   const told = useCallback((time_s: number) => timeText(time_s, 0.001, epoch()), [epoch]);
@@ -175,36 +172,20 @@ export function Charts(props: ChartsProps) {
     remember({ hidden: kept.length < preferences.hidden.length ? kept : [...kept, signal] });
   }
 
-  async function savePicture(kind: PictureKind): Promise<void> {
-    const drawn = { panels: timed, planes, hidden, source, limits, marks };
-    const svg = svgOf(
-      sheetNow({ ...drawn, seen: seen(), looked_s: looked(), epoch_s: epoch() }, props.origin),
-    );
-    try {
-      save(await picture(svg, kind), `${name}-${stamp(new Date())}.${kind}`);
-      setUnsaved(null);
-    } catch (error) {
-      setUnsaved(`The picture was not saved: ${(error as Error).message}`);
-    }
-  }
+  const { savePicture, saveData, unsaved } = useSaving({
+    name,
+    names,
+    stored,
+    range,
+    table: selected,
+    sheet: () => {
+      const drawn = { panels: timed, planes, hidden, source, limits, marks };
+      return sheetNow({ ...drawn, seen: seen(), looked_s: looked(), epoch_s: epoch() }, props.origin);
+    },
+  });
 
   function orderSpectrum(): void {
     setSpectrum({ range: range(), table: stored === null ? selected() : null, stored });
-  }
-
-  function saveData(): void {
-    const file = stored?.file(names, range());
-    if (file === null) {
-      setUnsaved(`No data were saved: ${stored?.fileOf} has no sample in this range.`);
-      return;
-    }
-    setUnsaved(null);
-    if (file !== undefined) {
-      saveFrom(file);
-      return;
-    }
-    const content = toCsv(selected(), unitOf);
-    save(new Blob([content], { type: "text/csv" }), `${name}-${stamp(new Date())}.csv`);
   }
 
   return (

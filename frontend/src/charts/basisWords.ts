@@ -3,7 +3,7 @@
 import type { Basis } from "../samples/figures";
 import { fixed, significant } from "../samples/format";
 
-/** "every sample from 0:00.000 to 10:00.000: 600 001 samples, 12 missing"; of several recordings, of each. */
+/** "every sample between 0:00.000 and 9:59.999: 599 988 samples, 12 missing"; of several recordings, of each. */
 export function basisWords(basis: readonly Basis[], timeText: (time_s: number) => string): string {
   if (basis.length === 0) return "no sample in this range";
   return basis.map((one) => wordsOf(one, timeText)).join("; ");
@@ -15,7 +15,7 @@ function wordsOf(
 ): string {
   const before = of === "" ? "" : `${of}: `;
   if (range === null) return `${before}no sample in this range`;
-  const stretch = `from ${timeText(range.from_s)} to ${timeText(range.to_s)}`;
+  const stretch = `between ${timeText(range.from_s)} and ${timeText(range.to_s)}`;
   if (bucket_s !== null) {
     return `${before}min and max per ${significant(bucket_s, 3)} s ${stretch}: ${grouped(samples)} pairs`;
   }

@@ -19,8 +19,8 @@ const NOT_AT_BOTH = "not there at both cursors";
 const UNDER_WAY = "being read from the recording";
 /** How near to the pointer a mark has to be to be told in full [CSS px]. */
 const NEAR_PX = 6;
-/** Beyond this share of the width what stands beside a line stands to its left. */
-const TO_THE_LEFT = 0.7;
+/** Beyond this share of the width what stands beside a line stands to its left; the time under the pointer stays off those of the cursors. */
+const TO_THE_LEFT = { hover: 0.1, cursor: 0.85, marks: 0.7 };
 /** The middle of the smallest and the largest value of a bucket, of which no single sample is here. */
 const ABOUT = "≈ ";
 
@@ -118,12 +118,9 @@ export class Readout {
     const resting = this.playhead === undefined ? null : (this.playhead.at_s - seen.from_s) / span_s;
     const line = this.place("hover", this.hovered ?? resting);
     if (line !== null) {
-      this.beside(line, "hover-time", this.timeText(this.looked(seen)));
-      this.beside(
-        line,
-        "marks",
-        this.hovered === null ? "" : this.marksTold(line, this.looked(seen), span_s),
-      );
+      this.beside(line, "hover-time", this.timeText(this.looked(seen)), TO_THE_LEFT.hover);
+      const near = this.hovered === null ? "" : this.marksTold(line, this.looked(seen), span_s);
+      this.beside(line, "marks", near, TO_THE_LEFT.marks);
     }
     for (const index of [0, 1] as const) {
       const cursor = this.cursors?.[index];
@@ -133,7 +130,7 @@ export class Readout {
       );
       if (cursor === undefined || line === null) continue;
       line.setAttribute("aria-valuenow", cursor.toFixed(3));
-      this.beside(line, `cursor-${index}-time`, `${index + 1}  ${this.timeText(cursor)}`);
+      this.beside(line, `cursor-${index}-time`, `${index + 1}  ${this.timeText(cursor)}`, TO_THE_LEFT.cursor);
     }
     const now_ms = performance.now();
     if (now_ms - this.written_ms < EVERY_MS) return;
@@ -149,12 +146,12 @@ export class Readout {
       .join("\n");
   }
 
-  private beside(line: HTMLElement, role: string, text: string): void {
+  private beside(line: HTMLElement, role: string, text: string, leftFrom: number): void {
     const element = line.querySelector<HTMLElement>(`[data-role="${role}"]`);
     if (element === null) return;
     if (element.textContent !== text) element.textContent = text;
     element.hidden = text === "";
-    const left = Number.parseFloat(line.style.left) > 100 * TO_THE_LEFT;
+    const left = Number.parseFloat(line.style.left) > 100 * leftFrom;
     element.toggleAttribute("data-left", left);
   }
 
