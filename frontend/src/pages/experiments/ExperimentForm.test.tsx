@@ -79,7 +79,17 @@ const KIND: ExperimentKind = {
 };
 
 function stateOf(tuning: Tuned, own_tuning: Tuned | null = null): State {
-  const ranges = { lam_motor_min: 0.05, lam_motor_max: 0.2, entry: 0 };
+  const ranges = {
+    lam_q_min: 0.3,
+    lam_q_max: 10,
+    lam_S_min: 0.25,
+    lam_S_max: 10,
+    lam_motor_min: 0.05,
+    lam_motor_max: 0.2,
+    u_plan_min: 2,
+    u_plan_max: 9,
+    entry: 0,
+  };
   const legal_modes = ["experiment", "identify"];
   return {
     mode: "run",
@@ -165,12 +175,13 @@ it("says of each of its fields what it is for and what is accepted, without a fu
   });
   const accepted: Record<string, string> = {
     q_duration_s: "0 … 100 s",
-    lam_q: "0 … 100 s",
-    lam_S: "0 … 100 s",
-    lam_motor: "0.05 … 0.2 s", // what the state offers now, in place of what was declared
+    // what the state offers now, in place of what was declared
+    lam_q: "0.3 … 10 s",
+    lam_S: "0.25 … 10 s",
+    lam_motor: "0.05 … 0.2 s",
     interpolate: "",
     motion: "lambda, time-optimal",
-    u_plan: "0 … 100 V",
+    u_plan: "2 … 9 V",
   };
   expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 … 100"]]));
   close();
@@ -203,7 +214,7 @@ it("follows the tuning in force, but for what a person has changed", async () =>
   fireEvent.change(screen.getByLabelText("What lam_q is [s]"), { target: { value: "0.4" } });
   act(() => store.setState(stateOf(GEOMETRY)));
   expect(standing()).toEqual({ ...orderWith(GEOMETRY), lam_q: 0.4 });
-  expect(screen.getByText("0 … 100; in force: 0.5")).toBeTruthy();
+  expect(screen.getByText("0.3 … 10; in force: 0.5")).toBeTruthy();
   fireEvent.click(screen.getByRole("button", { name: "Start tracking" }));
   await waitFor(async () =>
     expect(await sentTo("/api/experiments")).toEqual([{ name: "tracking", settings: standing() }]),

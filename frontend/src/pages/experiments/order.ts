@@ -98,10 +98,13 @@ export function tuningOf(state: State | null): Values {
   return { ...Object.fromEntries(parts), bank: tuning.bank?.id ?? 0 };
 }
 
-/** λ of the motor loops has the range that is offered on the plant in use. */
+/** Settings of the loop whose range depends on the plant in use. */
+const OF_THE_PLANT = ["lam_q", "lam_S", "lam_motor", "u_plan"] as const;
+
 function withRange(setting: Setting, state: State | null): Setting {
-  if (state === null || setting.name !== "lam_motor") return setting;
-  return { ...setting, minimum: state.tuning.lam_motor_min, maximum: state.tuning.lam_motor_max };
+  const name = OF_THE_PLANT.find((one) => one === setting.name);
+  if (state === null || name === undefined) return setting;
+  return { ...setting, minimum: state.tuning[`${name}_min`], maximum: state.tuning[`${name}_max`] };
 }
 
 function inWords({ name, unit }: Setting, value: Value, angles: Angles): string {

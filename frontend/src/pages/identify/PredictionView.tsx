@@ -3,6 +3,7 @@
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
+import { useLive } from "../../live/react";
 import { duration, fixed, significant } from "../../samples/format";
 import { angleText, inWords, labelWith, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
@@ -18,6 +19,18 @@ export interface Told {
 
 export function PredictionView({ prediction, problem }: Told) {
   const angles = useAngles();
+  const isRunning = useLive((live) => live.state?.task != null);
+  if (isRunning) {
+    return (
+      <Card title="Forecast">
+        <output className={styles.prediction} aria-label="Prediction">
+          <span className={page.dim}>
+            A task is running. The forecast of the next run starts from where the joint is after it.
+          </span>
+        </output>
+      </Card>
+    );
+  }
   return (
     <Card title="Forecast">
       <output className={styles.prediction} aria-label="Prediction">
