@@ -3,6 +3,7 @@
 import { ActionIcon, Button, Menu, Tooltip } from "@mantine/core";
 import type { ReactNode } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
+import styles from "./Charts.module.css";
 import type { PictureKind } from "./save";
 
 interface ChartToolsProps {
@@ -18,8 +19,9 @@ interface ChartToolsProps {
 export function ChartTools(props: ChartToolsProps) {
   const { measuring, figures, onMeasure, onFigures, onSpectrum, onPicture, onData } = props;
   return (
-    <>
+    <span className={styles.tools}>
       <Button
+        px={8}
         variant={measuring ? "light" : "default"}
         aria-pressed={measuring}
         leftSection={<TbRulerMeasure size={14} />}
@@ -53,7 +55,7 @@ export function ChartTools(props: ChartToolsProps) {
       <Tool name="Save data" hint="Data of what is in sight (CSV, SI)" onClick={onData}>
         <TbFileTypeCsv size={16} />
       </Tool>
-    </>
+    </span>
   );
 }
 

@@ -26,6 +26,7 @@ import { svgOf } from "./sheet";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import { timeText } from "./timeAxis";
+import { useEnlarged } from "./useEnlarged";
 import type { ViewControl } from "./useViewport";
 import { useWheelHint, WHEEL_HINT } from "./useWheelHint";
 import { held, panned, stretch, type Viewport, zoomed } from "./viewport";
@@ -58,7 +59,8 @@ interface ChartsProps {
 }
 
 export function Charts(props: ChartsProps) {
-  const { panels, source, control, home, longest_s, limits, marks, stale, playhead, name } = props;
+  const { source, control, home, longest_s, limits, marks, stale, playhead, name } = props;
+  const { panels, enlarged, enlarge } = useEnlarged(props.panels);
   const { change, current } = control;
   const scheme = useComputedColorScheme("light");
   const size = useElementSize();
@@ -208,12 +210,17 @@ export function Charts(props: ChartsProps) {
               // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
               tabIndex={0}
               onKeyDown={(event) => {
-                if (event.target === event.currentTarget && steer(event.key, target)) event.preventDefault();
+                if (event.target !== event.currentTarget) return;
+                if (event.key === "Enter") enlarge(panel.title);
+                else if (!steer(event.key, target)) return;
+                event.preventDefault();
               }}
             >
               <Legend
                 panel={panel}
                 hidden={hidden}
+                enlarged={enlarged === panel.title}
+                {...(props.panels.length > 1 ? { onEnlarge: () => enlarge(panel.title) } : {})}
                 onToggle={toggle}
                 onHighlight={(signal) => stack.current?.highlight(signal)}
               />
@@ -226,6 +233,7 @@ export function Charts(props: ChartsProps) {
             </figure>
           ))}
           <div ref={area} className={styles.area}>
+            {wheelHint && <span className={styles.hint}>{WHEEL_HINT}</span>}
             <MeasureCursors readout={readout} measuring={measuring} span_s={() => current.current.span_s} />
           </div>
         </div>
@@ -272,7 +280,7 @@ export function Charts(props: ChartsProps) {
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
         <span className={styles.toolbarEnd}>
           {unsaved !== null && <strong role="alert">{unsaved} </strong>}
-          {wheelHint ? WHEEL_HINT : props.remark}
+          {props.remark}
         </span>
       </div>
       <SpectrumDialog panels={panels} table={spectrum} onClose={() => setSpectrum(null)} />
