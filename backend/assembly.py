@@ -22,6 +22,7 @@ from backend.archive.figures import RecordedFigures
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
+from backend.archive.played_recording import played_recording
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import PART as RETENTION
@@ -67,6 +68,7 @@ from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision
+from plant.choice import PlantKind
 from plant.parameters import PlantParameters
 
 
@@ -126,7 +128,9 @@ def assemble(
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
     safe_stop = SafeStop(supervisor, present, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
-    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
+    choice = settings.plant_choice
+    recording = played_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
+    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording)
     control = Control(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
     control.holder_changed = partial(actuator.retuning.leave_trial, "as the holder of control has changed")

@@ -106,10 +106,19 @@ Stamped = Annotated[
 ]
 
 
-async def _in_control(service: ServiceInUse, person: Operator, stamp: Stamped = None) -> AsyncIterator[Person]:
+async def _holds_control(service: ServiceInUse, person: Operator, stamp: Stamped = None) -> AsyncIterator[Person]:
     async with service.control.turn(person, read_stamp(stamp)):
         yield person
 
 
+HoldsControl = Annotated[Person, Depends(_holds_control, scope="function")]
+"""An operator who holds control, of whatever is driven or played."""
+
+
+async def _in_control(service: ServiceInUse, person: HoldsControl) -> Person:
+    service.actuator.player.require_none()
+    return person
+
+
 InControl = Annotated[Person, Depends(_in_control, scope="function")]
-"""An operator who holds control: only their commands move the actuator."""
+"""An operator who holds control: only their commands move the actuator. Refused while a recording is played."""

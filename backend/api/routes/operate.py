@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 
 from backend.api.auth import MayStop, SignedIn
-from backend.api.service import InControl, ServiceInUse
+from backend.api.service import HoldsControl, InControl, ServiceInUse
 from backend.messages.state import ModeRequest, Push, References, State, StopProof, WallOrder
 from backend.messages.touch import TouchOrder, TouchView
 from backend.operating.obstruction import obstruct
@@ -24,7 +24,7 @@ async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
 
 
 @router.post("/reset")
-async def reset(service: ServiceInUse, person: InControl) -> State:
+async def reset(service: ServiceInUse, person: HoldsControl) -> State:
     """Clear the latched fault after its cause is gone."""
     return await service.actuator.reset(person.name)
 

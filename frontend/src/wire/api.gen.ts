@@ -380,6 +380,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/player": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Recording
+         * @description Return the recording that is played, with what happened in it; refused where a plant is driven.
+         */
+        get: operations["get_recording"];
+        /**
+         * Order
+         * @description Play, pause, set the speed or go to a time of the recording; at its end, playing begins anew.
+         */
+        put: operations["order"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/bring-up": {
         parameters: {
             query?: never;
@@ -3665,7 +3689,7 @@ export interface components {
             tick: number;
             /**
              * Expected
-             * @description whether this trip is a planned event: provoked by the bring-up, or the end of a replay
+             * @description whether this trip is a planned event: provoked by the bring-up
              * @default false
              */
             expected: boolean;
@@ -5149,6 +5173,86 @@ export interface components {
             r_j: number;
         };
         /**
+         * PlayedRecording
+         * @description The recording that is played, and what happened in it.
+         */
+        PlayedRecording: {
+            /** Title */
+            title: string;
+            /**
+             * Run
+             * @description number of the run that the file says it holds; null where it says none
+             */
+            run: number | null;
+            /**
+             * Duration S
+             * @description time of its last sample [s]
+             */
+            duration_s: number;
+            /**
+             * Marks
+             * @description what happened, in order; t from the first sample
+             */
+            marks: components["schemas"]["RunMark"][];
+        };
+        /**
+         * PlayerOrder
+         * @description What the player is to do; null leaves a thing as it is.
+         */
+        PlayerOrder: {
+            /** Playing */
+            playing?: boolean | null;
+            /**
+             * Speed
+             * @description seconds of the recording in a second; its bounds are in the state
+             */
+            speed?: number | null;
+            /**
+             * T
+             * @description time in the recording to go to [s]
+             */
+            t?: number | null;
+        };
+        /**
+         * PlayerView
+         * @description Where the player stands; ``t`` holds for ``tick``, and grows by ``speed`` from there on while it plays.
+         */
+        PlayerView: {
+            /**
+             * Title
+             * @description what is played: the run, else the name of the file
+             */
+            title: string;
+            /**
+             * T
+             * @description time in the recording, from its first sample [s]
+             */
+            t: number;
+            /** Tick */
+            tick: number;
+            /**
+             * Duration S
+             * @description time of its last sample [s]
+             */
+            duration_s: number;
+            /** Playing */
+            playing: boolean;
+            /**
+             * Ended
+             * @description whether it stands at the last sample
+             */
+            ended: boolean;
+            /**
+             * Speed
+             * @description seconds of the recording in a second
+             */
+            speed: number;
+            /** Speed Min */
+            speed_min: number;
+            /** Speed Max */
+            speed_max: number;
+        };
+        /**
          * Pong
          * @description Answer to a ping.
          */
@@ -6597,6 +6701,8 @@ export interface components {
             trial: components["schemas"]["TrialView"] | null;
             /** @description what stands in a simulated joint's way; null where nothing does */
             wall: components["schemas"]["Wall"] | null;
+            /** @description where a recording stands that is played; else null */
+            player?: components["schemas"]["PlayerView"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
@@ -6661,6 +6767,11 @@ export interface components {
             trial: components["schemas"]["TrialView"] | null;
             /** @description what stands in a simulated joint's way; null where nothing does */
             wall: components["schemas"]["Wall"] | null;
+            /**
+             * @description where a recording stands that is played; else null
+             * @default null
+             */
+            player: components["schemas"]["PlayerView"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
@@ -6865,6 +6976,12 @@ export interface components {
              * @description from arrival in the loop to zero volts [ms]
              */
             milliseconds: number;
+            /**
+             * Paused Recording
+             * @description whether a recording was paused: nothing is driven, and nothing is latched
+             * @default false
+             */
+            paused_recording: boolean;
         };
         /**
          * Stretch
@@ -10320,6 +10437,231 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["WallOrder"];
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_recording: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlayedRecording"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    order: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PlayerOrder"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
