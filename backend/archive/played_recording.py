@@ -1,5 +1,6 @@
 """What a file says of the recording in it: which run it is, and what happened in it."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
 from plant.recording import Recording, Signal, load_recording
 
+_RUN = re.compile(r"run (\d{1,15})")
+
 
 def played_recording(path: str | Path, database: Database) -> PlayedRecording:
     """Return what a recording is and what happened in it.
@@ -27,12 +30,12 @@ def played_recording(path: str | Path, database: Database) -> PlayedRecording:
     """
     recording = load_recording(path)
     facts = _facts(Path(path))
-    run = facts.run if facts is not None else None
-    number = run.get("id") if run is not None else None
+    named = None if facts is None else _RUN.fullmatch(facts.of)
+    number = None if named is None else int(named[1])
     stored = None if facts is None or number is None else _stored_marks(database, number, facts)
     return PlayedRecording(
         title=facts.of if facts is not None and facts.of else Path(path).name,
-        run=number if isinstance(number, int) else None,
+        run=number,
         duration_s=(len(recording) - 1) * T_s,
         marks=_marks_in(recording) if stored is None else stored,
     )
@@ -45,14 +48,14 @@ def _facts(path: Path) -> Facts | None:
         return None  # a file that another program wrote, or one cut to a part: it says of itself nothing that holds
 
 
-def _stored_marks(database: Database, number: Any, facts: Facts) -> list[RunMark] | None:
+def _stored_marks(database: Database, number: int, facts: Facts) -> list[RunMark] | None:
     """Return what the log tells of the run; None where the run of that number here is another one."""
     try:
         with database.reading() as session:
-            if runs.get(session, int(number)).started_at.isoformat() != facts.started_at:
+            if runs.get(session, number).started_at.isoformat() != facts.started_at:
                 return None
-            return marks_of(session, int(number)).marks
-    except (UnknownRecordError, ValueError, TypeError):
+            return marks_of(session, number).marks
+    except UnknownRecordError:
         return None
 
 
@@ -67,7 +70,7 @@ def _marks_in(recording: Recording) -> list[RunMark]:
     for at in _changes(columns["fault"]):
         number = columns["fault"][at]
         if number > 0.0 and number < len(FAULTS):
-            marks.append(_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[int(number)]].message))
+            marks.append(_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[number]].message))
     return sorted(marks, key=lambda mark: mark.t)
 
 

@@ -150,6 +150,7 @@ export function stopWords(stop: StopState): string {
 
 /** The sentence of the proof that a stop took place. */
 export function proofWords(proof: StopProof): string {
+  if (proof.paused_recording) return `Recording paused (tick ${proof.zero_tick}); nothing is driven`;
   const ticks = proof.zero_tick - proof.arrived_tick;
   const counted = `${ticks} ${ticks === 1 ? "tick" : "ticks"}`;
   return `Zero volts in ${counted} · ${proof.milliseconds.toFixed(2)} ms (tick ${proof.zero_tick})`;
