@@ -69,8 +69,8 @@ def _marks_in(recording: Recording) -> list[RunMark]:
             marks.append(_mark(at, EventKind.MODE, f"{before} → {after}"))
     for at in _changes(columns["fault"]):
         number = columns["fault"][at]
-        if number > 0.0 and number < len(FAULTS):
-            marks.append(_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[number]].message))
+        if 0.0 < number < len(FAULTS):
+            marks.append(_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[int(number)]].message))
     return sorted(marks, key=lambda mark: mark.t)
 
 

@@ -1,5 +1,6 @@
 """What is neither the simulator nor a rig, in the browser: a plant of an installed package, and a recording."""
 
+import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -27,7 +28,7 @@ def service(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     recording.write_bytes(to_csv({**still, "t": t, "u_A": U_A * running, "mode": 2.0 * running}))
     words = {"package": [example.NAME], "replay": ["replay", "--recording", str(recording)]}[request.param]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(example.installed_in(folder)))
+        patch.setenv("PYTHONPATH", str(example.installed_in(folder)), prepend=os.pathsep)
         with running_service(folder / "data", params="ideal", plant=words) as running:
             yield running
 
