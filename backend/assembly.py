@@ -1,5 +1,6 @@
 """All parts of the service, put together over what the loop starts from."""
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -51,6 +52,7 @@ from backend.operating.live_stream import PART as LIVE
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
 from backend.operating.present_state import PresentState
+from backend.operating.refusals import Refusals
 from backend.operating.safe_stop import SafeStop
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
@@ -121,6 +123,8 @@ def assemble(
     journal = Journal(database)
     stack.callback(journal.close)
     keep(JOURNAL, journal.run)
+    refusals = Refusals(journal, asyncio.get_running_loop().call_later)
+    stack.callback(refusals.close)
     authentication.tell = partial(journal.record, EventKind.ACCESS)
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
@@ -222,6 +226,7 @@ def assemble(
         saved_tunings=SavedTunings(database),
         bring_up=bring_up,
         live=live,
+        refusals=refusals,
         runs=stored_runs,
         figures=RecordedFigures(database),
         run_library=RunLibrary(database),

@@ -16,6 +16,6 @@ async def get_recording(service: ServiceInUse, _person: SignedIn) -> PlayedRecor
 
 
 @router.put("", status_code=204)
-async def order(body: PlayerOrder, service: ServiceInUse, _person: HoldsControl) -> None:
+async def play(body: PlayerOrder, service: ServiceInUse, _person: HoldsControl) -> None:
     """Play, pause, set the speed or go to a time of the recording; at its end, playing begins anew."""
     await service.actuator.player.order(body)

@@ -393,10 +393,10 @@ export interface paths {
          */
         get: operations["get_recording"];
         /**
-         * Order
+         * Play
          * @description Play, pause, set the speed or go to a time of the recording; at its end, playing begins anew.
          */
-        put: operations["order"];
+        put: operations["play"];
         post?: never;
         delete?: never;
         options?: never;
@@ -3512,7 +3512,7 @@ export interface components {
          * @description What an event is about. Those that are marks on the time axis too are called as ``MarkKind`` calls them.
          * @enum {string}
          */
-        EventKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note" | "trip" | "recording" | "retention" | "flight_quota" | "backup" | "access" | "run";
+        EventKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note" | "trip" | "recording" | "retention" | "flight_quota" | "backup" | "access" | "refusal" | "run";
         /**
          * EventMessage
          * @description A mark on the time axis.
@@ -7366,6 +7366,11 @@ export interface components {
             /** Entries */
             entries: components["schemas"]["TimelineEntry"][];
             /**
+             * Total
+             * @description how many there are of what is asked for, these included
+             */
+            total: number;
+            /**
              * More Before
              * @description ask for what was before this; null where there is no more
              */
@@ -10640,7 +10645,7 @@ export interface operations {
             };
         };
     };
-    order: {
+    play: {
         parameters: {
             query?: never;
             header?: {
@@ -11668,13 +11673,15 @@ export interface operations {
             query?: {
                 /** @description of these kinds only */
                 kind?: components["schemas"]["EventKind"][] | null;
-                /** @description each of these words, in text, person, note or tag */
+                /** @description each of these words, in text as it is read, person, note or tag */
                 words?: string;
                 /** @description from this time on */
                 since?: string | null;
                 /** @description before this time */
                 before?: string | null;
                 limit?: number;
+                /** @description unit in which angles are printed; what the person prefers if left out */
+                angles?: components["schemas"]["Angles"] | null;
             };
             header?: never;
             path?: never;
