@@ -27,6 +27,8 @@ _AT_ONCE = 500
 _LONGEST_NUMBER = 10
 _UNITS = re.compile(r"d|de|deg(/s?)?|r|ra|rad(/s?)?|eg(/s?)?|ad(/s?)?|[ga](/s?)?|/s?|e")
 """Parts of the units in which angles and their speeds are read: a text in rad has none of "deg" in the database."""
+_Query = Select[*tuple[Any, ...]]
+_Row = Row[*tuple[Any, ...]]
 _NEXT = timedelta(microseconds=1)
 AFTER = timedelta(seconds=2)
 """So long after a run ended what ended it may be written: a flight record is, once its seconds are over."""
@@ -122,9 +124,7 @@ def count(session: Session, asked: Asked) -> int:
     return found
 
 
-def _count(
-    session: Session, query: Select[Any], made: Callable[[Row[Any]], tuple[Happening, str]], asked: Asked
-) -> int:
+def _count(session: Session, query: _Query, made: Callable[[_Row], tuple[Happening, str]], asked: Asked) -> int:
     if any(map(_may_be_of_angle, asked.words)):
         return len(_found(session, query, made, asked, None))
     return session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
@@ -132,8 +132,8 @@ def _count(
 
 def _found(
     session: Session,
-    query: Select[Any],
-    made: Callable[[Row[Any]], tuple[Happening, str]],
+    query: _Query,
+    made: Callable[[_Row], tuple[Happening, str]],
     asked: Asked,
     limit: int | None,
 ) -> list[Happening]:
@@ -175,7 +175,7 @@ def _events(session: Session, asked: Asked, limit: int | None) -> list[Happening
     return _found(session, _of_events(session, asked), _event, asked, limit)
 
 
-def _of_events(session: Session, asked: Asked) -> Select[Any]:
+def _of_events(session: Session, asked: Asked) -> _Query:
     query = (
         select(EventRow, RemarkRow, FlightRow.event_id)
         .outerjoin(RemarkRow, RemarkRow.event_id == EventRow.id)
@@ -192,7 +192,7 @@ def _of_events(session: Session, asked: Asked) -> Select[Any]:
     return query
 
 
-def _event(row: Row[Any]) -> tuple[Happening, str]:
+def _event(row: _Row) -> tuple[Happening, str]:
     event, said, flight = row
     happening = Happening(
         event.at,
@@ -218,17 +218,17 @@ def _ended(session: Session, asked: Asked, limit: int | None) -> list[Happening]
     return _found(session, _of_runs(session, RunRow.ended_at, asked), _end, asked, limit)
 
 
-def _beginning(row: Row[Any]) -> tuple[Happening, str]:
+def _beginning(row: _Row) -> tuple[Happening, str]:
     run, at, who, title, words, _, _ = row
     return Happening(at, EventKind.RUN, who, f"{title} began", run_id=run), words
 
 
-def _end(row: Row[Any]) -> tuple[Happening, str]:
+def _end(row: _Row) -> tuple[Happening, str]:
     run, at, _, title, words, state, detail = row
     return Happening(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run_id=run), words
 
 
-def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked) -> Select[Any]:
+def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked) -> _Query:
     index = RunIndexRow
     query = (
         select(RunRow.id, moment, RunRow.who, index.title, index.words, RunRow.end_state, RunRow.end_detail)

@@ -142,7 +142,7 @@ def test_the_log_is_searched_in_the_unit_in_which_somebody_reads(off: httpx.Clie
     off.put("/api/references", json={"q_ref": 6.6, "S_ref": 9.0})  # 378.2 deg
 
     def found(words: str, angles: str) -> int:
-        asked = {"words": words, "angles": angles, "kind": "refusal", "limit": 1}
+        asked: dict[str, str | int] = {"words": words, "angles": angles, "kind": "refusal", "limit": 1}
         return int(off.get("/api/log", params=asked).raise_for_status().json()["total"])
 
     until(lambda: found("378.2 deg", "deg"))

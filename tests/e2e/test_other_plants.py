@@ -24,8 +24,8 @@ def service(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     folder = tmp_path_factory.mktemp("other")
     recording = folder / "slack.csv"
     still, t = dict.fromkeys(UNITS, np.zeros(SAMPLES)), np.arange(SAMPLES) / 1000.0
-    running = np.where(t >= 0.5, 1.0, 0.0)
-    recording.write_bytes(to_csv({**still, "t": t, "u_A": U_A * running, "mode": 2.0 * running}))
+    runs = np.where(t >= 0.5, 1.0, 0.0)
+    recording.write_bytes(to_csv({**still, "t": t, "u_A": U_A * runs, "mode": 2.0 * runs}))
     words = {"package": [example.NAME], "replay": ["replay", "--recording", str(recording)]}[request.param]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(example.installed_in(folder)), prepend=os.pathsep)

@@ -63,7 +63,8 @@ class Played:
         return next(event for event in events if isinstance(event, Accepted | Refused))
 
     def column(self, name: str) -> list[float]:
-        return self.ring.read(0, 100_000)[1][:, INDEX[name]].tolist()
+        values: list[float] = self.ring.read(0, 100_000)[1][:, INDEX[name]].tolist()
+        return values
 
     @property
     def shown(self) -> list[int]:
