@@ -41,6 +41,7 @@ const MARKS = [
 ];
 
 let role: string;
+let holder: unknown;
 
 function open(part: Partial<PlayerPosition> = {}): LiveStore {
   const store = new LiveStore(0);
@@ -58,7 +59,7 @@ function open(part: Partial<PlayerPosition> = {}): LiveStore {
 }
 
 function tell(store: LiveStore, part: Partial<PlayerPosition>): void {
-  store.setState({ player: { ...PLAYER, ...part }, link: { alive: true } } as unknown as State);
+  store.setState({ player: { ...PLAYER, ...part }, holder, link: { alive: true } } as unknown as State);
 }
 
 async function ordered(): Promise<unknown[]> {
@@ -72,6 +73,7 @@ const position = () => screen.getByRole("status", { name: "Position in the recor
 
 beforeEach(() => {
   role = "operator";
+  holder = null;
   fetched.mockReset().mockImplementation(async ({ url, method }) => {
     const path = new URL(url).pathname;
     if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "Ana" });
@@ -134,4 +136,13 @@ it("lets a viewer look on", async () => {
   );
   expect(screen.queryByRole("button", { name: "Go to" })).toBeNull();
   expect((await screen.findByRole("button", { name: /0:40\.5/ })).hasAttribute("disabled")).toBe(true);
+});
+
+it("is locked with the reason while somebody else holds control", async () => {
+  holder = { name: "Mara", page: true, lost: false, epoch: 3 };
+  open();
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("Mara holds control");
+  for (const name of ["Play", "Go to"]) {
+    expect(screen.getByRole("button", { name }).hasAttribute("disabled")).toBe(true);
+  }
 });

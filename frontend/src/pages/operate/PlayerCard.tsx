@@ -14,6 +14,7 @@ import { useAngles } from "../../service/angles";
 import { playedQuery, usePlayer } from "../../service/player";
 import { RefusedFields } from "../../service/refusedFields";
 import { useMayCommand } from "../../service/useMayCommand";
+import { useNoControl } from "../../service/useNoControl";
 import type { PlayerPosition } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Operate.module.css";
@@ -31,6 +32,8 @@ export function PlayerCard() {
 function Player({ player }: { player: PlayerPosition }) {
   const order = usePlayer();
   const looksOn = useMayCommand() === false;
+  const noControl = useNoControl();
+  const locked = looksOn || noControl !== null;
   const t = useTime(player);
   const [dragged, setDragged] = useState<number | null>(null);
   const [wanted, setWanted] = useState(0);
@@ -51,7 +54,7 @@ function Player({ player }: { player: PlayerPosition }) {
           <ActionIcon
             variant="default"
             size={34}
-            disabled={looksOn}
+            disabled={locked}
             aria-label={player.playing ? "Pause" : "Play"}
             onClick={() => order.mutate({ playing: !player.playing })}
           >
@@ -62,7 +65,7 @@ function Player({ player }: { player: PlayerPosition }) {
           </output>
           <NativeSelect
             aria-label="Speed of the player"
-            disabled={looksOn}
+            disabled={locked}
             value={String(player.speed)}
             onChange={(event) => order.mutate({ speed: Number(event.currentTarget.value) })}
             data={speedsOf(player).map((speed) => ({ value: String(speed), label: `${speed}×` }))}
@@ -72,7 +75,7 @@ function Player({ player }: { player: PlayerPosition }) {
           size="sm"
           thumbLabel="Position in the recording"
           label={null}
-          disabled={looksOn}
+          disabled={locked}
           min={0}
           max={player.duration_s}
           step={STEP_S}
@@ -91,12 +94,14 @@ function Player({ player }: { player: PlayerPosition }) {
               width={110}
               saidAt="refusal-of-player"
               place="t"
+              isInForm
               onCommit={setWanted}
               onProblem={setProblem}
             />
             <Button
               size="compact-sm"
               variant="default"
+              disabled={locked}
               onClick={() => {
                 if (problem === null) order.mutate({ t: wanted });
               }}
@@ -105,21 +110,27 @@ function Player({ player }: { player: PlayerPosition }) {
             </Button>
           </div>
         )}
-        <Refusal id="refusal-of-player" error={refusal} about={about} forFields text={problem} />
+        <Refusal
+          id="refusal-of-player"
+          error={refusal}
+          about={about}
+          forFields
+          text={(looksOn ? null : noControl) ?? problem}
+        />
       </RefusedFields>
-      <Marks at_s={t} looksOn={looksOn} onGo={(at_s) => order.mutate({ t: at_s })} />
+      <Marks at_s={t} locked={locked} onGo={(at_s) => order.mutate({ t: at_s })} />
     </Card>
   );
 }
 
 interface MarksProps {
   readonly at_s: number;
-  readonly looksOn: boolean;
+  readonly locked: boolean;
   onGo(at_s: number): void;
 }
 
 /** What happened in the recording; the newest mark that was passed is told apart. */
-function Marks({ at_s, looksOn, onGo }: MarksProps) {
+function Marks({ at_s, locked, onGo }: MarksProps) {
   const angles = useAngles();
   const { data } = useQuery(playedQuery);
   if (data === undefined) return null;
@@ -130,7 +141,7 @@ function Marks({ at_s, looksOn, onGo }: MarksProps) {
       {data.marks.map((mark, place) => (
         // biome-ignore lint/suspicious/noArrayIndexKey: two marks may say the same at one time, and none is moved
         <li key={place} aria-current={place === passed ? "true" : undefined}>
-          <button type="button" disabled={looksOn} onClick={() => onGo(Math.max(0, mark.t))}>
+          <button type="button" disabled={locked} onClick={() => onGo(Math.max(0, mark.t))}>
             <span>{clockTime(mark.t, 0.1)}</span> {inWords(mark.text, angles)}
           </button>
         </li>
