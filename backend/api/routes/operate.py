@@ -19,7 +19,10 @@ async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
 
 @router.post("/stop")
 async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
-    """Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token."""
+    """Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token.
+
+    A recording that is played is paused: nothing is driven, and nothing is latched.
+    """
     return await service.actuator.stop(person.name)
 
 

@@ -17,6 +17,8 @@ export type StopState =
 const ATTEMPTS = 3;
 const ANSWER_WITHIN_MS = 1500;
 const UNREACHABLE = "The service cannot be reached.";
+const STOPS = "Hard stop: zero volts at once, latched (Ctrl/Cmd+Shift+E)";
+const PAUSES = "Pauses the recording; nothing is driven (Ctrl/Cmd+Shift+E)";
 /** Colours of the theme, or their like where its style sheet is missing. */
 const STYLE = `
 .sinew-stop {
@@ -71,7 +73,8 @@ export function pressStop(): void {
 }
 
 /** Take in a state of the service: from here on the service's word counts. */
-export function hearState(told: Parameters<typeof settled>[1]): void {
+export function hearState(told: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
+  if (shown !== null) shown.button.title = told.player ? PAUSES : STOPS;
   change(settled(state, told));
 }
 
@@ -194,7 +197,7 @@ function install(): { button: HTMLButtonElement; notice: HTMLElement } {
   button.type = "button";
   button.className = "sinew-stop";
   button.textContent = "STOP";
-  button.title = "Hard stop: zero volts at once, latched (Ctrl/Cmd+Shift+E)";
+  button.title = STOPS;
   button.setAttribute("aria-label", "STOP");
   button.setAttribute("aria-keyshortcuts", "Control+Shift+E Meta+Shift+E");
   button.addEventListener("pointerdown", (event) => {

@@ -252,6 +252,8 @@ export interface paths {
         /**
          * Stop
          * @description Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token.
+         *
+         *     A recording that is played is paused: nothing is driven, and nothing is latched.
          */
         post: operations["stop"];
         delete?: never;
