@@ -1,5 +1,6 @@
 """All parts of the service, put together over what the loop starts from."""
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from backend.archive.figures import RecordedFigures
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
+from backend.archive.played_recording import played_recording
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import PART as RETENTION
@@ -50,6 +52,7 @@ from backend.operating.live_stream import PART as LIVE
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
 from backend.operating.present_state import PresentState
+from backend.operating.refusals import Refusals
 from backend.operating.safe_stop import SafeStop
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
@@ -67,6 +70,7 @@ from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision
+from plant.choice import PlantKind
 from plant.parameters import PlantParameters
 
 
@@ -119,6 +123,8 @@ def assemble(
     journal = Journal(database)
     stack.callback(journal.close)
     keep(JOURNAL, journal.run)
+    refusals = Refusals(journal, asyncio.get_running_loop().call_later)
+    stack.callback(refusals.close)
     authentication.tell = partial(journal.record, EventKind.ACCESS)
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
@@ -126,7 +132,9 @@ def assemble(
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
     safe_stop = SafeStop(supervisor, present, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
-    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
+    choice = settings.plant_choice
+    recording = played_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
+    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording)
     control = Control(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
     control.holder_changed = partial(actuator.retuning.leave_trial, "as the holder of control has changed")
@@ -218,6 +226,7 @@ def assemble(
         saved_tunings=SavedTunings(database),
         bring_up=bring_up,
         live=live,
+        refusals=refusals,
         runs=stored_runs,
         figures=RecordedFigures(database),
         run_library=RunLibrary(database),

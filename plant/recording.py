@@ -1,5 +1,6 @@
 """A recording as a file: what ``sinew runs export`` and the downloads write, CSV or Parquet, read and looked over."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ _JITTER = 0.1
 
 @dataclass(frozen=True)
 class Recording:
-    """Samples by column name, shape (N,) each, one every millisecond."""
+    """Samples by column name, shape (N,) each, one every millisecond; further columns of the file as they are."""
 
     path: Path
     columns: dict[str, Signal]
@@ -50,6 +51,7 @@ def load_recording(path: str | Path) -> Recording:
     for name in FURTHER:
         nothing = 0.0 if name in ("F_push", "fault") else np.nan
         columns[name] = _column(path, table, name) if name in table.column_names else np.full(rows, nothing)
+    columns |= _further(table, set(table.column_names) - columns.keys())
     _check_times(path, columns["t"])
     _check_values(path, columns)
     return Recording(path, columns)
@@ -100,6 +102,18 @@ def _column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
     except pa.ArrowInvalid:
         raise _unusable(path, f"the column {name} holds something else than numbers") from None
     return np.asarray(values, dtype=np.float64)
+
+
+def _further(table: Any, names: set[str]) -> dict[str, Signal]:
+    """Return columns that nothing is asked of: those that hold numbers, once each."""
+    import pyarrow as pa
+
+    found = {}
+    for name in sorted(names):
+        if table.column_names.count(name) == 1:
+            with suppress(pa.ArrowException):
+                found[name] = np.asarray(table.column(name).cast(pa.float64()).to_numpy(), dtype=np.float64)
+    return found
 
 
 def _check_times(path: Path, t: Signal) -> None:

@@ -27,7 +27,7 @@ class Replay:
 
     It begins with its first sample when it is opened. At its end one reading fails and says so, with how far the
     voltages written were from those recorded; from then on it stands at its first sample until it is acknowledged,
-    which plays it again. The encoders' zeros are those of the recording.
+    which plays it again. The encoders' zeros are those of the recording, which stays at hand as ``recording``.
     """
 
     paces_loop = False
@@ -38,7 +38,7 @@ class Replay:
     unready = ""
 
     def __init__(self, recording: Recording) -> None:
-        columns = recording.columns
+        self.recording, columns = recording, recording.columns
         names = ("q", "theta_A", "theta_B", "F_A", "F_B", "S_true", "F_push")
         F_wall = columns["F_wall"]
         trips = (columns["fault"] == SAFETY_MODULE).astype(np.float64)

@@ -12,6 +12,7 @@ from backend import __version__
 from backend.api import errors
 from backend.api.admission import Admission
 from backend.api.angles import angles_of
+from backend.api.refused_commands import tell_refused
 from backend.api.routes import (
     banks,
     bring_up,
@@ -22,6 +23,7 @@ from backend.api.routes import (
     log,
     operate,
     own_experiments,
+    player,
     preferences,
     run_figures,
     run_library,
@@ -89,6 +91,7 @@ def create_app(
         preferences,
         control,
         operate,
+        player,
         bring_up,
         faults,
         log,
@@ -108,7 +111,7 @@ def create_app(
     for router in (stream.router, *further_routes, site.router):
         app.include_router(router)
     site.mount_static(app)
-    errors.install(app, angles_of)
+    errors.install(app, angles_of, tell_refused)
     app.add_middleware(RequestTurns)
     app.add_middleware(SessionEnds)
     app.add_middleware(Admission)

@@ -88,6 +88,8 @@ COSTS: dict[str, Cost] = {
     "POST /api/push": LOOP,
     "PUT /api/touch": LOOP,
     "PUT /api/wall": LOOP,
+    "GET /api/player": AT_HAND,
+    "PUT /api/player": LOOP,
     "GET /api/bring-up": ROWS,
     "POST /api/bring-up/confirm": LOOP,
     "POST /api/bring-up/cancel": LOOP,

@@ -96,16 +96,19 @@ _BECAUSE: dict[type[Exception], Because] = {
 Handler = Callable[[Request, Exception], Awaitable[JSONResponse]]
 AnglesOf = Callable[[HTTPConnection], Awaitable[Angles]]
 """Tells in which unit whoever asks reads angles."""
+Told = Callable[[HTTPConnection, str], None]
+"""Hears of each refusal: of which request, and why, with angles in SI."""
 
 
-def install(app: FastAPI, angles_of: AnglesOf) -> None:
-    """Register the handlers on ``app``; ``angles_of`` is asked where a refusal speaks of an angle."""
+def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _reason: None) -> None:
+    """Register the handlers on ``app``; ``angles_of`` is asked where a refusal speaks of an angle, all are ``told``."""
 
     async def answer(
         request: Request, status: int, problem: Callable[[Angles], Problem], headers: Mapping[str, str] | None = None
     ) -> JSONResponse:
-        said = problem(Angles.DEGREES)
-        if said.message != problem(Angles.RADIANS).message:
+        said, reason = problem(Angles.DEGREES), problem(Angles.RADIANS).message
+        told(request, reason)
+        if said.message != reason:
             said = problem(await angles_of(request))
         return _answer(status, said, headers)
 
@@ -128,11 +131,13 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
         return await answer(request, 422, partial(problem_of_experiment, error))
 
     @app.exception_handler(NotReadyError)
-    async def not_ready(_request: Request, error: NotReadyError) -> JSONResponse:
+    async def not_ready(request: Request, error: NotReadyError) -> JSONResponse:
+        told(request, str(error))
         return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
 
     @app.exception_handler(WorkLimitError)
-    async def beyond_limit(_request: Request, error: WorkLimitError) -> JSONResponse:
+    async def beyond_limit(request: Request, error: WorkLimitError) -> JSONResponse:
+        told(request, str(error))
         return _answer(
             422,
             Problem(

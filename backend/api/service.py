@@ -32,6 +32,7 @@ from backend.operating.chart_sheets import ChartSheets
 from backend.operating.dry_runs import DryRuns
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
+from backend.operating.refusals import Refusals
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
@@ -55,6 +56,7 @@ class Service:
     saved_tunings: SavedTunings
     bring_up: BringUp
     live: LiveStream
+    refusals: Refusals
     runs: StoredRuns
     figures: RecordedFigures
     run_library: RunLibrary
@@ -106,10 +108,22 @@ Stamped = Annotated[
 ]
 
 
-async def _in_control(service: ServiceInUse, person: Operator, stamp: Stamped = None) -> AsyncIterator[Person]:
+async def _holds_control(
+    request: Request, service: ServiceInUse, person: Operator, stamp: Stamped = None
+) -> AsyncIterator[Person]:
+    request.state.commanding = person, await request.body()  # the log tells who asked for what, if it is refused
     async with service.control.turn(person, read_stamp(stamp)):
         yield person
 
 
+HoldsControl = Annotated[Person, Depends(_holds_control, scope="function")]
+"""An operator who holds control, of whatever is driven or played."""
+
+
+async def _in_control(service: ServiceInUse, person: HoldsControl) -> Person:
+    service.actuator.player.require_none()
+    return person
+
+
 InControl = Annotated[Person, Depends(_in_control, scope="function")]
-"""An operator who holds control: only their commands move the actuator."""
+"""An operator who holds control: only their commands move the actuator. Refused while a recording is played."""

@@ -25,7 +25,8 @@ class StoredTimeline:
     def _page(self, asked: Asked, limit: int) -> Timeline:
         with self._database.reading() as session:
             found, more_before = timeline.find(session, asked, limit)
-        return Timeline(entries=[_entry(one) for one in found], more_before=more_before)
+            total = len(found) if more_before is None else timeline.count(session, asked)
+        return Timeline(entries=[_entry(one) for one in found], total=total, more_before=more_before)
 
     def _remark(self, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
         with self._database.session() as session:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from backend.faults import Fault
 from backend.loop.causes import Why
 from backend.loop.mode import Mode
+from backend.loop.play_recording import PlayerMoved as PlayerMoved
+from backend.loop.play_recording import PlayRecording as PlayRecording
 from backend.loop.program import Program
 from backend.loop.set_touch import ContactFelt as ContactFelt
 from backend.loop.set_touch import SetTouch as SetTouch
@@ -156,6 +158,7 @@ Command = (
     | Push
     | Inject
     | Obstruct
+    | PlayRecording
     | Zero
     | TryMotor
     | TryModule
@@ -296,5 +299,6 @@ Event = (
     | WallChanged
     | PlantFailing
     | PlantAnswers
+    | PlayerMoved
     | ReadinessChanged
 )

@@ -17,6 +17,7 @@ from backend.loop.commands import (
     Heartbeat,
     Inject,
     Obstruct,
+    PlayRecording,
     Push,
     Refused,
     Reset,
@@ -148,6 +149,8 @@ class Loop:
                 self.finished = True
             case Heartbeat():
                 pass
+            case PlayRecording():
+                raise RefusedError("no recording is played: there is nothing to play, pause or go to")
             case _:
                 assert_never(command)
 

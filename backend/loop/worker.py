@@ -31,6 +31,7 @@ from backend.loop.commands import Heartbeat, ReadinessChanged, Refused, Stop, Sw
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode, RefusedError
 from backend.loop.pacer import Pacer, request_real_time
+from backend.loop.player_loop import PlayerLoop
 from backend.loop.program_parts import ProgramParts
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
@@ -38,6 +39,7 @@ from plant.card import Card
 from plant.catalog import make_plant
 from plant.interface import Plant, PlantError, T_s, Wired
 from plant.parameters import ParameterError, load_parameters
+from plant.replay import Replay
 from plant.simulator import Simulator
 
 SILENCE_S = 0.34
@@ -58,7 +60,7 @@ _STILL = (Mode.OFF, Mode.TRIPPED)
 class Worker:
     """One loop and its road to the service; ``drives_off`` where hands may be at the rig already."""
 
-    def __init__(self, plant: Plant, loop: Loop, channel: Channel, *, drives_off: bool = False) -> None:
+    def __init__(self, plant: Plant, loop: Loop | PlayerLoop, channel: Channel, *, drives_off: bool = False) -> None:
         self._plant = plant
         self._loop = loop
         self._channel = channel
@@ -175,7 +177,10 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     gc.freeze()
     gc.disable()
     granted = request_real_time()
-    loop = Loop(plant, parameters, ring, setup.tuning)
+    if isinstance(plant, Replay):
+        loop: Loop | PlayerLoop = PlayerLoop(plant.recording, ring)
+    else:
+        loop = Loop(plant, parameters, ring, setup.tuning)
     try:
         worker = Worker(plant, loop, channel, drives_off=setup.drives_off)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())

@@ -10,6 +10,7 @@ from backend.faults import Fault
 from backend.loop.mode import Mode
 from backend.messages.base import ANY_SIZE, Schema, quantity
 from backend.messages.control import HolderView, WishView
+from backend.messages.player import PlayerView
 from backend.messages.session import PersonView
 from backend.messages.touch import TouchView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
@@ -122,7 +123,7 @@ class FaultView(Schema):
     tick: int
     expected: bool = Field(
         default=False,
-        description="whether this trip is a planned event: provoked by the bring-up, or the end of a replay",
+        description="whether this trip is a planned event: provoked by the bring-up",
     )
 
 
@@ -132,6 +133,9 @@ class StopProof(Schema):
     arrived_tick: int
     zero_tick: int
     milliseconds: float = quantity("ms", "from arrival in the loop to zero volts")
+    paused_recording: bool = Field(
+        default=False, description="whether a recording was paused: nothing is driven, and nothing is latched"
+    )
 
 
 class ChainLinkView(Schema):
@@ -211,6 +215,7 @@ class State(Schema):
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
     wall: Wall | None = Field(description="what stands in a simulated joint's way; null where nothing does")
+    player: PlayerView | None = Field(default=None, description="where a recording stands that is played; else null")
     own_tuning: ChosenTuning | None = Field(
         description="what the operator had chosen, in force again after the run; null while no run has the tuning"
     )

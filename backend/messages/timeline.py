@@ -33,6 +33,7 @@ class Timeline(Schema):
     """A page of it, newest first."""
 
     entries: list[TimelineEntry]
+    total: int = Field(description="how many there are of what is asked for, these included")
     more_before: datetime | None = Field(description="ask for what was before this; null where there is no more")
 
 

@@ -12,19 +12,31 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.faults import EXPLAINED, Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
-from backend.loop.commands import Accepted, Command, Event, ModeChanged, PushReleased, Refused, RunEnded, Stopped
+from backend.loop.commands import (
+    Accepted,
+    Command,
+    Event,
+    ModeChanged,
+    PlayerMoved,
+    PushReleased,
+    Refused,
+    RunEnded,
+    Stopped,
+)
 from backend.loop.hand_push import PUSH_MAX_S
 from backend.loop.mode import Mode
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
+from backend.messages.player import PlayedRecording
 from backend.messages.state import Push, References, State, StopProof
 from backend.operating.answered import carried_out
 from backend.operating.event_marks import mark_of
 from backend.operating.journal import Journal
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.legality import require_legal
-from backend.operating.present_state import F_PUSH_MAX, PresentState, proof_of
+from backend.operating.player import Player
+from backend.operating.present_state import F_PUSH_MAX, PresentState
 from backend.operating.retuning import Retuning
 from backend.operating.session_runs import RECORDED, SessionRuns
 from backend.operating.touching import Touching
@@ -48,7 +60,7 @@ class Actuator:
 
     ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
     itself, if anything: nothing else starts then. ``starting`` is held from that question until what starts shows.
-    ``in_effect`` says what the next loop is to start with.
+    ``in_effect`` says what the next loop is to start with; ``recording`` is what is played in place of a plant.
     """
 
     def __init__(
@@ -61,6 +73,7 @@ class Actuator:
         on_new_ring: Callable[[Ring], None],
         supervision: Supervision,
         hands: KeptHands,
+        recording: PlayedRecording | None = None,
     ) -> None:
         self.present = present
         self.occupied: Callable[[], str] = str
@@ -80,7 +93,8 @@ class Actuator:
         self.touching = Touching(
             supervisor, present, journal, self._command, self.changed, self.starting, self.retuning.leave_pushes
         )
-        present.touch = self.touching.view
+        self.player = Player(recording, self._command, self.changed)
+        present.touch, present.player = self.touching.view, self.player.view
         supervisor.listen(self._hear)
 
     def on_change(self, changed: Callable[[], None]) -> None:
@@ -105,8 +119,11 @@ class Actuator:
             ) from None
         finally:
             self._stop_waiters.remove(waiter)
-        self._journal.note(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
-        return proof_of(stopped)
+        if self.player.plays:
+            self._journal.note(MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who)
+        else:
+            self._journal.note(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
+        return self.present.proof_of(stopped)
 
     async def operator_lost(self, who: str) -> None:
         """Stop softly: the page that held control was not heard, and the references were held long enough."""
@@ -274,6 +291,8 @@ class Actuator:
 
     def _hear(self, event: Event | LoopDied) -> None:
         self.present.hear(event)
+        if isinstance(event, PlayerMoved):
+            self.player.hear(event)
         if isinstance(event, PushReleased):
             self._pushed = False
         if isinstance(event, ModeChanged):

@@ -11,6 +11,7 @@ from backend.loop.commands import (
     ModeChanged,
     PlantAnswers,
     PlantFailing,
+    PlayerMoved,
     PretensionReached,
     PushReleased,
     ReadinessChanged,
@@ -62,7 +63,7 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.NOTE, "the plant answers again", tick)
         case LoopDied(reason):
             return Mark(MarkKind.TRIP, f"The control loop died: {reason}", now)
-        case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged():
+        case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged() | PlayerMoved():
             return None
         case _:
             assert_never(event)

@@ -14,6 +14,7 @@ from backend.loop.commands import (
     ModeChanged,
     PlantAnswers,
     PlantFailing,
+    PlayerMoved,
     PretensionReached,
     PushReleased,
     ReadinessChanged,
@@ -28,6 +29,7 @@ from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.supervisor import Supervisor
 from backend.messages.control import HolderView, WishView
+from backend.messages.player import PlayerView
 from backend.messages.session import Health, PersonView
 from backend.messages.state import (
     FaultView,
@@ -64,7 +66,8 @@ class PresentState:
     before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
     ``occupied`` says what has the rig for itself, ``provoked_trip`` the fault that it provokes, ``wall`` is what is in
-    a simulated joint's way. ``problems`` tells what is wrong with the service without being a fault of the loop.
+    a simulated joint's way, ``player`` where a recording stands in a tick. ``problems`` tells what is wrong with the
+    service without being a fault of the loop.
     """
 
     def __init__(
@@ -89,6 +92,7 @@ class PresentState:
         self.occupied: Callable[[], str] = str
         self.provoked_trip: Callable[[], Fault] = lambda: Fault.NONE
         self.wall: Obstacle | None = None
+        self.player: Callable[[int], PlayerView | None] = lambda _tick: None
         self._unready = ""
         self.use(parameters, tuning)
         self._supervisor = supervisor
@@ -144,7 +148,10 @@ class PresentState:
     @property
     def references(self) -> ReferencesView:
         """References in use; where none are, what the joint does."""
-        return references_of(self._observation.sample())
+        references = references_of(self._observation.sample())
+        if self.plant.kind is PlantKind.REPLAY:  # what was asked for then is asked of nothing now
+            return references.model_copy(update={"in_force": False})
+        return references
 
     @property
     def entry(self) -> float:
@@ -181,13 +188,17 @@ class PresentState:
                 self._pretension_done = True
             case Stopped():
                 self._stop = event
+            case PlayerMoved(playing=True):
+                self._stop = None  # what it had paused goes on
             case PlantFailing(_, reason):
                 self._plant_problem = f"the plant cannot be read or written: {reason}"
             case PlantAnswers():
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
                 self._unready = unready
-            case Accepted() | Refused() | RunEnded() | PushReleased() | ContactFelt() | TouchForgotten():
+            case (
+                Accepted() | Refused() | RunEnded() | PushReleased() | ContactFelt() | TouchForgotten() | PlayerMoved()
+            ):
                 pass
             case _:
                 assert_never(event)
@@ -196,6 +207,15 @@ class PresentState:
         """Drop the proof of a stop that has been reset, and the trouble that a reset is refused for."""
         self._stop = None
         self._plant_problem = ""
+
+    def proof_of(self, stopped: Stopped) -> StopProof:
+        """Return the proof of a stop; what is played was not driven, so that a stop has paused it only."""
+        return StopProof(
+            arrived_tick=stopped.arrived_tick,
+            zero_tick=stopped.zero_tick,
+            milliseconds=stopped.milliseconds,
+            paused_recording=self.plant.kind is PlantKind.REPLAY,
+        )
 
     def health(self) -> Health:
         """Return what anybody may know."""
@@ -223,14 +243,14 @@ class PresentState:
             tick=self.tick,
             link=link,
             timing=self._observation.timing(),
-            references=references_of(sample),
+            references=self.references,
             tuning=self._tuning_view(entry_of(sample)),
             limits=self._limits(),
             touch=self.touch(),
             fault=self._fault_view(sample),
             unready=self.unready,
             pretension_done=self._pretension_done,
-            stop_proof=None if self._stop is None else proof_of(self._stop),
+            stop_proof=None if self._stop is None else self.proof_of(self._stop),
             holder=holder,
             people=self.people(),
             wishes=self.wishes(),
@@ -239,6 +259,7 @@ class PresentState:
             trial=self.trial(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
             wall=wall_view(self.wall),
+            player=self.player(self.tick),
             earlier=None if self.earlier is None else chosen_view(self.earlier),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
@@ -287,9 +308,7 @@ class PresentState:
         if self._stop is not None and self._stop.fault is fault:
             seen, tick = self._stop.detail, self._stop.arrived_tick
         message, remedy, expected = explained(fault, seen), EXPLAINED[fault].remedy, self.is_expected(fault)
-        if self._is_end_of_replay(fault):
-            message, remedy = f"Replay: {seen or 'the recording has ended'}.", "Reset plays it again."
-        elif expected:
+        if expected:
             message, remedy = f"The bring-up provoked this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
             remedy = (
@@ -298,16 +317,8 @@ class PresentState:
         return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=expected)
 
     def is_expected(self, fault: Fault) -> bool:
-        """Tell whether a trip with this fault is a planned event: provoked by the bring-up, or the end of a replay."""
-        return fault is not Fault.NONE and (fault is self.provoked_trip() or self._is_end_of_replay(fault))
-
-    def _is_end_of_replay(self, fault: Fault) -> bool:
-        return fault is Fault.PLANT_ERROR and self.plant.kind is PlantKind.REPLAY
-
-
-def proof_of(stopped: Stopped) -> StopProof:
-    """Return the proof as the page shows it."""
-    return StopProof(arrived_tick=stopped.arrived_tick, zero_tick=stopped.zero_tick, milliseconds=stopped.milliseconds)
+        """Tell whether a stop with this fault is no alarm: provoked by the bring-up, or the pause of a recording."""
+        return fault is not Fault.NONE and (fault is self.provoked_trip() or self.plant.kind is PlantKind.REPLAY)
 
 
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:

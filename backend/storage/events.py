@@ -33,6 +33,7 @@ class EventKind(StrEnum):
     FLIGHT_QUOTA = "flight_quota"
     BACKUP = "backup"
     ACCESS = "access"
+    REFUSAL = "refusal"
     RUN = "run"
     """Not stored as an event: runs say themselves when they began and ended."""
 

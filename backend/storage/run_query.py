@@ -2,9 +2,9 @@
 
     tracking tag=worn overshoot_q_percent < 5 and (date >= 2026-03-01 or who ~ "ana") not end = tripped
 
-A bare word stands somewhere in the run's texts; NAME OP VALUE compares, with = != < <= > >= and ~ for "contains"; of
-several values with commas between one has to fit. Parts beside each other have all to hold; ``or`` binds weaker than
-``and``, ``not`` strongest.
+A bare word stands somewhere in the run's texts, ``run 12`` is the run of that number; NAME OP VALUE compares, with
+= != < <= > >= and ~ for "contains"; of several values with commas between one has to fit. Parts beside each other have
+all to hold; ``or`` binds weaker than ``and``, ``not`` strongest.
 """
 
 import re
@@ -195,6 +195,9 @@ class _Parser:
             )
         self._at += 1
         sign = self._next()
+        if token.says("run") and sign is not None and self._is_number_alone(sign):
+            self._at += 1
+            return Compare(Value("run", token.place), Op.EQUAL, (Value(sign.text, sign.place),))
         if token.quoted or sign is None or sign.quoted or sign.text not in set(Op):
             return Word(Value(token.text, token.place))
         self._at += 1
@@ -205,6 +208,12 @@ class _Parser:
         if len(values) > 1 and op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
             raise QueryError(values[1].place, f"{op} compares with one value: leave the others out")
         return Compare(Value(token.text, token.place), op, tuple(values))
+
+    def _is_number_alone(self, token: _Token) -> bool:
+        """Tell whether a number stands here that nothing is compared with: that of a run, as people write it."""
+        behind = self._tokens[self._at + 1] if self._at + 1 < len(self._tokens) else None
+        compared = behind is not None and not behind.quoted and behind.text in set(Op)
+        return not token.quoted and re.fullmatch(r"[0-9]{1,15}", token.text) is not None and not compared
 
     def _value(self, after: _Token) -> Value:
         token = self._next()

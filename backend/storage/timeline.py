@@ -1,13 +1,16 @@
 """Everything that happened, newest first: events, and when runs began and ended, with what people say of events."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import Any, NamedTuple
+from itertools import islice
+from typing import Any
 
-from sqlalchemy import func, or_, select
+from sqlalchemy import Row, Select, func, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from backend.reading import Angles, in_words
 from backend.refusal import Because, RefusalError
 from backend.storage import recordings
 from backend.storage.events import EventKind
@@ -20,6 +23,12 @@ from backend.storage.tags import read_tag
 
 NOTE_MAX = 2000
 TAGS_MAX = 20
+_AT_ONCE = 500
+_LONGEST_NUMBER = 10
+_UNITS = re.compile(r"d|de|deg(/s?)?|r|ra|rad(/s?)?|eg(/s?)?|ad(/s?)?|[ga](/s?)?|/s?|e")
+"""Parts of the units in which angles and their speeds are read: a text in rad has none of "deg" in the database."""
+_Query = Select[*tuple[Any, ...]]
+_Row = Row[*tuple[Any, ...]]
 _NEXT = timedelta(microseconds=1)
 AFTER = timedelta(seconds=2)
 """So long after a run ended what ended it may be written: a flight record is, once its seconds are over."""
@@ -27,12 +36,16 @@ AFTER = timedelta(seconds=2)
 
 @dataclass(frozen=True)
 class Asked:
-    """Which of it: of these kinds (none: of all), with each of these words, from ``since`` and ``before`` a time."""
+    """Which of it: of these kinds (none: of all), with each of these words, from ``since`` and ``before`` a time.
+
+    Words are looked for in what is read, with angles in ``angles``: "60" and "deg" of a text that is kept in rad.
+    """
 
     kinds: Sequence[EventKind] = ()
     words: Sequence[str] = ()
     since: datetime | None = None
     before: datetime | None = None
+    angles: Angles = Angles.DEGREES
 
 
 @dataclass(frozen=True)
@@ -100,73 +113,135 @@ def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who:
     session.merge(RemarkRow(event_id=event_id, note=note, tags=f" {words} ", who=who, at=datetime.now(UTC)))
 
 
+def count(session: Session, asked: Asked) -> int:
+    """Return how many there are of what is asked for."""
+    wanted, found = set(asked.kinds) or set(EventKind), 0
+    if wanted - {EventKind.RUN}:
+        found += _count(session, _of_events(session, asked), _event, asked)
+    if EventKind.RUN in wanted:
+        for moment, made in ((RunRow.started_at, _beginning), (RunRow.ended_at, _end)):
+            found += _count(session, _of_runs(session, moment, asked), made, asked)
+    return found
+
+
+def _count(session: Session, query: _Query, made: Callable[[_Row], tuple[Happening, str]], asked: Asked) -> int:
+    if any(map(_may_be_of_angle, asked.words)):
+        return len(_found(session, query, made, asked, None))
+    return session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
+
+
+def _found(
+    session: Session,
+    query: _Query,
+    made: Callable[[_Row], tuple[Happening, str]],
+    asked: Asked,
+    limit: int | None,
+) -> list[Happening]:
+    """Return the first of a query; where a word may be of an angle, those that show it as it is read.
+
+    The database has angles in rad: it leaves rows with an angle to be looked at here.
+    """
+    words = [_evened(word) for word in asked.words if _may_be_of_angle(word)]
+    if not words:
+        return [made(row)[0] for row in session.execute(query.limit(limit))]
+
+    def shows(found: tuple[Happening, str]) -> bool:
+        one, beside = found
+        turned = (in_words(text, asked.angles) for text in (one.text, beside))
+        read = [_evened(place) for place in (*turned, one.who, one.note, *one.tags)]
+        return all(word == str(one.run_id) or any(word in place for place in read) for word in words)
+
+    rows = session.execute(query.execution_options(yield_per=_AT_ONCE))
+    try:
+        return [one for one, _ in islice(filter(shows, map(made, rows)), limit)]
+    finally:
+        rows.close()
+
+
+def _may_be_of_angle(word: str) -> bool:
+    """Tell whether a word may be part of an angle as somebody reads it: a number, or a unit."""
+    return any(letter.isdigit() for letter in word) or bool(_UNITS.fullmatch(word.casefold()))
+
+
+def _evened(text: str) -> str:
+    return text.casefold().replace("−", "-")
+
+
+def _with_angle(place: InstrumentedAttribute[str]) -> list[Condition]:
+    return [place.contains(" rad"), place.contains(" deg")]
+
+
 def _events(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
+    return _found(session, _of_events(session, asked), _event, asked, limit)
+
+
+def _of_events(session: Session, asked: Asked) -> _Query:
     query = (
         select(EventRow, RemarkRow, FlightRow.event_id)
         .outerjoin(RemarkRow, RemarkRow.event_id == EventRow.id)
         .outerjoin(FlightRow, FlightRow.event_id == EventRow.id)
         .where(EventRow.station == station_of(session), *_within(EventRow.at, asked))
         .order_by(EventRow.at.desc(), EventRow.id.desc())
-        .limit(limit)
     )
     if asked.kinds:
         query = query.where(EventRow.kind.in_([str(kind) for kind in asked.kinds]))
     for word in asked.words:
         places = EventRow.text, EventRow.who, RemarkRow.note, RemarkRow.tags
-        query = query.where(or_(*(_holds(place, word) for place in places)))
-    return [
-        Happening(
-            event.at,
-            EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
-            event.who,
-            event.text,
-            event.id,
-            event.run_id,
-            event.tick,
-            flight=flight is not None,
-            note="" if said is None else said.note,
-            tags=() if said is None else tuple(said.tags.split()),
-            remark_by="" if said is None else said.who,
-        )
-        for event, said, flight in session.execute(query)
-    ]
+        turned = _with_angle(EventRow.text) if _may_be_of_angle(word) else []
+        query = query.where(or_(*(_holds(place, word) for place in places), *turned))
+    return query
+
+
+def _event(row: _Row) -> tuple[Happening, str]:
+    event, said, flight = row
+    happening = Happening(
+        event.at,
+        EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
+        event.who,
+        event.text,
+        event.id,
+        event.run_id,
+        event.tick,
+        flight=flight is not None,
+        note="" if said is None else said.note,
+        tags=() if said is None else tuple(said.tags.split()),
+        remark_by="" if said is None else said.who,
+    )
+    return happening, ""
 
 
 def _began(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
-    rows = _runs(session, RunRow.started_at, asked, limit)
-    return [Happening(run.at, EventKind.RUN, run.who, f"{run.title} began", run_id=run.id) for run in rows]
+    return _found(session, _of_runs(session, RunRow.started_at, asked), _beginning, asked, limit)
 
 
 def _ended(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
-    rows = _runs(session, RunRow.ended_at, asked, limit)
-    return [Happening(run.at, EventKind.RUN, "", f"{run.title} {run.end}", run_id=run.id) for run in rows]
+    return _found(session, _of_runs(session, RunRow.ended_at, asked), _end, asked, limit)
 
 
-class _Run(NamedTuple):
-    """A run at the moment when it began or ended."""
-
-    id: int
-    at: datetime
-    who: str
-    title: str
-    end: str
+def _beginning(row: _Row) -> tuple[Happening, str]:
+    run, at, who, title, words, _, _ = row
+    return Happening(at, EventKind.RUN, who, f"{title} began", run_id=run), words
 
 
-def _runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked, limit: int | None) -> list[_Run]:
+def _end(row: _Row) -> tuple[Happening, str]:
+    run, at, _, title, words, state, detail = row
+    return Happening(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run_id=run), words
+
+
+def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked) -> _Query:
+    index = RunIndexRow
     query = (
-        select(RunRow.id, moment, RunRow.who, RunIndexRow.title, RunRow.end_state, RunRow.end_detail)
+        select(RunRow.id, moment, RunRow.who, index.title, index.words, RunRow.end_state, RunRow.end_detail)
         .join(RunIndexRow, RunIndexRow.run_id == RunRow.id)
         .where(RunRow.station == station_of(session), moment.is_not(None), *_within(moment, asked))
         .order_by(moment.desc(), RunRow.id.desc())
-        .limit(limit)
     )
     for word in asked.words:
-        named = RunIndexRow.words.contains(word.casefold(), autoescape=True)
-        query = query.where(or_(named, _holds(RunRow.end_detail, word)))
-    return [
-        _Run(run, at, who, title, _in_words(state, detail))
-        for run, at, who, title, state, detail in session.execute(query)
-    ]
+        named = [index.words.contains(word.casefold(), autoescape=True), _holds(RunRow.end_detail, word)]
+        named += _with_angle(RunRow.end_detail) if _may_be_of_angle(word) else []
+        named += [RunRow.id == int(word)] if word.isascii() and word.isdigit() and len(word) < _LONGEST_NUMBER else []
+        query = query.where(true() if word.casefold() == "run" else or_(*named))
+    return query
 
 
 def _in_words(end_state: str, detail: str) -> str:

@@ -1,4 +1,4 @@
-"""A trip that the bring-up provokes, and the end of a replay, are planned: no alarm, no flight record."""
+"""A trip that the bring-up provokes, and a stop of a recording, are planned: no alarm, no flight record."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -55,11 +55,11 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
     stepped(database, load_parameters("ideal"), work)
 
 
-def test_the_end_of_a_replay_is_no_alarm_and_any_other_plant_error_is_one(database: Database) -> None:
+def test_no_stop_of_a_recording_is_an_alarm_and_any_other_plant_error_is_one(database: Database) -> None:
     async def work(parts: Parts) -> None:
         for kind in PlantKind:
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
-            assert parts.present.is_expected(Fault.PLANT_ERROR) is (kind is PlantKind.REPLAY)
-            assert not parts.present.is_expected(Fault.FORCE_LIMIT)
+            for fault in (Fault.PLANT_ERROR, Fault.FORCE_LIMIT, Fault.STOP_PRESSED):
+                assert parts.present.is_expected(fault) is (kind is PlantKind.REPLAY)
 
     stepped(database, load_parameters("ideal"), work)

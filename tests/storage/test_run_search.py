@@ -182,6 +182,30 @@ REFUSED = (
 )
 
 
+def test_a_run_is_found_by_its_number_as_people_write_it(database: Database) -> None:
+    with database.session() as session:
+        numbers = [runs.create(session, replace(NEW, note=note)).id for note in ("2 kg", "run 1 again", "")]
+    first, second, _ = numbers
+    queries = {
+        f"run {first}": [first],
+        f"Run {second}": [second],
+        f"run {first} or run {second}": [second, first],
+        f"not run {first} again": [second],
+        f'"run {first}"': [second],
+        "run 2 = 3": None,
+    }
+
+    def found(query: str) -> list[int] | None:
+        with database.reading() as session:
+            try:
+                return list(run_search.search(session, parse(query), everywhere=False, limit=9).run_ids)
+            except QueryError:
+                return None
+
+    assert (first, second) == (1, 2)
+    assert {query: found(query) for query in queries} == queries
+
+
 def test_a_search_that_says_nothing_is_refused_at_its_place(find: Find) -> None:
     for query, place, said in REFUSED:
         with pytest.raises(QueryError) as refused:

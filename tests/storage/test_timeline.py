@@ -1,5 +1,6 @@
 """Everything that happened in one list: nothing twice, nothing left out at the edge of a page, each at its second."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 
@@ -7,6 +8,7 @@ import pytest
 from sqlalchemy import update
 
 from backend.messages.live import MarkKind
+from backend.reading import Angles
 from backend.refusal import RefusalError
 from backend.storage import Database, Session, events, recordings, runs, timeline
 from backend.storage.events import EventKind
@@ -105,6 +107,71 @@ def test_words_kinds_and_times_narrow_it(database: Database) -> None:
         assert [one.text for one in all_of(database, Asked(words=words))] == expected, words
     assert [one.text for one in all_of(database, Asked(kinds=[EventKind.FAULT]))] == ["STOP"]
     assert [one.text for one in all_of(database, Asked(since=after(2), before=after(3)))] == ["STOP"]
+
+
+SHOWN = {
+    ("60", "deg"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], []),
+    ("q_ref", "60"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], []),
+    ("1.0472",): ([], ["q_ref 1.0472 rad, S_ref 10 N·m/rad"]),
+    ("17.19",): (["wall moved by 0.3 rad"], []),
+    ("wall", "20"): (["wall above 0.349066 rad, 2e+04 N/m"], []),
+    ("0.349",): ([], ["wall above 0.349066 rad, 2e+04 N/m"]),
+    ("−30",): (["q_ref -0.523599 rad, S_ref 9 N·m/rad"], []),
+    ("-30",): (["q_ref -0.523599 rad, S_ref 9 N·m/rad"], []),
+    ("n·m/rad", "10"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"],) * 2,
+    ("mara",): (["push of 12.5 N for 1.0 s"],) * 2,
+    ("12.5",): (["push of 12.5 N for 1.0 s"],) * 2,
+}
+"""By the words: the texts that somebody finds who reads degrees, and who reads radians."""
+
+
+@pytest.mark.parametrize("angles", Angles)
+def test_what_is_read_is_what_is_found(database: Database, angles: Angles) -> None:
+    texts = (
+        ("push of 12.5 N for 1.0 s", "Mara Stein"),
+        ("q_ref 1.0472 rad, S_ref 10 N·m/rad", "Ana"),
+        ("q_ref -0.523599 rad, S_ref 9 N·m/rad", "Ana"),
+        ("wall above 0.349066 rad, 2e+04 N/m", "Bo"),
+        ("wall moved by 0.3 rad", "Bo"),
+    )
+    with database.session() as session:
+        for number, (text, who) in enumerate(texts):
+            events.add(session, EventKind.NOTE, text, who=who, at=after(number))
+    place = list(Angles).index(angles)
+    found = {words: [one.text for one in all_of(database, Asked(words=words, angles=angles))] for words in SHOWN}
+    assert found == {words: expected[place] for words, expected in SHOWN.items()}
+    assert {words: counted(database, Asked(words=words, angles=angles)) for words in SHOWN} == {
+        words: len(expected[place]) for words, expected in SHOWN.items()
+    }
+
+
+def counted(database: Database, asked: Asked) -> int:
+    with database.reading() as session:
+        return timeline.count(session, asked)
+
+
+def test_a_search_for_an_angle_has_its_pages_too(database: Database) -> None:
+    with database.session() as session:
+        for number in range(30):
+            angle = 1.0472 if number % 3 == 0 else 0.5
+            events.add(session, EventKind.REFERENCES, f"q_ref {angle} rad", at=after(number))
+    asked = Asked(words=["60", "deg"])
+    with database.reading() as session:
+        first, more = timeline.find(session, asked, 4)
+        rest, end = timeline.find(session, replace(asked, before=more), 100)
+    assert [one.at for one in first + rest] == [after(27 - 3 * number) for number in range(10)]
+    assert (len(first), end, counted(database, asked)) == (4, None, 10)
+
+
+def test_a_run_is_found_by_its_number_and_by_the_angle_that_it_ended_at(database: Database) -> None:
+    with database.session() as session:
+        record(session, 0.0, 0, 1000)
+        second = runs.create(session, NEW).id
+        runs.end(session, second, runs.EndState.TRIPPED, "joint_limit: q = 1.0472 rad")
+    assert {one.run_id for one in all_of(database, Asked(words=["run", str(second)]))} == {second}
+    assert {one.run_id for one in all_of(database, Asked(words=["60", "deg"]))} == {second}
+    assert all_of(database, Asked(words=["1.0472"])) == []
+    assert len(all_of(database, Asked(words=["1.0472"], angles=Angles.RADIANS))) > 0
 
 
 def test_what_is_said_of_an_event_is_replaced_and_taken_off_and_the_event_stays(database: Database) -> None:

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
+from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
 from backend.api.routes.runs import DATA, download
 from backend.api.service import RowId, ServiceInUse
@@ -20,14 +21,17 @@ router = APIRouter(prefix="/api", tags=["log"])
 async def get_log(
     service: ServiceInUse,
     _person: SignedIn,
+    angles: AnglesRead,
     kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
-    words: Annotated[str, Query(max_length=400, description="each of these words, in text, person, note or tag")] = "",
+    words: Annotated[
+        str, Query(max_length=400, description="each of these words, in text as it is read, person, note or tag")
+    ] = "",
     since: Annotated[Instant | None, Query(description="from this time on")] = None,
     before: Annotated[Instant | None, Query(description="before this time")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return what happened and who asked for it, newest first."""
-    return await service.timeline.page(Asked(kind or (), words.split(), since, before), limit)
+    return await service.timeline.page(Asked(kind or (), words.split(), since, before, angles), limit)
 
 
 @router.put("/log/{id}/remark", status_code=204)

@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 
 from backend.api.auth import MayStop, SignedIn
-from backend.api.service import InControl, ServiceInUse
+from backend.api.service import HoldsControl, InControl, ServiceInUse
 from backend.messages.state import ModeRequest, Push, References, State, StopProof, WallOrder
 from backend.messages.touch import TouchOrder, TouchView
 from backend.operating.obstruction import obstruct
@@ -19,12 +19,15 @@ async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
 
 @router.post("/stop")
 async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
-    """Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token."""
+    """Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token.
+
+    A recording that is played is paused: nothing is driven, and nothing is latched.
+    """
     return await service.actuator.stop(person.name)
 
 
 @router.post("/reset")
-async def reset(service: ServiceInUse, person: InControl) -> State:
+async def reset(service: ServiceInUse, person: HoldsControl) -> State:
     """Clear the latched fault after its cause is gone."""
     return await service.actuator.reset(person.name)
 

@@ -14,8 +14,13 @@ import { pressStop } from "../stop/stop";
 import type { State, StopProof } from "../wire/types";
 import { StopResult } from "./StopResult";
 
-const FIRST: StopProof = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83 };
-const LOST: StopProof = { arrived_tick: 9000, zero_tick: 9420, milliseconds: 420.31 };
+const FIRST: StopProof = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83, paused_recording: false };
+const LOST: StopProof = {
+  arrived_tick: 9000,
+  zero_tick: 9420,
+  milliseconds: 420.31,
+  paused_recording: false,
+};
 
 let store: LiveStore;
 

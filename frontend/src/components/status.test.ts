@@ -3,7 +3,7 @@ import { stopWords } from "../stop/stop";
 import type { State } from "../wire/types";
 import { currentStatus, partOf, stopSentence, taskProgress, taskTitle, timeLeft } from "./status";
 
-const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83 };
+const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83, paused_recording: false };
 
 function state(part: Partial<State>): State {
   return {
@@ -177,6 +177,49 @@ describe("currentStatus", () => {
   it("says what comes next, and what is recorded", () => {
     expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toContain("Ready to run");
     expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain("Recording run 7");
+  });
+});
+
+describe("a recording that is played", () => {
+  const player = {
+    title: "run 12",
+    t: 12,
+    tick: 12_000,
+    duration_s: 102,
+    playing: true,
+    ended: false,
+    speed: 1,
+    speed_min: 0.25,
+    speed_max: 4,
+  };
+
+  it("is told with its name, how far it is, and whether it goes on", () => {
+    const told = (part: object) =>
+      currentStatus(
+        state({ mode: "off", unready: "nothing starts", player: { ...player, ...part } }),
+        "live",
+        10,
+      );
+    expect(told({})).toMatchObject({
+      tone: "busy",
+      text: "Replay of run 12, 0:12 of 1:42, playing.",
+      remedy: "",
+    });
+    expect(told({ speed: 0.25 }).text).toContain("playing at 0.25×");
+    expect(told({ playing: false })).toMatchObject({
+      tone: "calm",
+      text: "Replay of run 12, 0:12 of 1:42, paused.",
+    });
+    expect(told({ playing: false, t: 102, ended: true }).text).toBe("Replay of run 12, 1:42 of 1:42, ended.");
+  });
+
+  it("is paused by STOP: no volts are claimed, and nothing is latched", () => {
+    const proof = { ...PROOF, paused_recording: true };
+    for (const stop of [{ kind: "idle" }, { kind: "confirmed", proof }] as const) {
+      const told = stopSentence(stop, { mode: "off", stop_proof: proof });
+      expect(told).toContain("Recording paused");
+      expect(told).not.toMatch(/volts|ms/);
+    }
   });
 });
 

@@ -1,10 +1,10 @@
 /** The one sentence that matters most right now. Pure. */
 
 import type { Health } from "../live/link";
-import { age, duration, fixed } from "../samples/format";
+import { age, clockTime, duration, fixed } from "../samples/format";
 import { capital, counted, inWordsOf } from "../samples/words";
 import { proofWords, type StopState, stopWords } from "../stop/stop";
-import type { State, Task } from "../wire/types";
+import type { PlayerPosition, State, Task } from "../wire/types";
 
 export type Tone = "calm" | "busy" | "warn" | "fault";
 
@@ -77,6 +77,7 @@ export function currentStatus(
     return sentence("fault", message, { remedy, resettable: true });
   }
   if (state.problems.length > 0) return sentence("warn", state.problems.join(" "), { task: state.task });
+  if (state.player) return sentence(state.player.playing ? "busy" : "calm", playerSentence(state.player));
   if (state.task !== null) return sentence("busy", taskName(state.task), { task: state.task });
   if (state.holder?.lost && MOVABLE.has(state.mode)) {
     return sentence("warn", `The page of ${state.holder.name}, who holds control, is not heard.`, {
@@ -99,6 +100,13 @@ export function currentStatus(
   return sentence("calm", HINTS[state.mode] + recording, {
     remedy: (mayCommand && (missing ?? NEXT[state.mode])) || "",
   });
+}
+
+/** What is played, how far it is, and whether it goes on: "Replay of run 12, 0:12 of 1:42, playing at 2×." */
+export function playerSentence({ title, t, duration_s, playing, ended, speed }: PlayerPosition): string {
+  const pace = speed === 1 ? "playing" : `playing at ${speed}×`;
+  const doing = playing ? pace : ended ? "ended" : "paused";
+  return `Replay of ${title}, ${clockTime(t, 1)} of ${clockTime(duration_s, 1)}, ${doing}.`;
 }
 
 export function taskName(task: Task): string {
@@ -146,5 +154,6 @@ export function taskProgress(task: Task): number {
 export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_proof"> | null): string {
   if (stop.kind === "unconfirmed") return "";
   if (stop.kind !== "idle") return stopWords(stop);
+  if (state?.stop_proof?.paused_recording) return proofWords(state.stop_proof);
   return state?.mode === "tripped" && state.stop_proof !== null ? proofWords(state.stop_proof) : "";
 }

@@ -1,6 +1,7 @@
 /** The log: everything that happened, and what people say of it. */
 
 import { infiniteQueryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import type { Angles } from "../samples/quantity";
 import { answered, api } from "../wire/client";
 import type { LogEntry } from "../wire/types";
 
@@ -12,6 +13,8 @@ export interface LogAsked {
   readonly words: string;
   readonly since: string;
   readonly before: string;
+  /** The unit in which the words were read. */
+  readonly angles: Angles;
 }
 
 const PAGE = 100;
@@ -29,6 +32,7 @@ export function logQuery(asked: LogAsked) {
       const query = {
         kind: [...asked.kinds],
         words: asked.words,
+        angles: asked.angles,
         limit: PAGE,
         ...(asked.since === "" ? {} : { since: asked.since }),
         ...(before === "" ? {} : { before }),

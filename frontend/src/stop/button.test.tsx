@@ -97,6 +97,16 @@ it("shows that nothing was confirmed whatever the application shows, until the m
   release();
 });
 
+it("says of itself what it does to a recording, where one is played", () => {
+  const told = { mode: "off", tick: 5, stop_proof: null } as const;
+  const link = { alive: true, silent_s: 0, starts: 1, restarting: "", restarting_s: 0 };
+  const where = { title: "run 12", t: 1, tick: 5, duration_s: 2, playing: true, ended: false };
+  hearState({ ...told, link, player: { ...where, speed: 1, speed_min: 0.25, speed_max: 4 } });
+  expect(button().title).toMatch(/^Pauses the recording/);
+  hearState({ ...told, link, player: null });
+  expect(button().title).toMatch(/zero volts at once, latched/);
+});
+
 it("says what is so after a translation took the place of its text", async () => {
   fetched.mockRejectedValue(new TypeError("no network"));
   pressPointer();

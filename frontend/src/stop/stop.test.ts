@@ -1,7 +1,7 @@
 import { describe, expect, it, vi } from "vitest";
 import { isStopKey, sendStop } from "./stop";
 
-const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 1 };
+const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 1, paused_recording: false };
 
 describe("sendStop", () => {
   it("returns the proof", async () => {

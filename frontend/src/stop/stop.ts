@@ -17,6 +17,8 @@ export type StopState =
 const ATTEMPTS = 3;
 const ANSWER_WITHIN_MS = 1500;
 const UNREACHABLE = "The service cannot be reached.";
+const STOPS = "Hard stop: zero volts at once, latched (Ctrl/Cmd+Shift+E)";
+const PAUSES = "Pauses the recording; nothing is driven (Ctrl/Cmd+Shift+E)";
 /** Colours of the theme, or their like where its style sheet is missing. */
 const STYLE = `
 .sinew-stop {
@@ -71,7 +73,8 @@ export function pressStop(): void {
 }
 
 /** Take in a state of the service: from here on the service's word counts. */
-export function hearState(told: Parameters<typeof settled>[1]): void {
+export function hearState(told: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
+  if (shown !== null) shown.button.title = told.player ? PAUSES : STOPS;
   change(settled(state, told));
 }
 
@@ -150,6 +153,7 @@ export function stopWords(stop: StopState): string {
 
 /** The sentence of the proof that a stop took place. */
 export function proofWords(proof: StopProof): string {
+  if (proof.paused_recording) return `Recording paused (tick ${proof.zero_tick}); nothing is driven`;
   const ticks = proof.zero_tick - proof.arrived_tick;
   const counted = `${ticks} ${ticks === 1 ? "tick" : "ticks"}`;
   return `Zero volts in ${counted} · ${proof.milliseconds.toFixed(2)} ms (tick ${proof.zero_tick})`;
@@ -193,7 +197,7 @@ function install(): { button: HTMLButtonElement; notice: HTMLElement } {
   button.type = "button";
   button.className = "sinew-stop";
   button.textContent = "STOP";
-  button.title = "Hard stop: zero volts at once, latched (Ctrl/Cmd+Shift+E)";
+  button.title = STOPS;
   button.setAttribute("aria-label", "STOP");
   button.setAttribute("aria-keyshortcuts", "Control+Shift+E Meta+Shift+E");
   button.addEventListener("pointerdown", (event) => {

@@ -252,6 +252,8 @@ export interface paths {
         /**
          * Stop
          * @description Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token.
+         *
+         *     A recording that is played is paused: nothing is driven, and nothing is latched.
          */
         post: operations["stop"];
         delete?: never;
@@ -373,6 +375,30 @@ export interface paths {
          * @description Put a wall in a simulated joint's way, in flight, or take it away; refused where nothing is simulated.
          */
         put: operations["set_wall"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/player": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Recording
+         * @description Return the recording that is played, with what happened in it; refused where a plant is driven.
+         */
+        get: operations["get_recording"];
+        /**
+         * Play
+         * @description Play, pause, set the speed or go to a time of the recording; at its end, playing begins anew.
+         */
+        put: operations["play"];
         post?: never;
         delete?: never;
         options?: never;
@@ -3488,7 +3514,7 @@ export interface components {
          * @description What an event is about. Those that are marks on the time axis too are called as ``MarkKind`` calls them.
          * @enum {string}
          */
-        EventKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note" | "trip" | "recording" | "retention" | "flight_quota" | "backup" | "access" | "run";
+        EventKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note" | "trip" | "recording" | "retention" | "flight_quota" | "backup" | "access" | "refusal" | "run";
         /**
          * EventMessage
          * @description A mark on the time axis.
@@ -3665,7 +3691,7 @@ export interface components {
             tick: number;
             /**
              * Expected
-             * @description whether this trip is a planned event: provoked by the bring-up, or the end of a replay
+             * @description whether this trip is a planned event: provoked by the bring-up
              * @default false
              */
             expected: boolean;
@@ -5176,6 +5202,86 @@ export interface components {
             r_j: number;
         };
         /**
+         * PlayedRecording
+         * @description The recording that is played, and what happened in it.
+         */
+        PlayedRecording: {
+            /** Title */
+            title: string;
+            /**
+             * Run
+             * @description number of the run that the file says it holds; null where it says none
+             */
+            run: number | null;
+            /**
+             * Duration S
+             * @description time of its last sample [s]
+             */
+            duration_s: number;
+            /**
+             * Marks
+             * @description what happened, in order; t from the first sample
+             */
+            marks: components["schemas"]["RunMark"][];
+        };
+        /**
+         * PlayerOrder
+         * @description What the player is to do; null leaves a thing as it is.
+         */
+        PlayerOrder: {
+            /** Playing */
+            playing?: boolean | null;
+            /**
+             * Speed
+             * @description seconds of the recording in a second; its bounds are in the state
+             */
+            speed?: number | null;
+            /**
+             * T
+             * @description time in the recording to go to [s]
+             */
+            t?: number | null;
+        };
+        /**
+         * PlayerView
+         * @description Where the player stands; ``t`` holds for ``tick``, and grows by ``speed`` from there on while it plays.
+         */
+        PlayerView: {
+            /**
+             * Title
+             * @description what is played: the run, else the name of the file
+             */
+            title: string;
+            /**
+             * T
+             * @description time in the recording, from its first sample [s]
+             */
+            t: number;
+            /** Tick */
+            tick: number;
+            /**
+             * Duration S
+             * @description time of its last sample [s]
+             */
+            duration_s: number;
+            /** Playing */
+            playing: boolean;
+            /**
+             * Ended
+             * @description whether it stands at the last sample
+             */
+            ended: boolean;
+            /**
+             * Speed
+             * @description seconds of the recording in a second
+             */
+            speed: number;
+            /** Speed Min */
+            speed_min: number;
+            /** Speed Max */
+            speed_max: number;
+        };
+        /**
          * Pong
          * @description Answer to a ping.
          */
@@ -6628,6 +6734,8 @@ export interface components {
             trial: components["schemas"]["TrialView"] | null;
             /** @description what stands in a simulated joint's way; null where nothing does */
             wall: components["schemas"]["Wall"] | null;
+            /** @description where a recording stands that is played; else null */
+            player?: components["schemas"]["PlayerView"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
@@ -6692,6 +6800,11 @@ export interface components {
             trial: components["schemas"]["TrialView"] | null;
             /** @description what stands in a simulated joint's way; null where nothing does */
             wall: components["schemas"]["Wall"] | null;
+            /**
+             * @description where a recording stands that is played; else null
+             * @default null
+             */
+            player: components["schemas"]["PlayerView"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
@@ -6896,6 +7009,12 @@ export interface components {
              * @description from arrival in the loop to zero volts [ms]
              */
             milliseconds: number;
+            /**
+             * Paused Recording
+             * @description whether a recording was paused: nothing is driven, and nothing is latched
+             * @default false
+             */
+            paused_recording: boolean;
         };
         /**
          * Stretch
@@ -7279,6 +7398,11 @@ export interface components {
         Timeline: {
             /** Entries */
             entries: components["schemas"]["TimelineEntry"][];
+            /**
+             * Total
+             * @description how many there are of what is asked for, these included
+             */
+            total: number;
             /**
              * More Before
              * @description ask for what was before this; null where there is no more
@@ -10444,6 +10568,231 @@ export interface operations {
             };
         };
     };
+    get_recording: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlayedRecording"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    play: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PlayerOrder"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
     get_bring_up: {
         parameters: {
             query?: never;
@@ -11357,13 +11706,15 @@ export interface operations {
             query?: {
                 /** @description of these kinds only */
                 kind?: components["schemas"]["EventKind"][] | null;
-                /** @description each of these words, in text, person, note or tag */
+                /** @description each of these words, in text as it is read, person, note or tag */
                 words?: string;
                 /** @description from this time on */
                 since?: string | null;
                 /** @description before this time */
                 before?: string | null;
                 limit?: number;
+                /** @description unit in which angles are printed; what the person prefers if left out */
+                angles?: components["schemas"]["Angles"] | null;
             };
             header?: never;
             path?: never;

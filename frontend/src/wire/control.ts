@@ -14,7 +14,7 @@ const HEADER = "Sinew-Control";
 const LEFT_AS = "sinew-control";
 /** What moves the actuator or is going to; STOP needs no control. */
 const COMMANDS =
-  /^\/api\/(mode|reset|references|push|touch|wall|tuning|tuning\/(trial.*|undo)|experiments|experiments\/queue\/run|identifications(\/pause)?|parameters(\/undo)?|banks\/(\d+|geometry)\/activate|faults\/injection|bring-up\/[^/]+)$/;
+  /^\/api\/(mode|reset|references|push|touch|wall|player|tuning|tuning\/(trial.*|undo)|experiments|experiments\/queue\/run|identifications(\/pause)?|parameters(\/undo)?|banks\/(\d+|geometry)\/activate|faults\/injection|bring-up\/[^/]+)$/;
 /** A command waits for the answer to the one before it, but not for ever. */
 const TURN_MS = 2000;
 

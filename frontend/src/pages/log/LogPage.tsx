@@ -6,6 +6,7 @@ import { useInfiniteQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Card } from "../../components/Card";
+import { useAngles } from "../../service/angles";
 import { type LogAsked, logQuery } from "../../service/log";
 import page from "../Page.module.css";
 import { CHOICES, kindsOf, midnight } from "./kinds";
@@ -24,6 +25,7 @@ const NONE: Filters = { words: "", choice: "", from: "", to: "" };
 export default function LogPage() {
   const [filters, setFilters] = useState<Filters>(NONE);
   const [asked] = useDebouncedValue(filters, 250);
+  const angles = useAngles();
   const log = useInfiniteQuery(
     logQuery(
       useMemo<LogAsked>(
@@ -32,8 +34,9 @@ export default function LogPage() {
           words: asked.words.trim(),
           since: midnight(asked.from),
           before: midnight(asked.to, 1),
+          angles,
         }),
-        [asked],
+        [asked, angles],
       ),
     ),
   );
@@ -60,13 +63,15 @@ export default function LogPage() {
         >
           Older
         </Button>
-        <span className={page.dim}>
-          {entries.length === 0 ? "none" : `the newest ${entries.length}`}
-          {log.hasNextPage ? ", there are more" : ""}
-        </span>
+        <span className={page.dim}>{shownOf(entries.length, log.data?.pages[0]?.total ?? 0)}</span>
       </div>
     </div>
   );
+}
+
+function shownOf(shown: number, total: number): string {
+  if (shown === 0) return "none";
+  return shown < total ? `newest ${shown} of ${total}` : `all ${shown}`;
 }
 
 function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters: Filters) => void }) {
@@ -78,7 +83,7 @@ function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters
         type="search"
         label="Search"
         aria-label="Search the log"
-        placeholder="words, a person, a tag"
+        placeholder="words, numbers, a person, a tag"
         maxLength={400}
         leftSection={<TbSearch size={14} />}
         value={filters.words}

@@ -56,7 +56,7 @@ const Row = memo(({ entry }: { entry: LogEntry }) => {
       <Table.Td className={styles.text ?? ""}>
         <Told text={entry.text} />
       </Table.Td>
-      <Table.Td className={styles.when ?? ""}>
+      <Table.Td className={styles.who ?? ""}>
         {entry.who || <span className={page.dim}>by itself</span>}
       </Table.Td>
       <Table.Td className={styles.when ?? ""}>

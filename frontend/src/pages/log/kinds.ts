@@ -17,6 +17,7 @@ export const NAMES: Readonly<Record<LogKind, string>> = {
   flight_quota: "Flight records",
   backup: "Backup",
   access: "Sign-in",
+  refusal: "Refusal",
 };
 
 export const ALARMS: readonly LogKind[] = ["fault", "trip", "recording"];
@@ -30,7 +31,10 @@ export function kindsOf(choice: string): readonly LogKind[] {
 export const CHOICES = [
   { value: "", label: "everything" },
   { value: "alarms", label: "alarms: trips, faults, lost samples" },
-  ...Object.entries(NAMES).map(([value, label]) => ({ value, label })),
+  ...Object.entries(NAMES).map(([value, label]) => ({
+    value,
+    label: value === "refusal" ? "Refusals" : label,
+  })),
 ];
 
 /** Midnight at the begin of a day of the person's own zone, or `days` later, as the service has times; "" for none. */

@@ -1,11 +1,13 @@
 /** The operator's page: charts, 3D view, controls. */
 
 import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { useLive } from "../../live/react";
 import { CardJumps } from "./CardJumps";
 import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
 import styles from "./Operate.module.css";
+import { PlayerCard } from "./PlayerCard";
 import { PushCard } from "./PushCard";
 import { ReferencesCard } from "./ReferencesCard";
 import { SceneCard } from "./SceneCard";
@@ -15,6 +17,7 @@ import { ViewOnly } from "./ViewOnly";
 import { WallCard } from "./WallCard";
 
 export function OperatePage() {
+  const plays = useLive((live) => live.state?.plant.kind === "replay");
   return (
     <div className={styles.page}>
       <h1 className="visually-hidden">Operate</h1>
@@ -25,17 +28,22 @@ export function OperatePage() {
         <SceneCard />
         <MapCard />
       </div>
-      <div className={styles.controls}>
-        <OperatorsOnly otherwise={<ViewOnly />}>
-          <CardJumps />
-          <ModeCard />
-          <ReferencesCard />
-          <TuningCard />
-          <TouchCard />
-          <PushCard />
-          <WallCard />
-        </OperatorsOnly>
-      </div>
+      <div className={styles.controls}>{plays ? <PlayerCard /> : <Controls />}</div>
     </div>
+  );
+}
+
+/** What a plant is told; a viewer reads what is in force. */
+function Controls() {
+  return (
+    <OperatorsOnly otherwise={<ViewOnly />}>
+      <CardJumps />
+      <ModeCard />
+      <ReferencesCard />
+      <TuningCard />
+      <TouchCard />
+      <PushCard />
+      <WallCard />
+    </OperatorsOnly>
   );
 }

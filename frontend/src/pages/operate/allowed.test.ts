@@ -27,5 +27,6 @@ it("takes references in run and compliance only, and none while the joint gives 
   for (const mode of ["off", "pretension", "experiment", "tripped"]) {
     expect(whyNoReferences(changed({ mode }), null)).toBe("set in run and compliance");
   }
+  expect(whyNoReferences(changed({ mode: "off", player: { t: 1 } }), null)).toBe("a recording is played");
   expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }), null)).toContain("gives way");
 });

@@ -15,6 +15,7 @@ export function whyNoStart(state: State | null, mode: Mode, noControl: string | 
 /** Why references cannot be set, as the end of a hint; null where they can. */
 export function whyNoReferences(state: State | null, noControl: string | null): string | null {
   if (state === null) return "not known yet";
+  if (state.player) return "a recording is played";
   if (noControl !== null) return noControl;
   if (state.mode !== "run" && state.mode !== "compliance") return "set in run and compliance";
   return state.touch.felt === null ? null : "the joint gives way to a contact: choose a mode first";

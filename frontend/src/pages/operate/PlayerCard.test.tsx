@@ -1,0 +1,148 @@
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { PlayerPosition, State } from "../../wire/types";
+import { PlayerCard } from "./PlayerCard";
+
+const PLAYER: PlayerPosition = {
+  title: "run 12",
+  t: 12,
+  tick: 12_000,
+  duration_s: 102,
+  playing: false,
+  ended: false,
+  speed: 1,
+  speed_min: 0.25,
+  speed_max: 4,
+};
+const MARKS = [
+  { t: 5, kind: "mode", text: "pretension → experiment", who: "" },
+  { t: 40.5, kind: "references", text: "q_ref 1.0472 rad, S_ref 10 N·m/rad", who: "" },
+];
+
+let role: string;
+let holder: unknown;
+
+function open(part: Partial<PlayerPosition> = {}): LiveStore {
+  const store = new LiveStore(0);
+  tell(store, part);
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={store}>
+          <PlayerCard />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+  return store;
+}
+
+function tell(store: LiveStore, part: Partial<PlayerPosition>): void {
+  store.setState({ player: { ...PLAYER, ...part }, holder, link: { alive: true } } as unknown as State);
+}
+
+async function ordered(): Promise<unknown[]> {
+  const puts = fetched.mock.calls
+    .map(([request]) => request)
+    .filter(({ url, method }) => new URL(url).pathname === "/api/player" && method === "PUT");
+  return Promise.all(puts.map((request) => request.clone().json()));
+}
+
+const position = () => screen.getByRole("status", { name: "Position in the recording" }).textContent;
+
+beforeEach(() => {
+  role = "operator";
+  holder = null;
+  fetched.mockReset().mockImplementation(async ({ url, method }) => {
+    const path = new URL(url).pathname;
+    if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "Ana" });
+    if (path === "/api/session") return Response.json({ role });
+    if (path === "/api/player" && method === "GET")
+      return Response.json({ title: "run 12", run: 12, duration_s: 102, marks: MARKS });
+    return new Response(null, { status: 204 });
+  });
+});
+afterEach(() => {
+  vi.useRealTimers();
+  cleanup();
+});
+
+it("tells where it stands of how much, and plays, pauses and sets the speed", async () => {
+  const store = open();
+  expect(position()).toBe("0:12.0 of 1:42.0");
+  fireEvent.click(screen.getByRole("button", { name: "Play" }));
+  await waitFor(async () => expect(await ordered()).toEqual([{ playing: true }]));
+  act(() => tell(store, { playing: true }));
+  fireEvent.click(screen.getByRole("button", { name: "Pause" }));
+  fireEvent.change(screen.getByRole("combobox", { name: "Speed of the player" }), {
+    target: { value: "0.25" },
+  });
+  await waitFor(async () =>
+    expect(await ordered()).toEqual([{ playing: true }, { playing: false }, { speed: 0.25 }]),
+  );
+});
+
+it("goes to a mark and to a time", async () => {
+  open();
+  fireEvent.click(await screen.findByRole("button", { name: /0:40\.5/ }));
+  const box = screen.getByRole("textbox", { name: /Time to go to/ });
+  fireEvent.change(box, { target: { value: "61.25" } });
+  fireEvent.keyDown(box, { key: "Enter" });
+  fireEvent.click(screen.getByRole("button", { name: "Go to" }));
+  await waitFor(async () => expect(await ordered()).toEqual([{ t: 40.5 }, { t: 61.25 }]));
+});
+
+it("moves on between two words of the service at the speed in force, and not beyond the end", () => {
+  vi.useFakeTimers();
+  open({ playing: true, speed: 4 });
+  act(() => void vi.advanceTimersByTime(1000));
+  expect(position()).toBe("0:16.0 of 1:42.0");
+  act(() => void vi.advanceTimersByTime(60_000));
+  expect(position()).toBe("1:42.0 of 1:42.0");
+});
+
+it("marks the newest that was passed, in the reader's unit", async () => {
+  open({ t: 41 });
+  const passed = await screen.findByRole("button", { name: /q_ref 60 deg/ });
+  expect(passed.closest("li")?.getAttribute("aria-current")).toBe("true");
+});
+
+it("lets a viewer look on", async () => {
+  role = "viewer";
+  open();
+  await waitFor(() =>
+    expect(screen.getByRole("button", { name: "Play" }).hasAttribute("disabled")).toBe(true),
+  );
+  expect(screen.queryByRole("button", { name: "Go to" })).toBeNull();
+  expect((await screen.findByRole("button", { name: /0:40\.5/ })).hasAttribute("disabled")).toBe(true);
+});
+
+it("is locked with the reason while somebody else holds control", async () => {
+  holder = { name: "Mara", page: true, lost: false, epoch: 3 };
+  open();
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("Mara holds control");
+  for (const name of ["Play", "Go to"]) {
+    expect(screen.getByRole("button", { name }).hasAttribute("disabled")).toBe(true);
+  }
+});

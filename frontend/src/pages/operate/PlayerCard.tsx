@@ -1,0 +1,166 @@
+/** The player of a recording, in place of the controls of a plant: where it is, and what moves it. */
+
+import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useMemo, useState } from "react";
+import { TbPlayerPauseFilled, TbPlayerPlayFilled } from "react-icons/tb";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { ValueBox } from "../../components/ValueBox";
+import { useLive, useNow } from "../../live/react";
+import { clockTime } from "../../samples/format";
+import { inWords } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
+import { playedQuery, usePlayer } from "../../service/player";
+import { RefusedFields } from "../../service/refusedFields";
+import { useMayCommand } from "../../service/useMayCommand";
+import { useNoControl } from "../../service/useNoControl";
+import type { PlayerPosition } from "../../wire/types";
+import page from "../Page.module.css";
+import styles from "./Operate.module.css";
+
+const SPEEDS = [0.25, 0.5, 1, 2, 4];
+const STEP_S = 0.001;
+const LOOK_MS = 100;
+
+/** What the player is: nothing until the service has said where it stands. */
+export function PlayerCard() {
+  const player = useLive((live) => live.state?.player ?? null);
+  return player === null ? null : <Player player={player} />;
+}
+
+function Player({ player }: { player: PlayerPosition }) {
+  const order = usePlayer();
+  const looksOn = useMayCommand() === false;
+  const noControl = useNoControl();
+  const locked = looksOn || noControl !== null;
+  const t = useTime(player);
+  const [dragged, setDragged] = useState<number | null>(null);
+  const [wanted, setWanted] = useState(0);
+  const [problem, setProblem] = useState<string | null>(null);
+  const refusal = problem === null ? order.error : null;
+  const about = [player.playing, player.speed, wanted];
+  return (
+    <Card
+      title="Player"
+      aside={
+        <span className={styles.bounds}>
+          {looksOn ? "operators play, you look on" : "nothing real moves"}
+        </span>
+      }
+    >
+      <RefusedFields error={refusal} about={about}>
+        <div className={styles.row}>
+          <ActionIcon
+            variant="default"
+            size={34}
+            disabled={locked}
+            aria-label={player.playing ? "Pause" : "Play"}
+            onClick={() => order.mutate({ playing: !player.playing })}
+          >
+            {player.playing ? <TbPlayerPauseFilled size={16} /> : <TbPlayerPlayFilled size={16} />}
+          </ActionIcon>
+          <output className={styles.playerTime} aria-label="Position in the recording">
+            {clockTime(dragged ?? t, 0.1)} of {clockTime(player.duration_s, 0.1)}
+          </output>
+          <NativeSelect
+            aria-label="Speed of the player"
+            disabled={locked}
+            value={String(player.speed)}
+            onChange={(event) => order.mutate({ speed: Number(event.currentTarget.value) })}
+            data={speedsOf(player).map((speed) => ({ value: String(speed), label: `${speed}×` }))}
+          />
+        </div>
+        <Slider
+          size="sm"
+          thumbLabel="Position in the recording"
+          label={null}
+          disabled={locked}
+          min={0}
+          max={player.duration_s}
+          step={STEP_S}
+          value={dragged ?? t}
+          onChange={setDragged}
+          onChangeEnd={(at_s) => order.mutate({ t: at_s }, { onSettled: () => setDragged(null) })}
+        />
+        {!looksOn && (
+          <div className={styles.playerJump}>
+            <ValueBox
+              label="Time to go to [s]"
+              unit="s"
+              value={wanted}
+              decimals={3}
+              step={1}
+              width={110}
+              saidAt="refusal-of-player"
+              place="t"
+              isInForm
+              onCommit={setWanted}
+              onProblem={setProblem}
+            />
+            <Button
+              size="compact-sm"
+              variant="default"
+              disabled={locked}
+              onClick={() => {
+                if (problem === null) order.mutate({ t: wanted });
+              }}
+            >
+              Go to
+            </Button>
+          </div>
+        )}
+        <Refusal
+          id="refusal-of-player"
+          error={refusal}
+          about={about}
+          forFields
+          text={(looksOn ? null : noControl) ?? problem}
+        />
+      </RefusedFields>
+      <Marks at_s={t} locked={locked} onGo={(at_s) => order.mutate({ t: at_s })} />
+    </Card>
+  );
+}
+
+interface MarksProps {
+  readonly at_s: number;
+  readonly locked: boolean;
+  onGo(at_s: number): void;
+}
+
+/** What happened in the recording; the newest mark that was passed is told apart. */
+function Marks({ at_s, locked, onGo }: MarksProps) {
+  const angles = useAngles();
+  const { data } = useQuery(playedQuery);
+  if (data === undefined) return null;
+  if (data.marks.length === 0) return <p className={page.dim}>Nothing is marked in this recording.</p>;
+  const passed = data.marks.findLastIndex((mark) => mark.t <= at_s);
+  return (
+    <ul className={styles.playerMarks} aria-label="Event marks of the recording">
+      {data.marks.map((mark, place) => (
+        // biome-ignore lint/suspicious/noArrayIndexKey: two marks may say the same at one time, and none is moved
+        <li key={place} aria-current={place === passed ? "true" : undefined}>
+          <button type="button" disabled={locked} onClick={() => onGo(Math.max(0, mark.t))}>
+            <span>{clockTime(mark.t, 0.1)}</span> {inWords(mark.text, angles)}
+          </button>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** The time between two words of the service, which come twice a second. */
+function useTime(player: PlayerPosition): number {
+  const now_ms = useNow(LOOK_MS);
+  const heard = useMemo(() => ({ player, at_ms: performance.now() }), [player]);
+  if (!player.playing) return player.t;
+  const gone_s = (Math.max(0, now_ms - heard.at_ms) / 1000) * player.speed;
+  return Math.min(player.t + gone_s, player.duration_s);
+}
+
+/** Those offered, and the one in force where another page or a script has set it. */
+function speedsOf({ speed, speed_min, speed_max }: PlayerPosition): readonly number[] {
+  const offered = SPEEDS.filter((one) => one >= speed_min && one <= speed_max);
+  return offered.includes(speed) ? offered : [...offered, speed].sort((a, b) => a - b);
+}
