@@ -4,12 +4,12 @@ import json
 
 from backend.documents.experiment import FORMAT
 from backend.experiments.composing.recorded import followed
-from backend.messages.own_experiment import WrittenExperiment
+from backend.messages.own_experiment import RecordedExperiment
 from backend.recording.reader import read_samples
 from backend.storage import Database
 
 
-def recorded_experiment(database: Database, run_id: int) -> WrittenExperiment:
+def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
     """Return the references of a run as an experiment of its own.
 
     Raises UnknownRecordError, ExperimentError where there are none to follow.
@@ -26,4 +26,4 @@ def recorded_experiment(database: Database, run_id: int) -> WrittenExperiment:
         "The tuning is the one in force when this is played.",
         "phases": [{"name": "recorded", "title": "Recorded", "parts": found.parts}],
     }
-    return WrittenExperiment(text=json.dumps(document, ensure_ascii=False, indent=1), document=document)
+    return RecordedExperiment(text=json.dumps(document, ensure_ascii=False, indent=1), document=document, left_out=[])

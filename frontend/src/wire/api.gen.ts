@@ -1365,7 +1365,7 @@ export interface paths {
         };
         /**
          * Get Experiment As Run
-         * @description Return the references of a run, as they were commanded, as an experiment to begin an own one with.
+         * @description Return a run as an experiment to begin an own one with, and what of the run it does not repeat.
          */
         get: operations["get_experiment_as_run"];
         put?: never;
@@ -5435,6 +5435,23 @@ export interface components {
              * @default false
              */
             kept: boolean;
+        };
+        /**
+         * RecordedExperiment
+         * @description A run as an experiment.
+         */
+        RecordedExperiment: {
+            /** Text */
+            text: string;
+            /** Document */
+            document: {
+                [key: string]: unknown;
+            };
+            /**
+             * Left Out
+             * @description what happened in the run that the experiment does not repeat
+             */
+            left_out: string[];
         };
         /**
          * RecordingsView
@@ -16479,7 +16496,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["WrittenExperiment"];
+                    "application/json": components["schemas"]["RecordedExperiment"];
                 };
             };
             /** @description the body cannot be parsed */

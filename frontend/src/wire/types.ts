@@ -53,6 +53,7 @@ export type LoopFigures = Schemas["LoopFigures"];
 export type ExperimentKind = Schemas["ExperimentKind"];
 export type Experiment = Schemas["ExperimentView"];
 export type CheckedExperiment = Schemas["CheckedExperiment"];
+export type OwnExperiment = Schemas["OwnExperiment"];
 export type PartPlayed = Schemas["PartPlayed"];
 export type Setting = Schemas["SettingView"];
 export type Run = Schemas["RunView"];

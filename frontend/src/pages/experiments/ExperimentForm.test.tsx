@@ -153,7 +153,10 @@ beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   fetched.mockReset().mockImplementation(async (request) => answer(request));
 });
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
 
 it("says of each of its fields what it is for and what is accepted, without a further stop of the Tab key", async () => {
   open(stateOf(CHOSEN));

@@ -2,8 +2,9 @@
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { type FormEvent, useState } from "react";
+import type { FormEvent } from "react";
 import { ChoiceField } from "../../components/ChoiceField";
+import { DraftMark } from "../../components/DraftMark";
 import { MotorMargins } from "../../components/MotorMargins";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -16,6 +17,7 @@ import { settingEntry } from "../../service/fieldHelp";
 import { banksQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
+import { isPlainRecord, useDraft } from "../../service/useDraft";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
@@ -23,6 +25,8 @@ import page from "../Page.module.css";
 import { bankChoices, isOfTheLoop, orderOf, type Shown, shownSettings, type Values } from "./order";
 import { SegmentsEditor } from "./SegmentsEditor";
 import { segmentsProblem } from "./segments";
+
+const NO_CHANGES: Values = {};
 
 interface ExperimentFormProps {
   readonly kind: ExperimentKind;
@@ -32,7 +36,8 @@ interface ExperimentFormProps {
 }
 
 export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps) {
-  const [changed, setChanged] = useState<Values>({});
+  const draft = useDraft<Values>(`settings of ${kind.name}`, NO_CHANGES, isPlainRecord);
+  const changed = draft.value;
   const state = useLive((live) => live.state);
   const { data: banks = [] } = useQuery(banksQuery);
   const start = useStartExperiment();
@@ -60,7 +65,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
       key={one.setting.name}
       shown={one}
       choices={one.setting.name === "bank" ? bankChoices(banks) : null}
-      onChange={(value) => setChanged((before) => ({ ...before, [one.setting.name]: value }))}
+      onChange={(value) => draft.set((before) => ({ ...before, [one.setting.name]: value }))}
     />
   );
 
@@ -68,6 +73,13 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
     <RefusedFields error={failure} about={changed}>
       <form className={page.fields} aria-label={kind.title} onSubmit={submit}>
         <span className={page.dim}>{kind.description}</span>
+        <DraftMark
+          draft={draft}
+          of={`settings of ${kind.title.toLowerCase()}`}
+          words="Changed settings"
+          back="The defaults and the tuning in force come back."
+          onDiscard={draft.discard}
+        />
         {shown.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
         <details>
           <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>

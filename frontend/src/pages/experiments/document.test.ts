@@ -1,10 +1,10 @@
 import { expect, test } from "vitest";
-import { beside, type Document, documentIn, EMPTY, moved, numberOf, writeDocument } from "./document";
+import { beside, type Document, documentIn, moved, numberOf, SAMPLE, writeDocument } from "./document";
 import { PART_FORMS, partOf } from "./partForms";
 
 const DO = (kind: string, name: number) => ({ do: kind, duration_s: name });
 const LOOPED: Document = {
-  ...EMPTY,
+  ...SAMPLE,
   phases: [
     {
       name: "a",
