@@ -18,7 +18,13 @@ from backend.experiments.plans.plan import Plan
 from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.settings import SettingError
 from backend.messages.experiment import DryRunView
-from backend.messages.own_experiment import CheckedExperiment, OwnExperiment, PartPlayed, RecordedExperiment, WrittenExperiment
+from backend.messages.own_experiment import (
+    CheckedExperiment,
+    OwnExperiment,
+    PartPlayed,
+    RecordedExperiment,
+    WrittenExperiment,
+)
 from backend.plain_text import as_folded
 from backend.storage import Database
 from backend.storage import experiments as stored
