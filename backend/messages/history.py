@@ -103,7 +103,7 @@ class PlannedLine(Schema):
 class Planned(Schema):
     """What a program asks for over its whole length, known before it plays.
 
-    Of an experiment the references, of an identification its set points and excitation: motor references without the
+    Of an experiment the references and pushes, where it has any; of an identification its set points and excitation: motor references without the
     force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
     """
 

@@ -43,7 +43,8 @@ def _judged(criteria: Sequence[Criterion]) -> str:
     if unmeasured:
         verb = "was" if len(unmeasured) == 1 else "were"
         parts.append(f"{len(unmeasured)} of {len(criteria)} criteria {verb} not measured: {', '.join(unmeasured)}.")
-    return " ".join(parts) or f"All {len(criteria)} criteria passed."
+    all_passed = "The criterion passed." if len(criteria) == 1 else f"All {len(criteria)} criteria passed."
+    return " ".join(parts) or all_passed
 
 
 def _titles(criteria: Sequence[Criterion], *, passed: bool | None) -> list[str]:

@@ -78,7 +78,12 @@ interface CurvesProps {
   readonly name: string;
 }
 
-export function DryRunCurves({ samples, duration_s, name }: CurvesProps) {
+/** With a time axis of their own for each length: a view that was zoomed into a shorter one hides the rest. */
+export function DryRunCurves(props: CurvesProps) {
+  return <CurvesOfOneLength key={props.duration_s} {...props} />;
+}
+
+function CurvesOfOneLength({ samples, duration_s, name }: CurvesProps) {
   const source = useMemo(() => {
     const recorded = new RecordedSource(duration_s);
     recorded.setOverview(excerptOf(samples));

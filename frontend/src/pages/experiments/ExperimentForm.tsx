@@ -22,7 +22,15 @@ import { useMayCommand } from "../../service/useMayCommand";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
-import { bankChoices, isOfTheLoop, orderOf, type Shown, shownSettings, type Values } from "./order";
+import {
+  bankChoices,
+  hasChoice,
+  isOfTheLoop,
+  orderOf,
+  type Shown,
+  shownSettings,
+  type Values,
+} from "./order";
 import { SegmentsEditor } from "./SegmentsEditor";
 import { segmentsProblem } from "./segments";
 
@@ -60,6 +68,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
     start.mutate(order, { onSuccess: (started) => onStarted(started.id) });
   }
 
+  const offered = shown.filter(({ setting }) => hasChoice(setting));
   const field = (one: Shown) => (
     <Field
       key={one.setting.name}
@@ -80,11 +89,11 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
           back="The defaults and the tuning in force come back."
           onDiscard={draft.discard}
         />
-        {shown.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
+        {offered.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
         <details>
           <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
           <div className={page.fields} style={{ paddingTop: 8 }}>
-            {shown.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
+            {offered.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
             {state !== null && typeof values.lam_motor === "number" && (
               <MotorMargins
                 className={page.dim}
