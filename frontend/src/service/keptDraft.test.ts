@@ -6,6 +6,7 @@ import {
   draftIn,
   isStored,
   keepDraft,
+  renameDrafts,
   storedDraft,
   watchDrafts,
 } from "./keptDraft";
@@ -92,6 +93,17 @@ it("claims for the person what was typed before the person was known", () => {
   keepDraft(unknown, "b");
   claimDraft(KEY);
   expect(read(KEY)).toBe("a"); // a draft of the person's own stays
+});
+
+it("goes with a person who takes another name, with its time, and replaces none", () => {
+  keepDraft(KEY, "a");
+  const since = draftIn(storedDraft(KEY))?.since;
+  keepDraft(other({ form: "experiment" }), "b");
+  keepDraft(other({ person: "Vera", form: "experiment" }), "c");
+  renameDrafts("Mara Stein", "Vera");
+  expect(draftIn(storedDraft(other({ person: "Vera" })))).toEqual({ value: "a", since });
+  expect(read(other({ person: "Vera", form: "experiment" }))).toBe("c");
+  expect(read(other({ person: "Vera (2)" }))).toBe("a"); // the same name at another page
 });
 
 it("tells changes of this page and of another tab until it is stopped", () => {

@@ -5,7 +5,7 @@
  */
 
 import { BASE } from "../wire/address";
-import { keepText, readKept } from "../wire/kept";
+import { keepText, keptNames, readKept } from "../wire/kept";
 
 /** Version of the stored form. A draft of another version is not read. */
 const FORMAT = 1;
@@ -42,9 +42,7 @@ export function isStored(of: DraftOf): boolean {
 /** Store the draft that was typed before the person was known, unless the person has one. */
 export function claimDraft(of: DraftOf): void {
   if (of.person === undefined || !inMemory.has(of.form)) return;
-  const draft = draftIn(storedDraft(of));
-  inMemory.delete(of.form);
-  keepDraft(of, draft?.value ?? null);
+  put(of, storedDraft(of));
 }
 
 /** Parse a stored draft. Returns null for none, for one of another version and for what is no draft. */
@@ -61,14 +59,8 @@ export function draftIn(text: string | null): KeptDraft | null {
 
 /** Store a draft; null removes it. A draft keeps the time of its first change. */
 export function keepDraft(of: DraftOf, value: unknown): void {
-  const key = keyOf(of);
   const since = draftIn(storedDraft(of))?.since ?? new Date().toISOString();
-  const text = value === null ? null : JSON.stringify({ format: FORMAT, since, value });
-  inMemory.delete(of.form);
-  inMemory.delete(key);
-  const isKept = of.person !== undefined && keepText("localStorage", key, text);
-  if (!isKept && text !== null) inMemory.set(key, text);
-  for (const listener of listeners) listener();
+  put(of, value === null ? null : JSON.stringify({ format: FORMAT, since, value }));
 }
 
 /** Call `listener` when a draft changes, in this page or in another tab; returns how to stop that. */
@@ -81,6 +73,27 @@ export function watchDrafts(listener: () => void): () => void {
   };
 }
 
+/** Give the drafts of a person to the name that the person has taken, but for forms of which that name has one. */
+export function renameDrafts(before: string, after: string): void {
+  const beginning = keyOf({ person: before, form: "" });
+  for (const key of [...keptNames("localStorage"), ...inMemory.keys()]) {
+    if (!key.startsWith(beginning)) continue;
+    const form = key.slice(beginning.length);
+    const to = { person: after, form };
+    if (storedDraft(to) === null) put(to, storedDraft({ person: before, form }));
+  }
+}
+
+function put(of: DraftOf, text: string | null): void {
+  const key = keyOf(of);
+  inMemory.delete(of.form);
+  inMemory.delete(key);
+  const isKept = of.person !== undefined && keepText("localStorage", key, text);
+  if (!isKept && text !== null) inMemory.set(key, text);
+  for (const listener of listeners) listener();
+}
+
+/** Who is there twice has a number behind the name, which is another one the next time. */
 function keyOf({ person, form }: DraftOf): string {
-  return person === undefined ? form : `${PREFIX} ${BASE} ${person} ${form}`;
+  return person === undefined ? form : `${PREFIX} ${BASE} ${person.replace(/ \(\d+\)$/, "")} ${form}`;
 }

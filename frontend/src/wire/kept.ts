@@ -11,6 +11,15 @@ export function readKept(kind: Kind, name: string): string | null {
   }
 }
 
+/** The names under which something is kept. */
+export function keptNames(kind: Kind): string[] {
+  try {
+    return Object.keys(globalThis[kind] ?? {});
+  } catch {
+    return [];
+  }
+}
+
 /** Keep a text under a name, null to forget it. Returns whether the browser did: it may refuse, and the page works without. */
 export function keepText(kind: Kind, name: string, text: string | null): boolean {
   try {

@@ -52,6 +52,7 @@ export type ChosenTuning = Schemas["ChosenTuning"];
 export type LoopFigures = Schemas["LoopFigures"];
 export type ExperimentKind = Schemas["ExperimentKind"];
 export type Experiment = Schemas["ExperimentView"];
+export type DryRunProgress = Schemas["DryRunProgress"];
 export type CheckedExperiment = Schemas["CheckedExperiment"];
 export type OwnExperiment = Schemas["OwnExperiment"];
 export type PartPlayed = Schemas["PartPlayed"];

@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { useDryRun } from "../../service/commands";
+import { useDryRun } from "../../service/dryRun";
 import type { ExperimentKind, State } from "../../wire/types";
 import { ExperimentForm } from "./ExperimentForm";
 

@@ -12,7 +12,8 @@ import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
 import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
-import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
+import { useQueueCommand, useStartExperiment } from "../../service/commands";
+import type { useDryRun } from "../../service/dryRun";
 import { settingEntry } from "../../service/fieldHelp";
 import { banksQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
@@ -22,6 +23,7 @@ import { useMayCommand } from "../../service/useMayCommand";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
+import { DryRunProgress } from "./DryRunProgress";
 import {
   bankChoices,
   hasChoice,
@@ -138,6 +140,9 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               Dry run
             </Button>
           </div>
+          {dryRun.isPending && dryRun.variables?.name === kind.name && (
+            <DryRunProgress onCancel={dryRun.cancel} />
+          )}
           <Refusal error={failure} about={changed} text={may === false ? problem : reason} />
         </div>
       </form>

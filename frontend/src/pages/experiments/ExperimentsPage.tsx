@@ -5,7 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
-import { useDryRun } from "../../service/commands";
+import { useDryRun } from "../../service/dryRun";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
 import { isText, useDraft } from "../../service/useDraft";
 import { RunningCard } from "../operate/RunningCard";
