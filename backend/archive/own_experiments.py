@@ -18,7 +18,13 @@ from backend.experiments.plans.plan import Plan
 from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.settings import SettingError
 from backend.messages.experiment import DryRunView
-from backend.messages.own_experiment import CheckedExperiment, OwnExperiment, PartPlayed, WrittenExperiment
+from backend.messages.own_experiment import (
+    CheckedExperiment,
+    OwnExperiment,
+    PartPlayed,
+    RecordedExperiment,
+    WrittenExperiment,
+)
 from backend.plain_text import as_folded
 from backend.storage import Database
 from backend.storage import experiments as stored
@@ -111,7 +117,7 @@ class OwnExperiments:
         written = ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
         return WrittenExperiment(text=written, document=text.document_of(written, stored=True)[0])
 
-    def as_run(self, run_id: int) -> WrittenExperiment:
+    def as_run(self, run_id: int) -> RecordedExperiment:
         """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
         return recorded_experiment(self._database, run_id)
 

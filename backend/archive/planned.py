@@ -53,9 +53,10 @@ def planned(database: Database, run_id: int) -> Planned:
         return NOTHING
     first = program.segments[0]
     found = profile(program, *(began or (first.q_ref, first.S_ref)))
+    pushed = {"F_push": found.F_push} if found.F_push.any() else {}
     return Planned(
         t=found.t.tolist(),
-        lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref}),
+        lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref, **pushed}),
         parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
     )
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from backend.experiments.playing.progress import Doing
 from backend.messages.base import Finite, Schema, quantity
 from backend.messages.run import SamplesView
 from backend.reports.verdict import Outcome
@@ -117,6 +118,15 @@ class DryRunView(Schema):
     metrics: list[MeasuredMetric]
     criteria: list[Criterion]
     samples: SamplesView | None
+
+
+class DryRunProgress(Schema):
+    """How far the dry run of a person is."""
+
+    under_way: bool
+    doing: Doing = Field(description="what is being done for it; starting while it waits for its turn")
+    played_s: float = quantity("s", "how much of the experiment is played")
+    duration_s: float = quantity("s", "length of the experiment")
 
 
 class ExperimentView(Schema):

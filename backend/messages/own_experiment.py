@@ -28,6 +28,12 @@ class WrittenExperiment(ExperimentText):
     document: dict[str, Any]
 
 
+class RecordedExperiment(WrittenExperiment):
+    """A run as an experiment."""
+
+    left_out: list[str] = Field(description="what happened in the run that the experiment does not repeat")
+
+
 class PartPlayed(Schema):
     """A part of an experiment as it plays; without a reference before it where the experiment begins."""
 

@@ -15,9 +15,10 @@ from backend.archive.views import dry_run_view
 from backend.departure import HasLeft, unless_left
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import values_of
-from backend.experiments.playing.dry_run import dry_run, get_ready
+from backend.experiments.playing.dry_run import dry_run, get_ready, progress_in
+from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
-from backend.messages.experiment import DryRunView
+from backend.messages.experiment import DryRunProgress, DryRunView
 from backend.offload import Offload
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.work_places import WorkPlaces
@@ -44,10 +45,20 @@ class DryRuns:
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
         self.places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
+        self._under_way: dict[Person, tuple[Path, float]] = {}
 
     def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
         self._offload.begin(_get_ready, parameters, settings)
+
+    async def progress(self, person: Person) -> DryRunProgress:
+        """Return how far the dry run of a person is."""
+        if person not in self._under_way:
+            return DryRunProgress(under_way=False, doing=Doing.STARTING, played_s=0.0, duration_s=0.0)
+        folder, duration_s = self._under_way[person]
+        doing, elapsed_s = await asyncio.to_thread(progress_in, folder)
+        played_s = {Doing.PROGRAM: min(elapsed_s, duration_s), Doing.EVALUATION: duration_s}.get(doing, 0.0)
+        return DryRunProgress(under_way=True, doing=doing, played_s=played_s, duration_s=duration_s)
 
     async def play(
         self,
@@ -66,11 +77,13 @@ class DryRuns:
         require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
         with self.places.held(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
+            self._under_way[person] = Path(folder), duration_s
             try:
                 played = await unless_left(
                     self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), has_left
                 )
             finally:
+                self._under_way.pop(person, None)
                 # Here, not in the process: one that is killed clears up nothing.
                 shutil.rmtree(folder, ignore_errors=True)
         settings = {**values_of(order.plan), **asdict(order.loop_settings)}

@@ -43,11 +43,8 @@ def _judged(criteria: Sequence[Criterion]) -> str:
     if unmeasured:
         verb = "was" if len(unmeasured) == 1 else "were"
         parts.append(f"{len(unmeasured)} of {len(criteria)} criteria {verb} not measured: {', '.join(unmeasured)}.")
-    return " ".join(parts) or _all_passed(len(criteria))
-
-
-def _all_passed(count: int) -> str:
-    return "The one criterion passed." if count == 1 else f"All {count} criteria passed."
+    all_passed = "The criterion passed." if len(criteria) == 1 else f"All {len(criteria)} criteria passed."
+    return " ".join(parts) or all_passed
 
 
 def _titles(criteria: Sequence[Criterion], *, passed: bool | None) -> list[str]:

@@ -2,19 +2,25 @@
 
 import asyncio
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from backend.access.people import BEARER, Person
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.playing.dry_run import _Progress
+from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
 from backend.messages.session import Role
 from backend.offload import Offload
 from backend.operating.dry_runs import DryRuns
+from backend.refusal import RefusalError
 from plant.parameters import load_parameters
 
+OTHER = Person("another", Role.VIEWER, BEARER)
 VIEWER = Person("viewer", Role.VIEWER, BEARER)
 
 
@@ -29,6 +35,40 @@ def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
         for _ in range(3):  # a place that was kept would be refused as the person's second
             with pytest.raises(FileNotFoundError):
                 await dry_runs.play(load_parameters("ideal"), order, (), VIEWER, stays)
+
+    asyncio.run(whole())
+
+
+class Halfway(Offload):
+    """Work in a process that has played 3 s of an experiment and goes on."""
+
+    async def run(self, work: Callable[..., Any], *arguments: Any, **_none: Any) -> Any:
+        folder = arguments[-1]
+        progress = _Progress(folder)
+        progress(Doing.PROGRAM, 3.0)
+        await asyncio.Event().wait()
+
+
+def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
+    order = Order(ready_plan("tracking"), LoopSettings(), VIEWER.name)
+    left = asyncio.Event()
+
+    async def has_left() -> bool:
+        return left.is_set()
+
+    async def whole() -> None:
+        dry_runs = DryRuns(Halfway(lambda _cause: None))
+        assert not (await dry_runs.progress(VIEWER)).under_way
+        playing = asyncio.ensure_future(dry_runs.play(load_parameters("ideal"), order, (), VIEWER, has_left))
+        while (told := await dry_runs.progress(VIEWER)).doing is not Doing.PROGRAM:
+            await asyncio.sleep(0.01)
+        assert (told.under_way, told.played_s) == (True, 3.0)
+        assert told.duration_s == order.plan.program().duration_s
+        assert not (await dry_runs.progress(OTHER)).under_way
+        left.set()
+        with pytest.raises(RefusalError):
+            await playing
+        assert not (await dry_runs.progress(VIEWER)).under_way
 
     asyncio.run(whole())
 

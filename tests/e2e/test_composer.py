@@ -50,7 +50,7 @@ def test_a_sequence_is_composed_previewed_kept_run_and_made_again(browser: Brows
     operator.be_in_run()
     operator.go("Experiments")
     own = page.get_by_role("region", name="Own experiments", exact=True)
-    own.get_by_role("combobox", name="Begin with").select_option("an empty sequence")
+    own.get_by_role("combobox", name="Begin with").select_option("sample sequence")
     own.get_by_role("textbox", name="Name", exact=True).fill("composed")
     own.get_by_role("textbox", name="Title", exact=True).fill("Composed")
     assert order(own) == ["1.1 step", "1.2 ramp", "1.3 hold"]

@@ -67,7 +67,7 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     text.fill(OWN)
     own.get_by_role("button", name="Check", exact=True).click()
     looked_over = (
-        "Nudges under two λ can be run: 4.0 s, 3 pieces, 1 change of the tuning, 1 criterion. On the simulator: "
+        "Nudges under two λ can be run: 4.0 s, 2 parts, 1 change of the tuning, 1 criterion. On the simulator: "
     )
     expect(said).to_contain_text(looked_over, timeout=DRY_RUN_TIMEOUT_MS)
     predicted = said.inner_text()
@@ -86,7 +86,7 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     form.get_by_role("button", name="Start nudges under two λ", exact=True).click()
     result = page.get_by_role("region", name="Result", exact=True)
     expect(result).to_contain_text("Nudges under two λ, run", timeout=MOTION_TIMEOUT_MS)
-    expect(result).to_contain_text("The one criterion passed", timeout=MOTION_TIMEOUT_MS)
+    expect(result).to_contain_text("The criterion passed.", timeout=MOTION_TIMEOUT_MS)
     operator.go("Runs")
     expect(page.get_by_role("table").get_by_role("row").nth(1)).to_contain_text("Nudges under two λ")
     page.context.close()

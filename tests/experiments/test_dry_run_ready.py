@@ -13,7 +13,8 @@ from backend.experiments.composing.text import read
 from backend.experiments.plans.composed_plan import composed
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.dry_run import dry_run, get_ready
+from backend.experiments.playing.dry_run import dry_run, get_ready, progress_in
+from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState
@@ -55,8 +56,10 @@ def test_a_bank_on_the_way_is_the_one_of_that_number(tmp_path: Path) -> None:
     now = datetime.now(UTC)
     used = [Bank(number, f"bank {number}", 1, "", "A. Operator", now, (BankEntry(10.0, model),)) for number in (7, 4)]
     order = Order(plan, LoopSettings(bank=7), "A. Operator")
+    assert progress_in(tmp_path) == (Doing.STARTING, 0.0)
     played = dry_run(lab, order, used, ("q",), 10, tmp_path)
     assert played.run.end_state == "completed"
+    assert progress_in(tmp_path) == (Doing.EVALUATION, 0.0)
     with pytest.raises(ExperimentError, match="line 9") as refused:
         dry_run(lab, order, used[:1], ("q",), 10, tmp_path / "without")
     assert "4" in str(refused.value)

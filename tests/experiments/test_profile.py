@@ -59,5 +59,12 @@ def test_a_ramp_and_a_sine_are_their_closed_forms() -> None:
     assert found.q_ref[~ramp] == pytest.approx(-0.4 + swing, abs=1e-9)
 
 
+def test_a_push_is_in_it_from_its_first_tick_to_its_last() -> None:
+    segments = (Segment(0.5, 0.0, 10.0), Segment(1.0, 0.0, 10.0, F_push=6.0), Segment(0.5, 0.0, 10.0))
+    found = profile(Program(Law.COMPLIANCE, segments), 0.0, 10.0)
+    pushed = (found.t > 0.5 + T_s / 2) & (found.t < 1.5 + T_s / 2)
+    assert np.array_equal(found.F_push, np.where(pushed, 6.0, 0.0))
+
+
 def test_a_program_of_identification_has_none() -> None:
     assert all(len(part) == 0 for part in profile(ActuatorIdentificationPlan().program(), 0.0, 10.0))

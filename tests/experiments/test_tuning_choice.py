@@ -10,7 +10,7 @@ import pytest
 
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.bank_building import tuning_command
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.banks.tuning_choice import TuningChoice, changes_told
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import describe, from_values
@@ -41,6 +41,14 @@ def test_every_part_is_tried_here() -> None:
     assert {field.name for field in fields(Lambdas)} <= set(OTHER)
 
 
+def test_what_is_told_of_a_change_says_all_of_it() -> None:
+    before, after = TuningChoice(), TuningChoice(**OTHER)
+    assert changes_told(", ".join(after.differences(before))) == OTHER
+    assert changes_told(", ".join(before.differences(after))) == before.document()
+    for text in ("the same tuning again", "trial kept", "λ_q 0.5 s", "by the program: λ_q 0.5 s, λ_S 0.4 s"):
+        assert changes_told(text) is None
+
+
 @pytest.mark.parametrize("name", OTHER)
 def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Path) -> None:
     before = TuningChoice()
@@ -48,6 +56,7 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     assert after != before
     assert len(after.differences(before)) == 1
     assert before.differences(before) == []
+    assert changes_told(f"for the run: {after.differences(before)[0]}") == {name: OTHER[name]}
     assert TuningChoice.of(after.document()) == after
     assert LoopSettings(**after.document(), seed=4).tuning == after
     assert TuningChoice.of(asdict(LoopSettings(**after.document(), seed=4))) == after

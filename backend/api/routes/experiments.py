@@ -5,6 +5,7 @@ from fastapi import APIRouter, Request
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
 from backend.messages.experiment import (
+    DryRunProgress,
     DryRunView,
     ExperimentKindList,
     ExperimentRequest,
@@ -35,6 +36,12 @@ async def dry_run_experiment(
 ) -> DryRunView:
     """Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands."""
     return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
+
+
+@router.get("/dry-run")
+async def get_dry_run_progress(service: ServiceInUse, person: SignedIn) -> DryRunProgress:
+    """Return how far one's own dry run is; closing the connection that asked for it ends it."""
+    return await service.dry_runs.progress(person)
 
 
 @router.get("/queue")

@@ -14,6 +14,7 @@ from backend.messages.own_experiment import (
     ExperimentToCheck,
     OwnExperiment,
     OwnExperimentList,
+    RecordedExperiment,
     WrittenExperiment,
 )
 
@@ -72,6 +73,6 @@ async def list_versions(
 @router.get("/as-run/{run_id}")
 async def get_experiment_as_run(
     request: Request, run_id: RowId, service: ServiceInUse, person: SignedIn
-) -> WrittenExperiment:
-    """Return the references of a run, as they were commanded, as an experiment to begin an own one with."""
+) -> RecordedExperiment:
+    """Return a run as an experiment to begin an own one with, and what of the run it does not repeat."""
     return await service.texts.run(person, request.is_disconnected, service.experiments.as_run, run_id)

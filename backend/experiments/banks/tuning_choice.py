@@ -110,6 +110,37 @@ DECLARED = describe(TuningChoice)
 NAMES = tuple(setting.name for setting in DECLARED)
 
 
+def changes_told(text: str) -> dict[str, Value] | None:
+    """Return the new values in a text of ``TuningChoice.differences``, joined by commas and with words before a colon.
+
+    None for any other text.
+    """
+    found: dict[str, Value] = {}
+    for told in text.rpartition(": ")[2].split(", "):
+        left, arrow, right = told.partition(" → ")
+        setting = next((one for one in DECLARED if left.startswith(f"{one.symbol} ")), None)
+        if not arrow or setting is None:
+            return None
+        word = right.removesuffix(f" {setting.unit}")
+        try:
+            found[setting.name] = _part_told(setting.kind, word)
+        except ValueError:
+            return None
+    return found
+
+
+def _part_told(kind: str, word: str) -> Value:
+    match kind:
+        case "boolean":
+            return word == "yes"
+        case "choice":
+            return word
+        case "integer":
+            return 0 if word == "geometry" else int(word)
+        case _:
+            return float(word)
+
+
 def part_in_words(name: str, value: Value) -> str:
     """Return one part of a tuning as a person reads it, without its unit."""
     if name == "bank":

@@ -1,4 +1,4 @@
-"""Recorded references as the parts of an experiment, steps, holds and ramps that follow them closely. Pure."""
+"""Recorded references, pushes and changes as the parts of an experiment that follow them closely. Pure."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,59 +15,179 @@ Column = NDArray[np.float64]
 
 WITHIN_Q_RAD = 1e-3
 WITHIN_S = 0.02
-"""How far a straight way may be off the recorded references at any tick [rad, N·m/rad]."""
+WITHIN_F_N = 0.05
+"""How far a straight way may be off the recorded columns at any tick [rad, N·m/rad, N]."""
 
 _SAME = 2e-3
 """Of a bound: numbers that are off by less are the same, but for how they were written."""
 _DECIMALS = 6
 """Of what is written, in SI: finer than a bound, and short."""
-_LEAST, _MOST = 10, round(LONGEST_PART_S / T_s)
-"""Ticks of the shortest and the longest part that an experiment may have."""
+LEAST = 10
+"""Ticks of the shortest part that an experiment may have."""
+_MOST = round(LONGEST_PART_S / T_s)
+
+
+class Change(NamedTuple):
+    """A part without a duration that is due at a tick of the references: a tuning or a wall."""
+
+    tick: int
+    part: dict[str, Any]
 
 
 class Followed(NamedTuple):
-    """Parts that follow recorded references, and how far they are off them at most."""
+    """Parts that follow recorded columns, and how far they are off them at most.
+
+    ``late_ticks`` is how late the latest push or change comes. ``unpushed`` are the ticks, first and end, of which the
+    push is left out: the references move then, and a push part holds them.
+    """
 
     parts: list[dict[str, Any]]
     off_q_rad: float
     off_S: float
+    off_F_N: float
+    late_ticks: int
+    unpushed: list[tuple[int, int]]
 
 
-def followed(q_ref: Column, S_ref: Column) -> Followed:
-    """Return parts that bring the references, tick by tick, to where these are.
+def commanded(q_ref: Column, S_ref: Column) -> tuple[int, int]:
+    """Return the first tick with references and the end of them.
 
-    Where a jump and a way come closer together than a part can be short they are off by more than the bounds: how far
-    is told. Raises ExperimentError for no references, and for more parts than an experiment can have.
+    Raises ExperimentError for no references, and for a gap in them.
     """
     there = np.isfinite(q_ref) & np.isfinite(S_ref)
     if not there.any():
         raise ExperimentError("it has no references: nothing was commanded that could be played again")
     first, end = int(np.argmax(there)), len(there) - int(np.argmax(there[::-1]))
-    q, S = q_ref[first:end], S_ref[first:end]
     if not there[first:end].all():
         raise ExperimentError("its references have a gap: what was commanded within it is not known")
-    parts: list[dict[str, Any]] = []
-    off, at, reached = (0.0, 0.0), 0, (np.nan, np.nan)
-    while at < len(q):
-        held = end = _held(q, S, at)
+    return first, end
+
+
+def followed(q: Column, S: Column, F_push: Column | None = None, changes: Sequence[Change] = ()) -> Followed:
+    """Return parts that bring references and push, tick by tick, to where these columns are.
+
+    ``changes`` are in order of their ticks. Where a jump and a way, or two changes, come closer together than a part
+    can be short, the parts are off by more than the bounds: how far is told. Raises ExperimentError for more parts than
+    an experiment can have.
+    """
+    return _Follower(q, S, np.zeros(len(q)) if F_push is None else F_push, changes).followed()
+
+
+class _Follower:
+    """Goes through the columns part by part: ``_at`` is the tick, ``_reached`` where the parts so far have led."""
+
+    def __init__(self, q: Column, S: Column, F: Column, changes: Sequence[Change]) -> None:
+        self._q, self._S, self._F = q, S, F
+        self._changes = list(changes)
+        self._edges = np.flatnonzero(np.diff(F != 0.0)) + 1
+        self._at = 0
+        self._reached = (np.nan, np.nan)
+        self._force = 0.0
+        self._parts: list[dict[str, Any]] = []
+        self._off = (0.0, 0.0, 0.0)
+        self._late = 0
+        self._unpushed: list[tuple[int, int]] = []
+
+    def followed(self) -> Followed:
+        while self._at < len(self._q):
+            self._change()
+            bound = self._bound()
+            if not (self._F[self._at] != 0.0 and self._push(bound)):
+                self._move(bound)
+            if len(self._parts) > MAX_SEGMENTS:
+                raise ExperimentError(
+                    f"its references take more than {MAX_SEGMENTS} holds and ramps, as many as an experiment can have: "
+                    "compose it of parts"
+                )
+        return Followed(self._parts, *self._off, self._late, self._unpushed)
+
+    def _change(self) -> None:
+        """Add what is due, of several changes of one kind the last one; a tuning takes over what others changed."""
+        due = [change for change in self._changes if change.tick <= self._at]
+        self._changes = self._changes[len(due) :]
+        tuning: dict[str, Any] = {}
+        wall: dict[str, Any] | None = None
+        for change in due:
+            self._late = max(self._late, self._at - change.tick)
+            if change.part["do"] == "tuning":
+                tuning |= change.part
+            else:
+                wall = change.part
+        self._parts += [part for part in (tuning, wall) if part]
+
+    def _bound(self) -> int:
+        """Return the tick at which the next part has to end: of a change, or where a push begins or ends."""
+        later = [change.tick for change in self._changes[:1]]
+        edges = self._edges[self._edges > self._at]
+        return min(len(self._q), *later, *(int(edge) for edge in edges[:1]), self._at + _MOST)
+
+    def _push(self, bound: int) -> bool:
+        """Add a push up to where the references move; whether they rest long enough for one."""
+        at, (q, S) = self._at, self._reached
+        rest = slice(at, bound)
+        moves = np.abs(self._q[rest] - q) > _SAME * WITHIN_Q_RAD
+        moves |= np.abs(self._S[rest] - S) > _SAME * WITHIN_S
+        if not np.isfinite(q) or moves[0]:
+            return False
+        bound = at + int(np.argmax(moves)) if moves.any() else bound
+        if bound - at < LEAST and moves.any():
+            return False
+        F = self._F[:bound]
+        end, shape = _held([(F, WITHIN_F_N)], at), "step"
+        if end - at < LEAST and end < bound:
+            for within in (_SAME, 1.0):
+                ramp = _ramped([(F, self._force, WITHIN_F_N)], at, within)
+                if ramp - at >= LEAST:
+                    end, shape = ramp, "ramp"
+                    break
+        end = max(end, at + LEAST)
+        last = min(end, len(self._F)) - 1
+        force = round(float(self._F[at if shape == "step" else last]), _DECIMALS)
+        share = np.arange(1, end - at + 1) / (end - at) if shape == "ramp" else np.ones(end - at)
+        off = _off(self._F, at, share, self._force, force, self._off[2])
+        self._off = *self._off[:2], off
+        part = {"do": "push", "F_push": force, "duration_s": round((end - at) * T_s, 3)}
+        self._parts.append(part if shape == "step" else {**part, "shape": shape})
+        self._at, self._force = end, force
+        return True
+
+    def _move(self, bound: int) -> None:
+        """Add a hold, a step or a ramp of the references; no push is felt during it."""
+        at, pushed = self._at, bool(self._F[self._at] != 0.0)
+        q, S = self._q[:bound], self._S[:bound]
+        columns = [(q, WITHIN_Q_RAD), (S, WITHIN_S)]
+        # during a push a jump is as short as a part can be, so that the push goes on
+        held = end = min(_held(columns, at), at + LEAST if pushed else bound)
         ramp = False
         for within in (_SAME, 1.0):  # what was a ramp is one again; what was none is followed by several
-            if end - at < _LEAST and at > 0:
-                end = _ramped(q, S, at, reached, within)
-                ramp = end - at >= _LEAST
-        end = min(max(end if ramp else held, at + _LEAST), at + _MOST)
-        last = min(end, len(q)) - 1
-        arrived = round(float(q[last]), _DECIMALS), round(float(S[last]), _DECIMALS)
-        parts.append(_part("ramp" if ramp else "step", end - at, reached, arrived))
+            if end - at < LEAST and at > 0:
+                ways = [(column, start, bound) for (column, bound), start in zip(columns, self._reached, strict=True)]
+                end = _ramped(ways, at, within)
+                ramp = end - at >= LEAST
+        end = max(end if ramp else held, at + LEAST)
+        last = min(end, len(self._q)) - 1
+        arrived = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
+        self._parts.append(_part("ramp" if ramp else "step", end - at, self._reached, arrived))
         share = np.arange(1, end - at + 1) / (end - at) if ramp else np.ones(end - at)
-        off = _off(q, at, share, reached[0], arrived[0], off[0]), _off(S, at, share, reached[1], arrived[1], off[1])
-        at, reached = end, arrived
-        if len(parts) > MAX_SEGMENTS:
-            raise ExperimentError(
-                f"its references take more than {MAX_SEGMENTS} holds and ramps, as many as an experiment can have: "
-                "compose it of parts"
-            )
-    return Followed(parts, *off)
+        off_q = _off(self._q, at, share, self._reached[0], arrived[0], self._off[0])
+        off_S = _off(self._S, at, share, self._reached[1], arrived[1], self._off[1])
+        self._off = off_q, off_S, self._off[2]
+        if pushed:
+            self._unpushed = _joined(self._unpushed, at, min(end, int(self._edge(at))))
+        elif (begun := self._edge(at)) < end:
+            self._late = max(self._late, end - begun)
+        self._at, self._reached, self._force = end, arrived, 0.0
+
+    def _edge(self, at: int) -> int:
+        """Return the tick at which a push begins or ends next."""
+        edges = self._edges[self._edges > at]
+        return int(edges[0]) if len(edges) else len(self._F)
+
+
+def _joined(stretches: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
+    if stretches and stretches[-1][1] == begin:
+        return [*stretches[:-1], (stretches[-1][0], end)]
+    return [*stretches, (begin, end)]
 
 
 def _part(do: str, ticks: int, before: Sequence[float], after: Sequence[float]) -> dict[str, Any]:
@@ -82,30 +202,33 @@ def _off(column: Column, at: int, share: Column, before: float, after: float, mo
     return max(most, float(np.max(np.abs(way - recorded))))
 
 
-def _held(q: Column, S: Column, at: int) -> int:
-    """Return the end of the ticks from ``at`` on that stay where it is."""
-    off = (np.abs(q[at:] - q[at]) > _SAME * WITHIN_Q_RAD) | (np.abs(S[at:] - S[at]) > _SAME * WITHIN_S)
-    return at + int(np.argmax(off)) if off.any() else len(q)
+def _held(columns: Sequence[tuple[Column, float]], at: int) -> int:
+    """Return the end of the ticks from ``at`` on in which each column stays where it is, by its bound."""
+    off = np.zeros(len(columns[0][0]) - at, bool)
+    for column, within in columns:
+        off |= np.abs(column[at:] - column[at]) > _SAME * within
+    return at + int(np.argmax(off)) if off.any() else at + len(off)
 
 
-def _ramped(q: Column, S: Column, at: int, reached: Sequence[float], share: float) -> int:
-    """Return the end of the longest straight way from where the tick before ``at`` left the references.
+def _ramped(ways: Sequence[tuple[Column, float, float]], at: int, share: float) -> int:
+    """Return the end of the longest straight way from where the tick before ``at`` left each column.
 
-    The slopes that pass every tick within ``share`` of its bound form a cone, which narrows; the way ends at the last
-    tick that lies in it itself. Looked at is twice as much as long as all of it does.
+    A way is a column, where it starts and its bound. The slopes that pass every tick within ``share`` of its bound form
+    a cone, which narrows; the way ends at the last tick that lies in it itself. Looked at is twice as much as long as
+    all of it does.
     """
-    span = 64
+    span, length = 64, len(ways[0][0])
     while True:
-        ticks = np.arange(1, min(span, len(q) - at) + 1)
+        ticks = np.arange(1, min(span, length - at) + 1)
         inside = np.ones(len(ticks), bool)
         open_still = True
-        for column, start, within in ((q, reached[0], WITHIN_Q_RAD), (S, reached[1], WITHIN_S)):
+        for column, start, within in ways:
             slopes = (column[at : at + len(ticks)] - start) / ticks
             low = np.maximum.accumulate(slopes - share * within / ticks)
             high = np.minimum.accumulate(slopes + share * within / ticks)
             inside &= (slopes >= low) & (slopes <= high)
             open_still = open_still and bool(low[-1] <= high[-1])
-        if not open_still or at + len(ticks) == len(q):
+        if not open_still or at + len(ticks) == length:
             ends = np.flatnonzero(inside)
             return at + int(ends[-1]) + 1 if len(ends) else at
         span *= 2

@@ -1,4 +1,4 @@
-"""The references of a program over its whole length, as the loop will play them; for pictures. Pure."""
+"""The references and the push of a program over its whole length, as the loop will play them; for pictures. Pure."""
 
 from typing import NamedTuple
 
@@ -18,11 +18,15 @@ POINTS = 400
 
 
 class Profile(NamedTuple):
-    """Times since the program began (n,) [s], q_ref (n,) [rad], S_ref (n,) [N·m/rad]; n is 0 without segments."""
+    """Times since the program began (n,) [s], q_ref (n,) [rad], S_ref (n,) [N·m/rad], F_push (n,) [N].
+
+    n is 0 without segments.
+    """
 
     t: Array
     q_ref: Array
     S_ref: Array
+    F_push: Array
 
 
 def profile(program: Program, q_ref: float, S_ref: float) -> Profile:
@@ -39,6 +43,6 @@ def profile(program: Program, q_ref: float, S_ref: float) -> Profile:
             while advanced < (tick - 1) // chip:
                 register, advanced = waveforms.next_register(register, segment.count), advanced + 1
             target = player.within(row, start, tick * T_s, register)
-            points.append(((begun + tick) * T_s, target.q_ref, target.S_ref))
+            points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
         start, begun = player.after(row, start), begun + ticks
-    return Profile(*np.array(points, dtype=np.float64).reshape(-1, 3).T)
+    return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)

@@ -4,6 +4,7 @@ The same program, loop and evaluation as the real run; its database lives in a f
 """
 
 import asyncio
+import os
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.play import play
+from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.loop.headless import Headless
 from backend.recording.reader import Envelope, read_envelope
@@ -24,6 +26,10 @@ from backend.storage.runs import Run
 from plant.catalog import make_plant
 from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters
+
+_PROGRESS = "progress"
+_TOLD_EVERY_S = 0.5
+"""How often progress is written [s of loop time], which passes many times faster."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +64,34 @@ def dry_run(
                 entries = [replace(entry, identification_id=None) for entry in bank.entries]
                 banks.add(session, bank.name, entries, bank.who, number=bank.id)
         with headless_station(database, parameters, order.loop_settings) as station:
-            outcome = asyncio.run(run_experiment(station, order))
+            outcome = asyncio.run(run_experiment(station, order, _Progress(folder)))
         with database.reading() as session:
             stored = outcome.evaluation.result
             curves = None if stored is None else read_envelope(session, outcome.run.id, points, signals)
         return DryRun(outcome.run, stored, curves)
+
+
+class _Progress:
+    """Writes how far a dry run is into its folder, where the service reads it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._told: tuple[Doing, int] | None = None
+
+    def __call__(self, doing: Doing, elapsed_s: float) -> None:
+        now = doing, int(elapsed_s / _TOLD_EVERY_S)
+        if now == self._told:
+            return
+        self._told = now
+        being_written = self._folder / f"{_PROGRESS}.new"
+        being_written.write_text(f"{doing} {elapsed_s:.3f}", encoding="utf-8")
+        os.replace(being_written, self._folder / _PROGRESS)
+
+
+def progress_in(folder: Path) -> tuple[Doing, float]:
+    """Return what a dry run does in this folder, and for how long [s of loop time]."""
+    try:
+        doing, elapsed_s = (folder / _PROGRESS).read_text(encoding="utf-8").split()
+    except OSError:  # nothing is told yet, or it is over and the folder is gone
+        return Doing.STARTING, 0.0
+    return Doing(doing), float(elapsed_s)

@@ -24,7 +24,7 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { useDryRun } from "../service/commands";
+import { useDryRun } from "../service/dryRun";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BankImport";
 import { ExperimentForm } from "./experiments/ExperimentForm";
@@ -76,7 +76,10 @@ beforeEach(() => {
   Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
   fetched.mockReset().mockImplementation(async (request) => answer(request));
 });
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
 
 const press = (name: string) => async () => {
   const button = await screen.findByRole("button", { name });

@@ -12,6 +12,7 @@ import type {
   TuningRequest,
   Wall,
 } from "../wire/types";
+import { renameDrafts } from "./keptDraft";
 import { sessionQuery } from "./queries";
 
 export function useSetMode() {
@@ -166,13 +167,6 @@ export function useStartExperiment() {
   });
 }
 
-export function useDryRun() {
-  return useMutation({
-    mutationFn: (body: { name: string; settings: SettingValues }) =>
-      answered(api.POST("/api/experiments/dry-run", { body })),
-  });
-}
-
 /** What may be done to the queue; each answer is the queue as it is then. */
 export function useQueueCommand() {
   const queries = useQueryClient();
@@ -268,6 +262,8 @@ export function useSetName() {
   return useMutation({
     mutationFn: (name: string) => answered(api.PUT("/api/session/name", { body: { name } })),
     onSuccess: (session) => {
+      const before = queries.getQueryData(sessionQuery.queryKey);
+      if (before !== undefined) renameDrafts(before.name, session.name);
       queries.setQueryData(sessionQuery.queryKey, session);
       void queries.invalidateQueries({ queryKey: ["preferences"] });
     },

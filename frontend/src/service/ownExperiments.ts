@@ -21,7 +21,7 @@ export function experimentVersionsQuery(name: string) {
   });
 }
 
-/** The recorded references of a run as an experiment. */
+/** A run as an experiment, and what of the run it does not repeat. */
 export function experimentAsRunQuery(run_id: number) {
   return queryOptions({
     queryKey: ["experiment-as-run", run_id],

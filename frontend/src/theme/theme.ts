@@ -60,6 +60,7 @@ export const theme = createTheme({
     Button: { defaultProps: { size: "xs", fw: 500 } },
     InputWrapper: { styles: { label: { fontWeight: 500 } } },
     TextInput: { defaultProps: { size: "xs" } },
+    SegmentedControl: { styles: { label: { paddingInline: 10, paddingBlock: 4 } } },
     Select: { defaultProps: { size: "xs" } },
     NativeSelect: { defaultProps: { size: "xs" } },
     Table: { defaultProps: { verticalSpacing: 6, horizontalSpacing: 10, fz: 13 } },

@@ -1391,7 +1391,7 @@ export interface paths {
         };
         /**
          * Get Experiment As Run
-         * @description Return the references of a run, as they were commanded, as an experiment to begin an own one with.
+         * @description Return a run as an experiment to begin an own one with, and what of the run it does not repeat.
          */
         get: operations["get_experiment_as_run"];
         put?: never;
@@ -1433,7 +1433,11 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get?: never;
+        /**
+         * Get Dry Run Progress
+         * @description Return how far one's own dry run is; closing the connection that asked for it ends it.
+         */
+        get: operations["get_dry_run_progress"];
         put?: never;
         /**
          * Dry Run Experiment
@@ -3390,6 +3394,26 @@ export interface components {
             on: boolean;
         };
         /**
+         * DryRunProgress
+         * @description How far the dry run of a person is.
+         */
+        DryRunProgress: {
+            /** Under Way */
+            under_way: boolean;
+            /** @description what is being done for it; starting while it waits for its turn */
+            doing: components["schemas"]["Doing"];
+            /**
+             * Played S
+             * @description how much of the experiment is played [s]
+             */
+            played_s: number;
+            /**
+             * Duration S
+             * @description length of the experiment [s]
+             */
+            duration_s: number;
+        };
+        /**
          * DryRunView
          * @description What an experiment would give, played on a simulator of its own; nothing is stored.
          */
@@ -5119,8 +5143,8 @@ export interface components {
          * Planned
          * @description What a program asks for over its whole length, known before it plays.
          *
-         *     Of an experiment the references, of an identification its set points and excitation: motor references without the
-         *     force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
+         *     Of an experiment the references and pushes, where it has any; of an identification its set points and excitation:
+         *     motor references without the force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
          */
         Planned: {
             /**
@@ -5671,6 +5695,23 @@ export interface components {
              * @default false
              */
             kept: boolean;
+        };
+        /**
+         * RecordedExperiment
+         * @description A run as an experiment.
+         */
+        RecordedExperiment: {
+            /** Text */
+            text: string;
+            /** Document */
+            document: {
+                [key: string]: unknown;
+            };
+            /**
+             * Left Out
+             * @description what happened in the run that the experiment does not repeat
+             */
+            left_out: string[];
         };
         /**
          * RecordedSpectra
@@ -17182,7 +17223,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["WrittenExperiment"];
+                    "application/json": components["schemas"]["RecordedExperiment"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -17410,6 +17451,116 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Started"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_dry_run_progress: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DryRunProgress"];
                 };
             };
             /** @description the body cannot be parsed */

@@ -11,13 +11,23 @@ export function readKept(kind: Kind, name: string): string | null {
   }
 }
 
-/** Keep a text under a name, null to forget it; where the browser keeps nothing, nothing happens. */
-export function keepText(kind: Kind, name: string, text: string | null): void {
+/** The names under which something is kept. */
+export function keptNames(kind: Kind): string[] {
   try {
-    if (text === null) globalThis[kind]?.removeItem(name);
-    else globalThis[kind]?.setItem(name, text);
+    return Object.keys(globalThis[kind] ?? {});
   } catch {
-    // the page works without
+    return [];
+  }
+}
+
+/** Keep a text under a name, null to forget it. Returns whether the browser did: it may refuse, and the page works without. */
+export function keepText(kind: Kind, name: string, text: string | null): boolean {
+  try {
+    if (text === null) globalThis[kind].removeItem(name);
+    else globalThis[kind].setItem(name, text);
+    return true;
+  } catch {
+    return false;
   }
 }
 

@@ -149,7 +149,7 @@ def experiment(operator: Operator, look: Look) -> None:
     operator.press("Start queue")
     operator.wait(lambda: len(ended_of(operator, "tracking")) == 2)
     own = page.get_by_role("region", name="Own experiments", exact=True)
-    own.get_by_role("combobox", name="Begin with").select_option("an empty sequence")
+    own.get_by_role("combobox", name="Begin with").select_option("sample sequence")
     expect(own.get_by_role("region", name="Preview", exact=True)).to_contain_text(
         "can be run:", timeout=DRY_RUN_TIMEOUT_MS
     )

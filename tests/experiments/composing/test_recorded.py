@@ -5,11 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.composing.recorded import WITHIN_Q_RAD, WITHIN_S, followed
+from backend.experiments.composing.recorded import (
+    WITHIN_F_N,
+    WITHIN_Q_RAD,
+    WITHIN_S,
+    Change,
+    commanded,
+    followed,
+)
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.composing.text import of_document
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.loop.program import Law, Program, Segment, Shape
+from plant.interface import T_s
 from tests.experiments.test_profile import played
 
 STEPS_AND_RAMPS = (
@@ -66,10 +74,90 @@ def test_a_way_that_begins_with_a_jump_is_off_by_what_is_told() -> None:
     [
         (np.full(100, np.nan), "no references"),
         (np.where(np.arange(100) == 50, np.nan, 0.0), "a gap"),
-        (np.where(np.arange(40_000) // 20 % 2, 0.1, 0.0), "more than 1000"),
     ],
-    ids=["none", "gap", "too many"],
+    ids=["none", "gap"],
 )
-def test_what_cannot_be_followed_is_refused(q_ref: np.ndarray, told: str) -> None:
+def test_what_was_not_commanded_cannot_be_followed(q_ref: np.ndarray, told: str) -> None:
     with pytest.raises(ExperimentError, match=told):
+        commanded(q_ref, np.full(len(q_ref), 10.0))
+
+
+def test_too_many_parts_are_refused() -> None:
+    q_ref = np.where(np.arange(40_000) // 20 % 2, 0.1, 0.0)
+    with pytest.raises(ExperimentError, match="more than 1000"):
         followed(q_ref, np.full(len(q_ref), 10.0))
+
+
+def pushed(parts: list[dict[str, Any]]) -> np.ndarray:
+    """The push at every tick, by what docs/experiments.md says of the parts."""
+    ticks: list[float] = []
+    before = 0.0
+    for part in parts:
+        length = round(part.get("duration_s", 0.0) / T_s)
+        F = part.get("F_push", 0.0)
+        ramp = part.get("shape") == "ramp"
+        ticks += [before + (F - before) * (k + 1) / length if ramp else F for k in range(length)]
+        before = F if length else before
+    return np.array(ticks)
+
+
+def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
+    F = np.zeros(4000)
+    F[500:1500] = 6.0
+    F[2000:2500] = -4.5
+    q_ref = np.full(4000, 0.1)
+    q_ref[1700:] = 0.3
+    found = followed(q_ref, np.full(4000, 10.0), F)
+    assert [(part["do"], part["duration_s"]) for part in found.parts] == [
+        ("step", 0.5),
+        ("push", 1.0),
+        ("hold", 0.2),
+        ("step", 0.3),
+        ("push", 0.5),
+        ("hold", 1.5),
+    ]
+    assert np.array_equal(pushed(found.parts), F)
+    assert (found.late_ticks, found.unpushed, found.off_F_N) == (0, [], 0.0)
+
+
+def test_a_smooth_push_is_followed_within_its_bound() -> None:
+    F = np.zeros(3000)
+    F[1000:2000] = 8.0 * np.sin(np.pi * np.arange(1000) / 1000.0) ** 2
+    found = followed(np.full(3000, 0.1), np.full(3000, 10.0), F)
+    off = np.abs(pushed(found.parts)[:3000] - F).max()
+    assert off <= WITHIN_F_N
+    assert off == pytest.approx(found.off_F_N, abs=1e-9)
+
+
+def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None:
+    F = np.zeros(4000)
+    F[500:3500] = 6.0
+    q_ref = np.full(4000, 0.1)
+    q_ref[1000:2000] += 0.4 * np.arange(1, 1001) / 1000.0
+    q_ref[2000:3000] = 0.5
+    q_ref[3000:] = 0.2
+    found = followed(q_ref, np.full(4000, 10.0), F)
+    assert found.unpushed == [(1000, 2000), (3000, 3010)]
+    missing = np.flatnonzero(pushed(found.parts)[:4000] != F)
+    assert missing.tolist() == [*range(1000, 2000), *range(3000, 3010)]
+    replayed = again(found.parts)
+    assert np.abs(replayed[:4000, 0] - q_ref).max() <= WITHIN_Q_RAD
+
+
+def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:
+    first, second = {"do": "tuning", "lam_q": 0.5, "b": 0.2}, {"do": "tuning", "lam_q": 0.8}
+    wall = {"do": "wall", "q_wall": 0.6}
+    changes = [Change(0, first), Change(700, second), Change(703, {"do": "tuning", "lam_S": 0.6}), Change(1200, wall)]
+    found = followed(np.full(2000, 0.1), np.full(2000, 10.0), None, changes)
+    assert [part["do"] for part in found.parts] == [
+        "tuning",
+        "step",
+        "tuning",
+        "hold",
+        "tuning",
+        "hold",
+        "wall",
+        "hold",
+    ]
+    assert [part["duration_s"] for part in found.parts if "duration_s" in part] == [0.7, 0.01, 0.49, 0.8]
+    assert found.late_ticks == 7  # the second of two changes within a shortest part

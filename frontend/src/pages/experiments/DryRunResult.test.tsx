@@ -11,7 +11,7 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
-import { useDryRun } from "../../service/commands";
+import { useDryRun } from "../../service/dryRun";
 import type { ExperimentKind } from "../../wire/types";
 import { DryRunResult } from "./DryRunResult";
 
@@ -35,17 +35,26 @@ function Bench() {
   );
 }
 
+const PROGRESS = { under_way: true, doing: "program", played_s: 3, duration_s: 12 };
+let aborted = 0;
 let answers: ((response: Response) => void)[] = [];
 
 beforeEach(() => {
   answers = [];
-  fetched
-    .mockReset()
-    .mockImplementation(({ url }) =>
-      new URL(url).pathname.endsWith("/dry-run")
-        ? new Promise((resolve) => answers.push(resolve))
-        : Promise.resolve(Response.json({ banks: [], experiments: [] })),
-    );
+  aborted = 0;
+  fetched.mockReset().mockImplementation(({ url, method, signal }) =>
+    new URL(url).pathname.endsWith("/dry-run")
+      ? method === "GET"
+        ? Promise.resolve(Response.json(PROGRESS))
+        : new Promise((resolve, reject) => {
+            answers.push(resolve);
+            signal.addEventListener("abort", () => {
+              aborted += 1;
+              reject(new DOMException("aborted", "AbortError"));
+            });
+          })
+      : Promise.resolve(Response.json({ banks: [], experiments: [] })),
+  );
   render(
     <MantineProvider>
       <QueryClientProvider client={new QueryClient({ defaultOptions: { queries: { retry: false } } })}>
@@ -80,4 +89,36 @@ it("tells what was refused of a form that is not open any more", async () => {
   await waitFor(() =>
     expect(shown()).toContain("Tracking of position and stiffness: not played. the worker died"),
   );
+});
+
+it("says how far it is, and is cancelled: its connection ends and the card goes", async () => {
+  fireEvent.click(screen.getByText("tracking"));
+  await waitFor(() => expect(shown()).toContain("3.0 s of 12.0 s played"));
+  const bar = screen.getByRole("progressbar", { name: "Progress of the dry run" });
+  expect(bar.getAttribute("aria-valuenow")).toBe("25");
+  fireEvent.click(screen.getByRole("button", { name: "Cancel dry run" }));
+  await waitFor(() => expect(aborted).toBe(1));
+  expect(shown()).toBe("");
+  fireEvent.click(screen.getByText("tracking")); // and can be asked for again
+  await waitFor(() => expect(answers).toHaveLength(2));
+  answers[1]?.(Response.json({ ...RESULT, status: "completed" }));
+  await waitFor(() => expect(shown()).toContain("12.0 s simulated"));
+});
+
+it("ends with the page that asked for it", async () => {
+  fireEvent.click(screen.getByText("tracking"));
+  await waitFor(() => expect(answers).toHaveLength(1));
+  cleanup();
+  expect(aborted).toBe(1);
+});
+
+it("comes into sight once there is a result", async () => {
+  const scrolled = vi.fn();
+  Element.prototype.scrollIntoView = scrolled;
+  fireEvent.click(screen.getByText("tracking"));
+  await waitFor(() => expect(answers).toHaveLength(1));
+  expect(scrolled).not.toHaveBeenCalled();
+  answers[0]?.(Response.json({ ...RESULT, status: "completed" }));
+  await waitFor(() => expect(scrolled).toHaveBeenCalledTimes(1));
+  expect(scrolled.mock.contexts[0]).toBe(screen.getByRole("region", { name: "Dry run" }).parentElement);
 });

@@ -1,7 +1,7 @@
 /** What an experiment would give, as the simulator played it. */
 
 import { CloseButton } from "@mantine/core";
-import { useMemo } from "react";
+import { useEffect, useMemo, useRef } from "react";
 import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
@@ -11,11 +11,12 @@ import { RunState } from "../../components/RunState";
 import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
-import type { useDryRun } from "../../service/commands";
+import type { useDryRun } from "../../service/dryRun";
 import { useStandardPanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
 import type { DryRun, ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
+import { DryRunProgress } from "./DryRunProgress";
 import { Figures } from "./Figures";
 import { OrderWords } from "./OrderWords";
 
@@ -27,24 +28,43 @@ interface DryRunResultProps {
 }
 
 export function DryRunResult({ dryRun, kinds, openForm }: DryRunResultProps) {
-  const { variables, data, error, isIdle, reset } = dryRun;
+  const { variables, error, isIdle } = dryRun;
   if (variables === undefined || isIdle || (error !== null && variables.name === openForm)) return null;
-  const title = kinds.find(({ name }) => name === variables.name)?.title ?? variables.name;
+  return <ShownDryRun dryRun={dryRun} kinds={kinds} name={variables.name} />;
+}
+
+interface ShownProps extends Pick<DryRunResultProps, "dryRun" | "kinds"> {
+  readonly name: string;
+}
+
+function ShownDryRun({ dryRun, kinds, name }: ShownProps) {
+  const { data, error, reset } = dryRun;
+  const card = useRef<HTMLDivElement>(null);
+  // the button stands in another column: the result comes into sight by itself
+  useEffect(() => {
+    if (data !== undefined || error !== null) card.current?.scrollIntoView?.({ block: "nearest" });
+  }, [data, error]);
+  const title = kinds.find((kind) => kind.name === name)?.title ?? name;
   return (
-    <Card
-      title="Dry run"
-      aside={!dryRun.isPending && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
-    >
-      {data !== undefined && <Played name={variables.name} title={title} result={data} />}
-      {error !== null && (
-        <p className={page.empty}>
-          {title}: not played. <Told text={error.message} />
-        </p>
-      )}
-      {dryRun.isPending && (
-        <p className={page.empty}>{title}: being played on a simulator of its own; nothing moves.</p>
-      )}
-    </Card>
+    <div ref={card}>
+      <Card
+        title="Dry run"
+        aside={!dryRun.isPending && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
+      >
+        {data !== undefined && <Played name={name} title={title} result={data} />}
+        {error !== null && (
+          <p className={page.empty}>
+            {title}: not played. <Told text={error.message} />
+          </p>
+        )}
+        {dryRun.isPending && (
+          <>
+            <p className={page.empty}>{title}: being played on a simulator of its own; nothing moves.</p>
+            <DryRunProgress onCancel={dryRun.cancel} />
+          </>
+        )}
+      </Card>
+    </div>
   );
 }
 
@@ -78,7 +98,12 @@ interface CurvesProps {
   readonly name: string;
 }
 
-export function DryRunCurves({ samples, duration_s, name }: CurvesProps) {
+/** With a time axis of their own for each length: a view that was zoomed into a shorter one hides the rest. */
+export function DryRunCurves(props: CurvesProps) {
+  return <CurvesOfOneLength key={props.duration_s} {...props} />;
+}
+
+function CurvesOfOneLength({ samples, duration_s, name }: CurvesProps) {
   const source = useMemo(() => {
     const recorded = new RecordedSource(duration_s);
     recorded.setOverview(excerptOf(samples));

@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { useDryRun } from "../../service/commands";
+import { useDryRun } from "../../service/dryRun";
 import type { ExperimentKind, State } from "../../wire/types";
 import { ExperimentForm } from "./ExperimentForm";
 
@@ -163,7 +163,10 @@ beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   fetched.mockReset().mockImplementation(async (request) => answer(request));
 });
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
 
 it("says of each of its fields what it is for and what is accepted, without a further stop of the Tab key", async () => {
   open(stateOf(CHOSEN));

@@ -2,8 +2,9 @@
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { type FormEvent, useState } from "react";
+import type { FormEvent } from "react";
 import { ChoiceField } from "../../components/ChoiceField";
+import { DraftMark } from "../../components/DraftMark";
 import { MotorMargins } from "../../components/MotorMargins";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -11,19 +12,32 @@ import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
 import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
-import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
+import { useQueueCommand, useStartExperiment } from "../../service/commands";
+import type { useDryRun } from "../../service/dryRun";
 import { settingEntry } from "../../service/fieldHelp";
 import { banksQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
+import { isPlainRecord, useDraft } from "../../service/useDraft";
 import { useMayCommand } from "../../service/useMayCommand";
 import { useNoControl } from "../../service/useNoControl";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
-import { bankChoices, isOfTheLoop, orderOf, type Shown, shownSettings, type Values } from "./order";
+import { DryRunProgress } from "./DryRunProgress";
+import {
+  bankChoices,
+  hasChoice,
+  isOfTheLoop,
+  orderOf,
+  type Shown,
+  shownSettings,
+  type Values,
+} from "./order";
 import { SegmentsEditor } from "./SegmentsEditor";
 import { segmentsProblem } from "./segments";
+
+const NO_CHANGES: Values = {};
 
 interface ExperimentFormProps {
   readonly kind: ExperimentKind;
@@ -33,7 +47,8 @@ interface ExperimentFormProps {
 }
 
 export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps) {
-  const [changed, setChanged] = useState<Values>({});
+  const draft = useDraft<Values>(`settings of ${kind.name}`, NO_CHANGES, isPlainRecord);
+  const changed = draft.value;
   const state = useLive((live) => live.state);
   const { data: banks = [] } = useQuery(banksQuery);
   const start = useStartExperiment();
@@ -57,12 +72,13 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
     start.mutate(order, { onSuccess: (started) => onStarted(started.id) });
   }
 
+  const offered = shown.filter(({ setting }) => hasChoice(setting));
   const field = (one: Shown) => (
     <Field
       key={one.setting.name}
       shown={one}
       choices={one.setting.name === "bank" ? bankChoices(banks) : null}
-      onChange={(value) => setChanged((before) => ({ ...before, [one.setting.name]: value }))}
+      onChange={(value) => draft.set((before) => ({ ...before, [one.setting.name]: value }))}
     />
   );
 
@@ -70,11 +86,18 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
     <RefusedFields error={failure} about={changed}>
       <form className={page.fields} aria-label={kind.title} onSubmit={submit}>
         <span className={page.dim}>{kind.description}</span>
-        {shown.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
+        <DraftMark
+          draft={draft}
+          of={`settings of ${kind.title.toLowerCase()}`}
+          words="Changed settings"
+          back="The defaults and the tuning in force come back."
+          onDiscard={draft.discard}
+        />
+        {offered.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
         <details>
           <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
           <div className={page.fields} style={{ paddingTop: 8 }}>
-            {shown.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
+            {offered.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
             {state !== null && typeof values.lam_motor === "number" && (
               <MotorMargins
                 className={page.dim}
@@ -119,6 +142,9 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               Dry run
             </Button>
           </div>
+          {dryRun.isPending && dryRun.variables?.name === kind.name && (
+            <DryRunProgress onCancel={dryRun.cancel} />
+          )}
           <Refusal error={failure} about={changed} text={may === false ? problem : reason} />
         </div>
       </form>

@@ -2,12 +2,12 @@
 
 import { NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useState } from "react";
 import { useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
-import { useDryRun } from "../../service/commands";
+import { useDryRun } from "../../service/dryRun";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
+import { isText, useDraft } from "../../service/useDraft";
 import { RunningCard } from "../operate/RunningCard";
 import page from "../Page.module.css";
 import { DryRunResult } from "./DryRunResult";
@@ -20,7 +20,7 @@ import { QueueCard } from "./QueueCard";
 export default function ExperimentsPage() {
   const { id, asRun } = useParams();
   const [, go] = useLocation();
-  const [chosen, choose] = useState<string | null>(null);
+  const chosen = useDraft("kind of experiment", "", isText);
   const dryRun = useDryRun();
   const kinds = useQuery(experimentKindsQuery);
   const names = [...new Set(kinds.data?.map((kind) => kind.run_kind))].join(",");
@@ -29,7 +29,7 @@ export default function ExperimentsPage() {
     enabled: names !== "",
   });
   const selected = id === undefined ? runs.data?.runs[0]?.id : Number(id);
-  const kind = kinds.data?.find((one) => one.name === chosen) ?? kinds.data?.[0];
+  const kind = kinds.data?.find((one) => one.name === chosen.value) ?? kinds.data?.[0];
   return (
     <div className={page.page}>
       <h1 className={page.title}>Experiments</h1>
@@ -48,7 +48,7 @@ export default function ExperimentsPage() {
                 data={kinds.data?.map(({ name, title }) => ({ value: name, label: title })) ?? []}
                 value={kind.name}
                 onChange={(event) => {
-                  choose(event.currentTarget.value);
+                  chosen.set(event.currentTarget.value);
                   // a refusal is of what stood in the form that is left
                   if (dryRun.isError) dryRun.reset();
                 }}
@@ -73,7 +73,8 @@ export default function ExperimentsPage() {
       <OwnExperiments
         asRun={asRun === undefined ? null : Number(asRun)}
         kinds={kinds.data ?? []}
-        onKept={choose}
+        onRunOpened={() => go("/experiments", { replace: true })}
+        onKept={chosen.set}
       />
     </div>
   );

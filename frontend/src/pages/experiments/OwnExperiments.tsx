@@ -2,38 +2,53 @@
 
 import { Button, FileButton, NativeSelect, SegmentedControl, Textarea } from "@mantine/core";
 import { useQueryClient } from "@tanstack/react-query";
-import { useEffect, useEffectEvent, useRef, useState } from "react";
+import { useEffect, useEffectEvent, useMemo, useRef, useState } from "react";
 import { Card } from "../../components/Card";
+import { DraftMark } from "../../components/DraftMark";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
+import { useReplaceDraft } from "../../components/ReplaceDraft";
 import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
-import { experimentAsRunQuery, experimentTextQuery } from "../../service/ownExperiments";
+import {
+  experimentAsRunQuery,
+  experimentTextQuery,
+  experimentVersionsQuery,
+} from "../../service/ownExperiments";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
+import { isText, useDraft } from "../../service/useDraft";
 import { RequestError } from "../../wire/client";
 import type { ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
 import { CriteriaEditor } from "./CriteriaEditor";
-import { asDocument, type Document, documentIn, EMPTY, writeDocument } from "./document";
+import { asDocument, documentIn, SAMPLE, writeDocument } from "./document";
+import { LeftOut } from "./LeftOut";
+import { isOpened, NOTHING_OPENED, type Opened, savedMeanwhile } from "./opened";
 import { inWords, Preview } from "./Preview";
 import { SequenceEditor } from "./SequenceEditor";
 import { useComposedPreview } from "./useComposedPreview";
 import { Versions } from "./Versions";
 
 const SEQUENCE = "sequence";
-const NEW = "an empty sequence";
+const NEW = "sample sequence";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 
 interface OwnExperimentsProps {
   readonly kinds: readonly ExperimentKind[];
   /** The run whose references are to be made an experiment of. */
   readonly asRun: number | null;
+  /** The run of the address is being opened: a reload opens the draft, not the run again. */
+  onRunOpened(): void;
   /** Told the name of what was kept: it can be run now. */
   onKept(name: string): void;
 }
 
-export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
-  const [{ text, document }, set] = useState<Written>({ text: "", document: null });
-  const [shown, show] = useState<"sequence" | "text">("sequence");
+export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperimentsProps) {
+  const opened = useDraft("opened experiment", NOTHING_OPENED, isOpened);
+  const draft = useDraft("experiment", opened.value.text, isText);
+  const shownAs = useDraft<"sequence" | "text">("experiment shown as", "sequence", isShownAs);
+  const [shown, text] = [shownAs.value, draft.value];
+  const [guard, question] = useReplaceDraft(draft.since !== null);
+  const [meanwhile, setMeanwhile] = useState<string | null>(null);
   const [problem, setProblem] = useState<string | null>(null);
   const texts = useQueryClient();
   const check = useCheckExperiment();
@@ -42,25 +57,54 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
   const named = /^\s*"?name"?:\s*"?([A-Za-z]\w*)/m.exec(text)?.[1] ?? "experiment";
 
   const preview = useComposedPreview(shown === "sequence" ? text : "");
+  const read = text === opened.value.text ? asDocument(opened.value.document) : null;
+  const document = useMemo(() => read ?? documentIn(text), [read, text]);
   const composed = document ?? (preview.current ? asDocument(preview.checked?.document) : null);
 
-  function change(next: string, read: Document | null = documentIn(next)): void {
-    set({ text: next, document: read });
+  function forget(): void {
     setProblem(null);
+    setMeanwhile(null);
     check.reset();
     keep.reset();
   }
 
-  async function begin(name: string): Promise<void> {
-    if (name === "") return;
-    if (name === NEW) change(writeDocument(EMPTY), EMPTY);
-    else await open(() => texts.fetchQuery(experimentTextQuery(name)));
+  function change(next: string): void {
+    draft.set(next);
+    forget();
   }
 
-  async function open(fetch: () => Promise<{ text: string; document: unknown }>): Promise<void> {
+  function show(next: Opened): void {
+    opened.set(next);
+    draft.discard();
+    forget();
+  }
+
+  function begin(name: string): void {
+    if (name === NEW) guard(() => show({ ...NOTHING_OPENED, text: writeDocument(SAMPLE) }));
+    else if (name !== "") guard(() => void openNamed(name));
+  }
+
+  async function openNamed(name: string): Promise<void> {
+    const base = name.split("@")[0] ?? name;
+    await open(async () => {
+      const [begun, versions] = await Promise.all([
+        texts.fetchQuery(experimentTextQuery(name)),
+        texts.fetchQuery({ ...experimentVersionsQuery(base), staleTime: 0 }),
+      ]);
+      const newest = versions[0]?.version ?? 0;
+      return {
+        text: begun.text,
+        document: begun.document,
+        name: newest > 0 ? base : "",
+        newest,
+        leftOut: [],
+      };
+    });
+  }
+
+  async function open(fetch: () => Promise<Opened>): Promise<void> {
     try {
-      const begun = await fetch();
-      change(begun.text, asDocument(begun.document));
+      show(await fetch());
     } catch (error) {
       setProblem(error instanceof Error ? error.message : String(error));
     }
@@ -69,15 +113,42 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
   const card = useRef<HTMLDivElement>(null);
   const openRun = useEffectEvent((run: number) => {
     card.current?.scrollIntoView({ block: "start" });
-    void open(() => texts.fetchQuery(experimentAsRunQuery(run)));
+    onRunOpened();
+    guard(
+      () =>
+        void open(async () => {
+          const { left_out, ...begun } = await texts.fetchQuery(experimentAsRunQuery(run));
+          return { ...NOTHING_OPENED, ...begun, leftOut: left_out };
+        }),
+    );
   });
   useEffect(() => {
     if (asRun !== null) openRun(asRun);
   }, [asRun]);
 
-  async function read(file: File | null): Promise<void> {
+  async function openFile(file: File | null): Promise<void> {
     if (file === null) return;
-    change(await file.text());
+    const next = await file.text();
+    guard(() => change(next));
+  }
+
+  async function keepIt(isAsked: boolean): Promise<void> {
+    const before = isAsked ? [] : await versionsOf(named);
+    const question = savedMeanwhile(opened.value, named, before);
+    setMeanwhile(question);
+    if (question !== null) return;
+    keep.mutate(text, {
+      onSuccess: (kept) => {
+        opened.set({ ...NOTHING_OPENED, text, document, name: kept.name, newest: kept.version });
+        draft.discard();
+        onKept(`${kept.name}@${kept.version}`);
+      },
+    });
+  }
+
+  /** None where they cannot be read: then the service refuses the text as well, and says why. */
+  function versionsOf(name: string) {
+    return texts.fetchQuery({ ...experimentVersionsQuery(name), staleTime: 0 }).catch(() => []);
   }
 
   const failure = lastRefusal(check, keep);
@@ -100,7 +171,7 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
             { value: "text", label: "Text" },
           ]}
           value={shown}
-          onChange={(value) => show(value as typeof shown)}
+          onChange={(value) => shownAs.set(value as typeof shown)}
         />
       }
     >
@@ -111,13 +182,13 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
             size="sm"
             data={[
               { value: "", label: "Begin with …" },
-              { value: NEW, label: "An empty sequence" },
+              { value: NEW, label: "Sample sequence: three parts, one criterion" },
               ...written.map(({ name, title }) => ({ value: name, label: title })),
             ]}
             value=""
-            onChange={(event) => void begin(event.currentTarget.value)}
+            onChange={(event) => begin(event.currentTarget.value)}
           />
-          <FileButton accept={FILES} onChange={(file) => void read(file)}>
+          <FileButton accept={FILES} onChange={(file) => void openFile(file)}>
             {(props) => (
               <Button {...props} size="sm" variant="default">
                 Open file
@@ -136,8 +207,23 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
             Save file
           </Button>
         </div>
+        {question}
+        <DraftMark
+          draft={draft}
+          of="experiment"
+          back={
+            opened.value.name === ""
+              ? "The text it began with comes back."
+              : `${opened.value.name}@${opened.value.newest} comes back.`
+          }
+          onDiscard={() => {
+            draft.discard();
+            forget();
+          }}
+        />
+        <LeftOut of={opened.value.leftOut} />
         {shown === "sequence" && text === "" && (
-          <p className={page.empty}>Begin with an experiment there is, a run, or an empty sequence.</p>
+          <p className={page.empty}>Begin with an experiment there is, a run, or the sample sequence.</p>
         )}
         {shown === "sequence" && text !== "" && composed === null && (
           <p className={page.empty}>
@@ -149,15 +235,12 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
             <SequenceEditor
               document={composed}
               played={preview.current ? (preview.checked?.parts ?? []) : []}
-              onChange={(next) => change(writeDocument(next), next)}
+              onChange={(next) => change(writeDocument(next))}
             />
             <CriteriaEditor
               criteria={composed.criteria ?? []}
               metrics={preview.checked?.dry_run?.metrics ?? []}
-              onChange={(criteria) => {
-                const next = { ...composed, criteria };
-                change(writeDocument(next), next);
-              }}
+              onChange={(criteria) => change(writeDocument({ ...composed, criteria }))}
             />
           </RefusedFields>
         )}
@@ -201,22 +284,20 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
                 size="sm"
                 disabled={text === ""}
                 loading={keep.isPending}
-                onClick={() =>
-                  keep.mutate(text, { onSuccess: (kept) => onKept(`${kept.name}@${kept.version}`) })
-                }
+                onClick={() => void keepIt(meanwhile !== null)}
               >
-                Keep
+                {meanwhile === null ? "Keep" : "Keep anyway"}
               </Button>
             </OperatorsOnly>
           </div>
           <Refusal
             error={failure ?? (shown === "sequence" ? preview.error : null)}
             about={text}
-            text={problem}
+            text={problem ?? meanwhile}
             hint={told}
           />
         </div>
-        <Versions name={named} document={composed} onOpen={(name) => void begin(name)} />
+        <Versions name={named} document={composed} onOpen={begin} />
       </div>
     </Card>
   );
@@ -231,10 +312,8 @@ function markLine(box: HTMLTextAreaElement, line: number): void {
   box.scrollTop = (box.scrollHeight / lines.length) * Math.max(0, line - 4);
 }
 
-interface Written {
-  readonly text: string;
-  /** Null for a text that only the service can read, until it has. */
-  readonly document: Document | null;
+function isShownAs(value: unknown): value is "sequence" | "text" {
+  return value === "sequence" || value === "text";
 }
 
 function keptInWords(kept: { readonly name: string; readonly version: number }): string {

@@ -57,7 +57,7 @@ function stateOf(checked: CheckedExperiment | null, current: boolean, problem: s
 
 /** What a check came to, in a sentence or two. */
 export function inWords(checked: CheckedExperiment): string {
-  const parts = [duration(checked.duration_s), counted(checked.segments, "piece")];
+  const parts = [duration(checked.duration_s), counted(checked.parts.length, "part")];
   if (checked.changes_of_tuning > 0)
     parts.push(`${counted(checked.changes_of_tuning, "change")} of the tuning`);
   parts.push(checked.criteria === 1 ? "1 criterion" : `${checked.criteria} criteria`);

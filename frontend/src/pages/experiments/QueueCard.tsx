@@ -14,6 +14,7 @@ import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
 import { OrderWords } from "./OrderWords";
+import { tuningOf } from "./order";
 
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);
@@ -43,7 +44,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                       {item.kept && ", kept from before the restart"}
                     </span>
                     <br />
-                    <OrderWords name={item.name} settings={item.settings} />
+                    <OrderWords name={item.name} settings={item.settings} inForce={tuningOf(state)} />
                   </span>
                   <OperatorsOnly>
                     <ActionIcon

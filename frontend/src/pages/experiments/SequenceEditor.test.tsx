@@ -6,13 +6,13 @@ import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { RefusedFields } from "../../service/refusedFields";
-import { type Document, EMPTY } from "./document";
+import { type Document, SAMPLE } from "./document";
 import { SequenceEditor } from "./SequenceEditor";
 
-let document: Document = EMPTY;
+let document: Document = SAMPLE;
 
 function Composer() {
-  const [shown, show] = useState(EMPTY);
+  const [shown, show] = useState(SAMPLE);
   document = shown;
   return (
     <RefusedFields error={null} foreseen={null}>
@@ -57,7 +57,7 @@ it("takes a part that is dropped into a loop", () => {
   expect(document.phases[0]?.parts[1]).toEqual({
     do: "repeat",
     times: 2,
-    parts: EMPTY.phases[0]?.parts.slice(1),
+    parts: SAMPLE.phases[0]?.parts.slice(1),
   });
 });
 

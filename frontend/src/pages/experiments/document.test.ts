@@ -1,10 +1,10 @@
 import { expect, test } from "vitest";
-import { beside, type Document, documentIn, EMPTY, moved, numberOf, writeDocument } from "./document";
+import { beside, type Document, documentIn, moved, numberOf, SAMPLE, writeDocument } from "./document";
 import { PART_FORMS, partOf } from "./partForms";
 
 const DO = (kind: string, name: number) => ({ do: kind, duration_s: name });
 const LOOPED: Document = {
-  ...EMPTY,
+  ...SAMPLE,
   phases: [
     {
       name: "a",
@@ -72,5 +72,8 @@ test("a part dropped before one of another list is there", () => {
 test("a step that becomes a ramp goes to the same place, in the same time", () => {
   const step = { do: "step", S_ref: 12, duration_s: 3 };
   expect(partOf("ramp", step)).toEqual({ do: "ramp", S_ref: 12, duration_s: 3 });
+  // a sine is one whole period of the time that the part took, not half of one
+  expect(partOf("sine", step)).toEqual({ do: "sine", q_amplitude: 0.2, period_s: 3, duration_s: 3 });
+  expect(partOf("sine")).toMatchObject({ period_s: 4, duration_s: 8 });
   expect(Object.keys(PART_FORMS).map((kind) => partOf(kind).do)).toEqual(Object.keys(PART_FORMS));
 });

@@ -33,7 +33,7 @@ export interface Document {
   readonly [other: string]: unknown;
 }
 
-export const EMPTY: Document = {
+export const SAMPLE: Document = {
   format: 1,
   name: "mine",
   title: "Own sequence",

@@ -17,6 +17,11 @@ export function isOfTheLoop(setting: Setting): boolean {
   return OF_THE_LOOP.has(setting.name);
 }
 
+/** Whether there is more than one value to choose from: the seed of a service that runs is settled. */
+export function hasChoice({ minimum, maximum }: Setting): boolean {
+  return minimum == null || maximum == null || minimum < maximum;
+}
+
 /** One setting as the form shows it. */
 export interface Shown {
   readonly setting: Setting;
@@ -79,7 +84,29 @@ export function changesInWords(
       const [words] = meaning.split("; "); // what follows explains
       return `${words}: ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
     });
-  return parts.length === 0 ? "all settings at their defaults" : parts.join("; ");
+  return parts.length === 0 ? "its own settings at their defaults" : parts.join("; ");
+}
+
+/** What of an order's tuning differs from the one in force: "λ_q 0.8 s (in force 0.5 s)"; "" where nothing does. */
+export function tuningChanges(
+  settings: Readonly<Record<string, unknown>>,
+  inForce: Values,
+  kind: ExperimentKind,
+  angles: Angles,
+): string {
+  return kind.settings
+    .filter(({ name }) => settings[name] !== undefined && inForce[name] !== undefined)
+    .filter(({ name }) => settings[name] !== inForce[name])
+    .filter(({ name }) => name !== "u_plan" || settings.motion === "time-optimal")
+    .map((setting) => {
+      const { name, symbol, unit } = setting;
+      const words = (value: Value) =>
+        typeof value === "number" && name !== "bank"
+          ? told(value, unit, angles)
+          : inWords(setting, value, angles);
+      return `${symbol} ${words(settings[name] as Value)} (in force ${words(inForce[name] as Value)})`;
+    })
+    .join(", ");
 }
 
 /** Choices of a bank: geometry, and every bank there is. */

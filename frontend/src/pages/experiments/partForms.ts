@@ -143,7 +143,10 @@ export function partOf(kind: string, other?: Part): Part {
   const parts = "parts" in begins && inner !== undefined ? { parts: [...inner] } : {};
   // a reference that the other leaves as it is is none that a new one would move
   const aims = "q_ref" in kept || "S_ref" in kept ? { ...begins, q_ref: undefined } : begins;
-  return stripped({ do: kind, ...aims, ...kept, ...parts });
+  // a sine that was something else is one whole period as long as that
+  const period =
+    kind === "sine" && !("period_s" in kept) && "duration_s" in kept ? { period_s: kept.duration_s } : {};
+  return stripped({ do: kind, ...aims, ...kept, ...period, ...parts });
 }
 
 /** A part without what is left out. */

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { differences } from "./differences";
-import { EMPTY } from "./document";
+import { SAMPLE } from "./document";
 import { partInWords, playedInWords } from "./partWords";
 
 const RAD = Math.PI / 180;
@@ -36,9 +36,9 @@ test("an expression stands as it is written", () => {
 });
 
 test("versions differ by what came, what went and what has to hold", () => {
-  const [phase] = EMPTY.phases;
+  const [phase] = SAMPLE.phases;
   const next = {
-    ...EMPTY,
+    ...SAMPLE,
     phases: [
       {
         name: "sequence",
@@ -48,11 +48,11 @@ test("versions differ by what came, what went and what has to hold", () => {
     ],
     criteria: [{ figure: "min_tension_N", above: 3 }],
   };
-  expect(differences(EMPTY, next, "deg")).toEqual([
+  expect(differences(SAMPLE, next, "deg")).toEqual([
     "without “holds the references for 2 s”",
     "with “holds the references for 3 s”",
     "without “min_tension_N above 2”",
     "with “min_tension_N above 3”",
   ]);
-  expect(differences(EMPTY, EMPTY, "deg")).toEqual([]);
+  expect(differences(SAMPLE, SAMPLE, "deg")).toEqual([]);
 });

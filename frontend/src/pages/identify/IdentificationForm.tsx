@@ -3,9 +3,10 @@
 import { Button, SegmentedControl } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { type FormEvent, useEffect, useMemo, useState } from "react";
+import { type FormEvent, useEffect, useMemo } from "react";
 import { Card } from "../../components/Card";
 import { ChoiceField } from "../../components/ChoiceField";
+import { DraftMark } from "../../components/DraftMark";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
 import { TextField } from "../../components/TextField";
@@ -19,6 +20,7 @@ import { banksQuery, identificationKindsQuery, predictionQuery } from "../../ser
 import { RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
 import { useNoControl } from "../../service/useNoControl";
+import { isPlainRecord, useDraft } from "../../service/useDraft";
 import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
@@ -31,6 +33,14 @@ import { SpringTableForm } from "./SpringTableForm";
 
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
 
+/** What a person changed of a kind's settings. */
+interface Changes {
+  readonly changed: Values;
+  readonly tensions: string;
+}
+
+const NO_CHANGES: Changes = { changed: {}, tensions: "" };
+
 interface FormProps {
   onStarted(run: number): void;
   onTable(id: number): void;
@@ -40,7 +50,7 @@ interface FormProps {
 
 export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps) {
   const kinds = useQuery(identificationKindsQuery);
-  const [kind, setKind] = useState<Kind>("actuator");
+  const { value: kind, set: setKind } = useDraft<Kind>("kind of identification", "actuator", isKind);
   const chosen = kinds.data?.find((entry) => entry.kind === kind);
   return (
     <Card title="New identification">
@@ -66,8 +76,8 @@ interface KindFormProps extends Pick<FormProps, "onStarted" | "onForecast"> {
 
 function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const angles = useAngles();
-  const [changed, setChanged] = useState<Values>({});
-  const [tensions, setTensions] = useState("");
+  const draft = useDraft(`identification of ${kind.kind}`, NO_CHANGES, isChanges);
+  const { changed, tensions } = draft.value;
   const state = useLive((live) => live.state);
   const { data: banks = [] } = useQuery(banksQuery);
   const tuning = tuningOf(state);
@@ -99,19 +109,26 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   }
 
   function set(name: string, value: number | string): void {
-    setChanged((before) => ({ ...before, [name]: value }));
+    draft.set((before) => ({ ...before, changed: { ...before.changed, [name]: value } }));
   }
 
   return (
     <RefusedFields error={start.error} foreseen={prediction.error} about={[changed, tensions]}>
       <form className={page.fields} aria-label="New identification" onSubmit={submit}>
+        <DraftMark
+          draft={draft}
+          of="identification"
+          words="Changed settings"
+          back="The defaults come back."
+          onDiscard={draft.discard}
+        />
         {kind.kind === "actuator" && (
           <TensionFields
             tension_N={values.tension_N ?? ""}
             tensions={tensions}
             problem={asked.place === "tensions_N" ? asked.problem : null}
             onTension={(value) => set("tension_N", value)}
-            onTensions={setTensions}
+            onTensions={(text) => draft.set((before) => ({ ...before, tensions: text }))}
           />
         )}
         <div className={styles.grid}>
@@ -161,6 +178,15 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
       </form>
     </RefusedFields>
   );
+}
+
+function isKind(value: unknown): value is Kind {
+  return value === "actuator" || value === "motor" || value === "spring";
+}
+
+function isChanges(value: unknown): value is Changes {
+  const { changed, tensions } = (value ?? {}) as Partial<Changes>;
+  return isPlainRecord(changed) && typeof tensions === "string";
 }
 
 /** What a setting means, its range and where its value comes from, below its box. */

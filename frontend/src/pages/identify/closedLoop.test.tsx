@@ -20,7 +20,10 @@ import { ApplyParameters } from "./ApplyParameters";
 import { ParametersCard } from "./ParametersCard";
 import { UnseenCard } from "./UnseenCard";
 
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
 
 const CHANGES = [{ name: "K_m", side: "B", unit: "rad/(V·s)", before: 2.86, after: 2.4, percent: -16.0839 }];
 

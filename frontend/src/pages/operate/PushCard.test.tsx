@@ -45,7 +45,10 @@ beforeEach(() => {
     return Response.json(path === "/api/control" ? { epoch: 1, page: "k".repeat(16), name: "Ana" } : {});
   });
 });
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
 
 const button = (name: string) => screen.getByRole("button", { name });
 

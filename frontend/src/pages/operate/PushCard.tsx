@@ -12,11 +12,17 @@ import { usePush } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
 import { useNoControl } from "../../service/useNoControl";
+import { isPlainRecord, useDraft } from "../../service/useDraft";
 import type { State } from "../../wire/types";
 import styles from "./Operate.module.css";
 
 const LONGEST_S = 10;
 const LOOK_MS = 100;
+const PUSH = { F_push: 10, duration_s: 2 };
+
+function isPush(value: unknown): value is typeof PUSH {
+  return isPlainRecord(value) && typeof value.F_push === "number" && typeof value.duration_s === "number";
+}
 
 export function PushCard() {
   const F_push_max = useLive((live) => live.state?.limits.F_push_max ?? 0);
@@ -29,8 +35,8 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   const force = { minimum: -F_push_max, maximum: F_push_max };
   const felt = useFelt();
   const push = usePush();
-  const [F_push, setForce] = useState(10);
-  const [duration_s, setDuration] = useState(2);
+  const draft = useDraft("push", PUSH, isPush);
+  const { F_push, duration_s } = draft.value;
   const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
   const noControl = useNoControl();
   const reason = noControl ?? whyNoPush(mode);
@@ -53,7 +59,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             saidAt="refusal-of-push"
             place="F_push"
             entry={fieldEntry("push.F_push", angles, force)}
-            onCommit={setForce}
+            onCommit={(force_N) => draft.set((before) => ({ ...before, F_push: force_N }))}
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
           <ValueBox
@@ -67,7 +73,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             saidAt="refusal-of-push"
             place="duration_s"
             entry={fieldEntry("push.duration_s", angles, { minimum: 0, maximum: LONGEST_S })}
-            onCommit={setDuration}
+            onCommit={(time_s) => draft.set((before) => ({ ...before, duration_s: time_s }))}
             onProblem={(found) => setProblems((before) => before.with(1, found))}
           />
           <Button

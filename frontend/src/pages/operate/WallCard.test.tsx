@@ -49,7 +49,10 @@ beforeEach(() => {
     return Response.json(path === "/api/control" ? { epoch: 1, page: "k".repeat(16), name: "Ana" } : {});
   });
 });
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
 
 function enter(label: RegExp, value: string): void {
   const box = screen.getByRole("textbox", { name: label });

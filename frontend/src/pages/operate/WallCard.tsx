@@ -13,10 +13,20 @@ import { useSetWall } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
 import { useNoControl } from "../../service/useNoControl";
+import { isPlainRecord, useDraft } from "../../service/useDraft";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
 
 type Side = Wall["side"];
+
+/** At 20 degrees. */
+const WALL: Wall = { q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 };
+
+function isWall(value: unknown): value is Wall {
+  if (!isPlainRecord(value)) return false;
+  const { q_wall, side, k_wall, c_wall } = value;
+  return [q_wall, k_wall, c_wall].every(Number.isFinite) && (side === "above" || side === "below");
+}
 
 export function WallCard() {
   const simulated = useLive((live) => live.state?.plant.simulated ?? false);
@@ -32,12 +42,12 @@ function WallControls({ limits }: { limits: Limits }) {
   const angles = useAngles();
   const stiffness = { minimum: limits.k_wall_min, maximum: limits.k_wall_max };
   const damping = { minimum: 0, maximum: limits.c_wall_max };
-  const { unit } = readingOf("rad", angles);
+  const { unit, factor } = readingOf("rad", angles);
   const decimals = angles === "deg" ? 1 : 1 + FINER;
-  const [q_wall, setAngle] = useState(angles === "deg" ? 20 : 0.35);
-  const [side, setSide] = useState<Side>("above");
-  const [k_wall, setStiffness] = useState(20000);
-  const [c_wall, setDamping] = useState(1);
+  const draft = useDraft<Wall>("wall", WALL, isWall);
+  const { side, k_wall, c_wall } = draft.value;
+  const q_wall = draft.value.q_wall * factor;
+  const set = (part: Partial<Wall>) => draft.set((before) => ({ ...before, ...part }));
   const [problems, setProblems] = useState<readonly (string | null)[]>([null, null, null]);
   const problem = problems.find((one) => one !== null) ?? null;
   const refusal = problem === null ? order.error : null;
@@ -60,7 +70,7 @@ function WallControls({ limits }: { limits: Limits }) {
           <NativeSelect
             aria-label="Side of the wall"
             value={side}
-            onChange={(event) => setSide(event.currentTarget.value as Side)}
+            onChange={(event) => set({ side: event.currentTarget.value as Side })}
             data={["above", "below"]}
             w={84}
           />
@@ -75,7 +85,7 @@ function WallControls({ limits }: { limits: Limits }) {
             saidAt="refusal-of-wall"
             place="wall.q_wall"
             entry={fieldEntry("wall.q_wall", angles)}
-            onCommit={setAngle}
+            onCommit={(angle) => set({ q_wall: toSI(angle, "rad", angles) })}
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
           <span className={styles.wallLabel}>Stiffness, damping</span>
@@ -90,7 +100,7 @@ function WallControls({ limits }: { limits: Limits }) {
             saidAt="refusal-of-wall"
             place="wall.k_wall"
             entry={fieldEntry("wall.k_wall", angles, stiffness)}
-            onCommit={setStiffness}
+            onCommit={(k) => set({ k_wall: k })}
             onProblem={(found) => setProblems((before) => before.with(1, found))}
           />
           <ValueBox
@@ -104,7 +114,7 @@ function WallControls({ limits }: { limits: Limits }) {
             saidAt="refusal-of-wall"
             place="wall.c_wall"
             entry={fieldEntry("wall.c_wall", angles, damping)}
-            onCommit={setDamping}
+            onCommit={(c) => set({ c_wall: c })}
             onProblem={(found) => setProblems((before) => before.with(2, found))}
           />
           <Button
@@ -112,8 +122,7 @@ function WallControls({ limits }: { limits: Limits }) {
             variant="default"
             disabled={noControl !== null}
             onClick={() => {
-              const wall = { q_wall: toSI(q_wall, "rad", angles), side, k_wall, c_wall };
-              if (problem === null) order.mutate({ wall });
+              if (problem === null) order.mutate({ wall: draft.value });
             }}
           >
             Put up

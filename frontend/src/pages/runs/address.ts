@@ -4,10 +4,10 @@
 export const RUNS =
   /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+)(?:\/(?<how>[^/]+))?)?))?$/;
 
-/** All experiments, one that was run, one to be made of a run's references. */
+/** All experiments, one that was run, one to be made of a run. */
 export const EXPERIMENTS = /^\/experiments(?:\/(?:(?<id>\d+)|as-run\/(?<asRun>\d+)))?$/;
 
-/** Where the references of a run are made an experiment. */
+/** Where a run is made an experiment. */
 export function experimentOf(run: number): string {
   return `/experiments/as-run/${run}`;
 }

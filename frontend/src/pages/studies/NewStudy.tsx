@@ -1,12 +1,14 @@
 /** A study as a text: begun with an example or a file, refused in its line, computed. */
 
 import { Button, FileButton, Textarea } from "@mantine/core";
-import { useState } from "react";
 import { useLocation } from "wouter";
 import { Card } from "../../components/Card";
+import { DraftMark } from "../../components/DraftMark";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
+import { useReplaceDraft } from "../../components/ReplaceDraft";
 import { useBeginStudy } from "../../service/studies";
+import { isText, useDraft } from "../../service/useDraft";
 import page from "../Page.module.css";
 
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
@@ -24,24 +26,28 @@ draws: 4
 `;
 
 export function NewStudy() {
-  const [text, setText] = useState("");
+  const draft = useDraft("study", "", isText);
+  const text = draft.value;
+  const [guard, question] = useReplaceDraft(draft.since !== null);
   const begin = useBeginStudy();
   const [, go] = useLocation();
 
   function change(next: string): void {
-    setText(next);
+    draft.set(next);
     begin.reset();
   }
 
   async function read(file: File | null): Promise<void> {
-    if (file !== null) change(await file.text());
+    if (file === null) return;
+    const next = await file.text();
+    guard(() => change(next));
   }
 
   return (
     <Card title="New study" aside={<span className={page.dim}>YAML or JSON, docs/studies.md</span>}>
       <div className={page.fields}>
         <div className={page.actions}>
-          <Button size="sm" variant="default" onClick={() => change(EXAMPLE)}>
+          <Button size="sm" variant="default" onClick={() => guard(() => change(EXAMPLE))}>
             Begin with an example
           </Button>
           <FileButton accept={FILES} onChange={(file) => void read(file)}>
@@ -52,6 +58,17 @@ export function NewStudy() {
             )}
           </FileButton>
         </div>
+        {question}
+        <DraftMark
+          draft={draft}
+          of="study"
+          words="Draft, not computed"
+          back="The text is empty then."
+          onDiscard={() => {
+            draft.discard();
+            begin.reset();
+          }}
+        />
         <Textarea
           aria-label="Text of the study"
           placeholder="What is varied: settings, numbers of the plant, seeds of the noise."
@@ -71,7 +88,14 @@ export function NewStudy() {
                 size="sm"
                 disabled={text === ""}
                 loading={begin.isPending}
-                onClick={() => begin.mutate(text, { onSuccess: (study) => go(`/studies/${study.id}`) })}
+                onClick={() =>
+                  begin.mutate(text, {
+                    onSuccess: (study) => {
+                      draft.discard();
+                      go(`/studies/${study.id}`);
+                    },
+                  })
+                }
               >
                 Compute
               </Button>

@@ -1,0 +1,114 @@
+// @vitest-environment jsdom
+/** A form with a draft: it survives leaving and a reload, says so, and is discarded after a question only. */
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { sessionQuery } from "../service/queries";
+import { isText, useDraft } from "../service/useDraft";
+import { DraftMark } from "./DraftMark";
+import { useReplaceDraft } from "./ReplaceDraft";
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+});
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
+
+function Form() {
+  const draft = useDraft("test", "saved", isText);
+  const [guard, question] = useReplaceDraft(draft.since !== null);
+  return (
+    <>
+      <input
+        aria-label="Text"
+        value={draft.value}
+        onChange={(event) => draft.set(event.currentTarget.value)}
+      />
+      <button type="button" onClick={() => guard(() => draft.set("example"))}>
+        Example
+      </button>
+      {question}
+      <DraftMark draft={draft} of="test" back="The saved text comes back." onDiscard={draft.discard} />
+    </>
+  );
+}
+
+function open(person: string): void {
+  const queries = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
+  queries.setQueryData(sessionQuery.queryKey, { name: person, role: "operator" } as never);
+  render(
+    <QueryClientProvider client={queries}>
+      <MantineProvider>
+        <Form />
+      </MantineProvider>
+    </QueryClientProvider>,
+  );
+}
+
+const box = () => screen.getByRole<HTMLInputElement>("textbox", { name: "Text" });
+const type = (value: string) => fireEvent.change(box(), { target: { value } });
+const press = (name: string) => fireEvent.click(screen.getByRole("button", { name }));
+const mark = () => screen.queryByRole("group", { name: "Draft of the test" });
+
+it("survives leaving, is marked, and belongs to one person", () => {
+  open("Mara");
+  expect(mark()).toBeNull();
+  type("typed");
+  expect(mark()?.textContent).toMatch(/^Draft, not saved, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d\./);
+  cleanup();
+  open("Vera");
+  expect(box().value).toBe("saved");
+  cleanup();
+  open("Mara");
+  expect(box().value).toBe("typed");
+  expect(mark()).not.toBeNull();
+});
+
+it("is no draft any more once it equals what is saved", () => {
+  open("Mara");
+  type("typed");
+  type("saved");
+  expect(mark()).toBeNull();
+  expect(localStorage).toHaveLength(0);
+});
+
+it("is discarded after a question only", () => {
+  open("Mara");
+  type("typed");
+  press("Discard the draft of the test");
+  press("Keep draft");
+  expect(box().value).toBe("typed");
+  press("Discard the draft of the test");
+  press("Discard draft");
+  expect(box().value).toBe("saved");
+  expect(mark()).toBeNull();
+});
+
+it("asks before something else takes its place, and only then", () => {
+  open("Mara");
+  press("Example");
+  expect(box().value).toBe("example");
+  press("Example");
+  press("Keep draft");
+  type("typed");
+  press("Example");
+  expect(box().value).toBe("typed");
+  expect(screen.getByRole("alertdialog", { name: "Replace the draft" })).toBeTruthy();
+  press("Replace draft");
+  expect(box().value).toBe("example");
+  expect(screen.queryByRole("alertdialog")).toBeNull();
+});
+
+it("is not made of stored data of another kind", () => {
+  open("Mara");
+  type("typed");
+  const key = localStorage.key(0) ?? "";
+  localStorage.setItem(key, (localStorage.getItem(key) ?? "").replace('"typed"', "17"));
+  cleanup();
+  open("Mara");
+  expect(box().value).toBe("saved");
+  expect(mark()).toBeNull();
+});

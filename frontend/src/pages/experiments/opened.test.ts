@@ -1,0 +1,33 @@
+import { expect, it } from "vitest";
+import type { OwnExperiment } from "../../wire/types";
+import { isOpened, NOTHING_OPENED, savedMeanwhile } from "./opened";
+
+const version = (number: number, who: string): OwnExperiment => ({
+  name: "mine",
+  version: number,
+  title: "Mine",
+  who,
+  created: "2031-05-01T08:00:00Z",
+});
+const OPENED = { ...NOTHING_OPENED, name: "mine", newest: 2 };
+
+it("asks where somebody has kept another version since, and not else", () => {
+  expect(savedMeanwhile(OPENED, "mine", [version(2, "Mara"), version(1, "Mara")])).toBeNull();
+  const asked = savedMeanwhile(OPENED, "mine", [version(3, "Vera"), version(2, "Mara")]);
+  expect(asked).toContain("Vera kept version 3 of mine");
+  expect(asked).toContain("Keep adds version 4");
+});
+
+it("asks where the name is taken by another experiment", () => {
+  expect(savedMeanwhile(NOTHING_OPENED, "mine", [version(1, "Vera")])).toContain("mine exists already");
+  expect(savedMeanwhile({ ...OPENED, name: "other" }, "mine", [version(1, "Vera")])).toContain("exists");
+  expect(savedMeanwhile(OPENED, "new", [])).toBeNull();
+});
+
+it("takes what it has stored, and nothing else", () => {
+  expect(isOpened(NOTHING_OPENED)).toBe(true);
+  expect(isOpened(JSON.parse(JSON.stringify(OPENED)))).toBe(true);
+  for (const other of [null, 1, {}, { ...OPENED, newest: "2" }, { ...OPENED, document: { phases: 1 } }]) {
+    expect(isOpened(other)).toBe(false);
+  }
+});

@@ -1,0 +1,75 @@
+"""What is typed in a form is there after the page was left by a key and after a reload, and is discarded on demand."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.e2e.operator import Operator
+
+Box = Callable[[Page], Locator]
+
+
+def in_region(name: str, label: str) -> Box:
+    return lambda page: page.get_by_role("region", name=name, exact=True).get_by_label(label, exact=True)
+
+
+def begun_with_the_sample(page: Page) -> None:
+    own = page.get_by_role("region", name="Own experiments", exact=True)
+    if own.get_by_role("textbox", name="Name", exact=True).count() == 0:
+        own.get_by_role("combobox", name="Begin with").select_option("sample sequence")
+
+
+def nothing(_page: Page) -> None:
+    pass
+
+
+FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
+    ("Experiments", "e", begun_with_the_sample, in_region("Own experiments", "Name"), "typed", "experiment"),
+    ("Experiments", "e", nothing, in_region("New experiment", "time of each joint position [s]"), "7.5", "settings of"),
+    ("Studies", "u", nothing, in_region("New study", "Text of the study"), "format: 1\nname: typed\n", "study"),
+    ("Identify", "i", nothing, in_region("New identification", "Periods"), "5", "identification"),
+    ("Operate", "o", nothing, in_region("Push", "Push [N]"), "7.5", None),
+    ("Operate", "o", nothing, in_region("Wall", "Stiffness of the wall [N/m]"), "7000", None),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "begin", "box", "typed", "draft"), FORMS, ids=["own", "kind", "study", "identify", "push", "wall"]
+)
+def test_what_is_typed_survives_leaving_and_a_reload(
+    same_operator: Operator,
+    name: str,
+    key: str,
+    begin: Callable[[Page], None],
+    box: Box,
+    typed: str,
+    draft: str | None,
+) -> None:
+    page = same_operator.page
+    same_operator.go(name)
+    begin(page)
+    before = box(page).input_value()
+    assert before != typed
+    box(page).fill(typed)
+    if draft is None:
+        box(page).press("Enter")  # boxes that act at once take what Enter confirms
+    heading = page.get_by_role("main").get_by_role("heading", level=1)
+    heading.click()  # the keys are those of the page, not of the box
+    page.keyboard.press("l" if name == "Operate" else "o")
+    same_operator.go("Log")
+    page.keyboard.press(key)
+    expect(box(page)).to_have_value(typed)
+    page.reload()
+    expect(box(page)).to_have_value(typed)
+    if draft is None:
+        return
+    mark = page.get_by_role("group", name=f"Draft of the {draft}")
+    expect(mark).to_contain_text("since 20")
+    mark.get_by_role("button", name="Discard the draft").click()
+    mark.get_by_role("button", name="Keep draft", exact=True).click()
+    expect(box(page)).to_have_value(typed)
+    mark.get_by_role("button", name="Discard the draft").click()
+    mark.get_by_role("button", name="Discard draft", exact=True).click()
+    expect(box(page)).to_have_value(before)
+    expect(mark).to_have_count(0)
