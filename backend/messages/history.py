@@ -104,7 +104,8 @@ class Planned(Schema):
     """What a program asks for over its whole length, known before it plays.
 
     Of an experiment the references and pushes, where it has any; of an identification its set points and excitation:
-    motor references without the force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
+    motor references without the force loop's trim, the voltage of steps, the tension that motor references give at
+    q = 0.
     """
 
     t: list[float] = Field(description="times since the program began [s]")

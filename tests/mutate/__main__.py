@@ -97,8 +97,8 @@ def main() -> int:
         "--steps",
         type=int,
         default=EVERY,
-        help="leave out tests further from a file, counted in imports, and live ones but its own: what survives is still "
-        "to be tried, without --steps and with --go-on",
+        help="leave out tests further from a file, counted in imports, and live ones but its own: what survives is "
+        "still to be tried, without --steps and with --go-on",
     )
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no mutant after so many")
     parser.add_argument(

@@ -12,8 +12,8 @@ import { useAngles } from "../../service/angles";
 import { useSetWall } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
-import { useNoControl } from "../../service/useNoControl";
 import { isPlainRecord, useDraft } from "../../service/useDraft";
+import { useNoControl } from "../../service/useNoControl";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
 
