@@ -88,6 +88,8 @@ COSTS: dict[str, Cost] = {
     "POST /api/push": LOOP,
     "PUT /api/touch": LOOP,
     "PUT /api/wall": LOOP,
+    "PUT /api/trigger": ROWS,
+    "DELETE /api/trigger": ROWS,
     "GET /api/bring-up": ROWS,
     "POST /api/bring-up/confirm": LOOP,
     "POST /api/bring-up/cancel": LOOP,

@@ -35,6 +35,7 @@ from backend.operating.ordered_runs import OrderedRuns
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
+from backend.operating.triggers import Triggers
 from backend.operating.work_places import WorkPlaces
 from backend.storage import Database
 from backend.web_server.guard import SHEETS
@@ -73,6 +74,7 @@ class Service:
     maintenance: Maintenance
     retention: Retention
     studies: StudiesUnderWay
+    triggers: Triggers
 
     def places_for(self, method: str, path: str) -> WorkPlaces | None:
         """Return where a request takes its place before its body is read; None for one that needs none."""

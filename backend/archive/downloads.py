@@ -162,4 +162,4 @@ def _run_pieces(database: Database, run_id: int, folder: Path, kind: DataFormat)
 
 
 def _flight_pieces(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
-    return pieces(of_columns(flight_columns(database, event_id), f"trip {event_id}"), kind, folder)
+    return pieces(of_columns(flight_columns(database, event_id), f"flight record {event_id}"), kind, folder)

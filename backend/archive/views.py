@@ -182,11 +182,13 @@ def _plain(values: NDArray[np.float32]) -> list[float | None]:
 
 
 def flight_view(flight: Flight) -> FlightView:
-    """Return a flight record with its extent around the trip."""
+    """Return a flight record with its extent around the trip or trigger."""
     before = flight.trip_tick - flight.first_tick
     return FlightView(
         id=flight.event_id,
         at=flight.at,
+        kind="trip" if flight.trigger is None else "trigger",
+        who=flight.who,
         fault=flight.fault,
         text=flight.text,
         run=flight.run_id,

@@ -12,6 +12,7 @@ from backend.messages.base import ANY_SIZE, Schema, quantity
 from backend.messages.control import HolderView, WishView
 from backend.messages.session import PersonView
 from backend.messages.touch import TouchView
+from backend.messages.trigger import TriggerView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
 from plant.choice import PlantKind
 
@@ -210,6 +211,9 @@ class State(Schema):
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
+    trigger: TriggerView | None = Field(
+        description="the trigger that was armed last since the service started; null where none was"
+    )
     wall: Wall | None = Field(description="what stands in a simulated joint's way; null where nothing does")
     own_tuning: ChosenTuning | None = Field(
         description="what the operator had chosen, in force again after the run; null while no run has the tuning"
