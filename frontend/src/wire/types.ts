@@ -100,4 +100,6 @@ export type BringUpRunning = NonNullable<BringUpStep["running"]>;
 export type LogEntry = Schemas["TimelineEntry"];
 export type Planned = Schemas["Planned"];
 export type Flight = Schemas["FlightView"];
+export type Trigger = Schemas["TriggerView"];
+export type TriggerOrder = Schemas["TriggerOrder"];
 export type Fault = Schemas["FaultView"];

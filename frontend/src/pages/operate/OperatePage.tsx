@@ -1,6 +1,7 @@
 /** The operator's page: charts, 3D view, controls. */
 
 import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { TriggerCard } from "../system/TriggerCard";
 import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
@@ -32,6 +33,7 @@ export function OperatePage() {
           <PushCard />
           <WallCard />
           <TouchCard />
+          <TriggerCard />
         </OperatorsOnly>
       </div>
     </div>
