@@ -20,7 +20,7 @@ class TriggerOrder(Schema):
     """A condition on one signal, and how much is kept around it."""
 
     signal: str = Field(max_length=40, description="name of a signal of the sample, or of a combined one")
-    kind: ConditionKind = Field(description="a level, an edge through a level, or a window")
+    condition: ConditionKind = Field(description="a level, an edge through a level, or a window")
     level: _Value = Field(description="level, or lower end of the window, in the SI unit of the signal")
     upper: _Value | None = Field(default=None, description="upper end of the window; null without a window")
     before_s: float = quantity("s", "time kept before the trigger", default=1.0, ge=0.0, le=LONGEST_S)

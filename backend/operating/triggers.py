@@ -39,7 +39,7 @@ class Triggers:
         armed, condition = standing.armed, standing.armed.condition
         return TriggerView(
             signal=condition.signal,
-            kind=condition.kind,
+            condition=condition.kind,
             level=condition.level,
             upper=condition.upper,
             before_s=armed.before * T_s,
@@ -91,11 +91,11 @@ def _possible(order: TriggerOrder) -> Condition:
         near = get_close_matches(order.signal, UNIT_OF, 1, 0.0)[0]
         message = f"there is no signal {order.signal!r}: the nearest is {near}"
         raise RefusalError(Because.BAD_VALUE, message, code="unknown_signal", legal=UNIT_OF)
-    is_window = order.kind in WINDOWS
+    is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):
         message = "the upper end of the window has to be above its lower end"
         raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
     if not is_window and order.upper is not None:
-        message = f"a condition {order.kind} has one level: leave the upper end out"
+        message = f"a condition {order.condition} has one level: leave the upper end out"
         raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
-    return Condition(order.signal, order.kind, order.level, order.upper)
+    return Condition(order.signal, order.condition, order.level, order.upper)

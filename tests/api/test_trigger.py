@@ -24,7 +24,7 @@ def disarmed(running: httpx.Client) -> httpx.Client:
 
 
 def arm(client: httpx.Client, **order: Any) -> httpx.Response:
-    return client.put("/api/trigger", json={"signal": "q_ref", "kind": "rising", "level": 0.1, **order})
+    return client.put("/api/trigger", json={"signal": "q_ref", "condition": "rising", "level": 0.1, **order})
 
 
 def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_reference_rose(
@@ -73,8 +73,8 @@ def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_refere
     ("order", "code"),
     [
         ({"signal": "F_C"}, "unknown_signal"),
-        ({"kind": "inside"}, "bad_window"),
-        ({"kind": "outside", "upper": 0.1}, "bad_window"),
+        ({"condition": "inside"}, "bad_window"),
+        ({"condition": "outside", "upper": 0.1}, "bad_window"),
         ({"upper": 0.3}, "bad_window"),
     ],
 )
@@ -104,7 +104,7 @@ def service_state(client: httpx.Client) -> Any:
 def test_a_restart_of_the_service_disarms_it_and_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("trigger")
     with running_service(folder, params="ideal") as first, client_with(first, "token") as client:
-        arm(client, signal="F_A", kind="above", level=45.0).raise_for_status()
+        arm(client, signal="F_A", condition="above", level=45.0).raise_for_status()
     with running_service(folder, params="ideal") as second, client_with(second, "token") as client:
         assert service_state(client) is None
 

@@ -4,7 +4,7 @@ import { triggerWords } from "./trigger";
 
 const ARMED: Trigger = {
   signal: "F_A",
-  kind: "rising",
+  condition: "rising",
   level: 20,
   upper: null,
   before_s: 1,

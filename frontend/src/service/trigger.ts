@@ -6,7 +6,7 @@ import { answered, api } from "../wire/client";
 import type { Trigger, TriggerOrder } from "../wire/types";
 import { flightsQuery } from "./system";
 
-export const KINDS: readonly { readonly value: TriggerOrder["kind"]; readonly label: string }[] = [
+export const CONDITIONS: readonly { readonly value: TriggerOrder["condition"]; readonly label: string }[] = [
   { value: "above", label: "above (level)" },
   { value: "below", label: "below (level)" },
   { value: "rising", label: "rising through (edge)" },
@@ -15,8 +15,8 @@ export const KINDS: readonly { readonly value: TriggerOrder["kind"]; readonly la
   { value: "outside", label: "outside (window)" },
 ];
 
-export function isWindow(kind: TriggerOrder["kind"]): boolean {
-  return kind === "inside" || kind === "outside";
+export function isWindow(condition: TriggerOrder["condition"]): boolean {
+  return condition === "inside" || condition === "outside";
 }
 
 /** What it does at present; quantities in SI, as the log has them. */

@@ -7595,7 +7595,7 @@ export interface components {
              */
             signal: string;
             /** @description a level, an edge through a level, or a window */
-            kind: components["schemas"]["ConditionKind"];
+            condition: components["schemas"]["ConditionKind"];
             /**
              * Level
              * @description level, or lower end of the window, in the SI unit of the signal
@@ -7636,7 +7636,7 @@ export interface components {
              */
             signal: string;
             /** @description a level, an edge through a level, or a window */
-            kind: components["schemas"]["ConditionKind"];
+            condition: components["schemas"]["ConditionKind"];
             /**
              * Level
              * @description level, or lower end of the window, in the SI unit of the signal

@@ -957,10 +957,10 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "signal",
     "meaning": "name of a signal of the sample, or of a combined one"
   },
-  "setting:trigger.kind": {
+  "setting:trigger.condition": {
     "kind": "setting",
-    "name": "trigger.kind",
-    "term": "kind",
+    "name": "trigger.condition",
+    "term": "condition",
     "meaning": "a level, an edge through a level, or a window"
   },
   "setting:trigger.level": {

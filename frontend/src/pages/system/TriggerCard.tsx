@@ -16,7 +16,7 @@ import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
 import { flightsQuery } from "../../service/system";
-import { isWindow, KINDS, triggerWords, useArm, useDisarm } from "../../service/trigger";
+import { CONDITIONS, isWindow, triggerWords, useArm, useDisarm } from "../../service/trigger";
 import { unitOf } from "../../theme/signals";
 import type { TriggerOrder } from "../../wire/types";
 import styles from "./Trigger.module.css";
@@ -61,25 +61,25 @@ function ArmForm() {
   const arm = useArm();
   const angles = useAngles();
   const [signal, setSignal] = useState("F_A");
-  const [kind, setKind] = useState<TriggerOrder["kind"]>("rising");
+  const [condition, setCondition] = useState<TriggerOrder["condition"]>("rising");
   const [level, setLevel] = useState<Typed>(20);
   const [upper, setUpper] = useState<Typed>(30);
   const [before_s, setBefore] = useState<Typed>(1);
   const [after_s, setAfter] = useState<Typed>(1);
   const [captures, setCaptures] = useState<Typed>(1);
-  const window = isWindow(kind);
+  const window = isWindow(condition);
   const unit = unitOf(signal);
   const read = unit === "1" ? "" : ` [${readingOf(unit, angles).unit}]`;
   const numbers = [level, ...(window ? [upper] : []), before_s, after_s, captures];
   const ready = numbers.every((one) => typeof one === "number");
-  const about = [signal, kind, ...numbers];
+  const about = [signal, condition, ...numbers];
 
   function submit(event: FormEvent): void {
     event.preventDefault();
     if (!ready) return;
     arm.mutate({
       signal,
-      kind,
+      condition,
       level: Number(level),
       upper: window ? Number(upper) : null,
       before_s: Number(before_s),
@@ -107,12 +107,12 @@ function ArmForm() {
           />
           <ChoiceField
             {...box}
-            name="kind"
+            name="condition"
             label="Condition"
-            value={kind}
-            data={KINDS}
-            entry={fieldEntry("trigger.kind", angles)}
-            onChange={(value) => setKind(value as TriggerOrder["kind"])}
+            value={condition}
+            data={CONDITIONS}
+            entry={fieldEntry("trigger.condition", angles)}
+            onChange={(value) => setCondition(value as TriggerOrder["condition"])}
           />
           <NumberField
             {...box}
