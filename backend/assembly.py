@@ -19,6 +19,7 @@ from backend.api.service import Service
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
 from backend.archive.figures import RecordedFigures
+from backend.archive.formulas import Formulas
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
@@ -253,6 +254,7 @@ def assemble(
         retention=retention,
         studies=studies,
         triggers=triggers,
+        formulas=Formulas(database),
     )
     return Assembled(service, recorder, journal, scenes, draw)
 

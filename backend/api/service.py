@@ -14,6 +14,7 @@ from backend.api.auth import Operator
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
 from backend.archive.figures import RecordedFigures
+from backend.archive.formulas import Formulas
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
@@ -75,6 +76,7 @@ class Service:
     retention: Retention
     studies: StudiesUnderWay
     triggers: Triggers
+    formulas: Formulas
 
     def places_for(self, method: str, path: str) -> WorkPlaces | None:
         """Return where a request takes its place before its body is read; None for one that needs none."""

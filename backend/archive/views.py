@@ -19,7 +19,6 @@ from backend.messages.flight import FlightView
 from backend.messages.run import Envelope, Evaluation, RunView, SamplesView, UsedSetting
 from backend.recording import reader
 from backend.reports.verdict import verdict_of
-from backend.sample import UNIT_OF
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
@@ -79,7 +78,9 @@ def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> Sample
         t=envelope.t.tolist(),
         signals={
             name: Envelope(
-                unit=UNIT_OF[name], minimum=_plain(envelope.minimum[name]), maximum=_plain(envelope.maximum[name])
+                unit=envelope.units[name],
+                minimum=_plain(envelope.minimum[name]),
+                maximum=_plain(envelope.maximum[name]),
             )
             for name in envelope.minimum
         },

@@ -2,7 +2,6 @@
 
 import asyncio
 from datetime import UTC, datetime
-from difflib import get_close_matches
 
 from backend.messages.live import MarkKind
 from backend.messages.trigger import TriggerOrder, TriggerView
@@ -11,7 +10,7 @@ from backend.operating.journal import Journal
 from backend.recording.condition import WINDOWS, Condition
 from backend.recording.trigger import Armed, Trigger, left_armed
 from backend.refusal import Because, RefusalError
-from backend.sample import UNIT_OF
+from backend.sample import UNIT_OF, nearest
 from backend.storage import Database
 from backend.storage.events import EventKind
 from plant.interface import T_s
@@ -88,8 +87,7 @@ class Triggers:
 
 def _possible(order: TriggerOrder) -> Condition:
     if order.signal not in UNIT_OF:
-        near = get_close_matches(order.signal, UNIT_OF, 1, 0.0)[0]
-        message = f"there is no signal {order.signal!r}: the nearest is {near}"
+        message = f"there is no signal {order.signal!r}: the nearest is {nearest(order.signal)}"
         raise RefusalError(Because.BAD_VALUE, message, code="unknown_signal", legal=UNIT_OF)
     is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):

