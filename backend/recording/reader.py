@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
 from backend.recording.combined import combined_envelope, in_precision
 from backend.recording.following import columns_of, computed, following, lengths_of
+from backend.recording.formula import Derived
 from backend.sample import ADDED_LATER, UNIT_OF
 from backend.storage import Session, recordings
 from backend.storage.recordings import Recording, Span
@@ -54,7 +55,7 @@ def read_samples(
 ) -> Samples:
     """Return the samples with from_s <= t < to_s; no names means all signals that were recorded.
 
-    One that only later versions record is nan. Raises UnknownRecordError when nothing of the run was recorded, and
+    Those of formulas are computed; one that only later versions record is nan. Raises UnknownRecordError when nothing of the run was recorded, and
     UnknownSignalError.
     """
     return next(read_stretches(session, run_id, names, [(from_s, to_s)]))
@@ -68,7 +69,7 @@ def read_stretches(
     Raises like ``read_samples``.
     """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
-    made = following(session, names)
+    made = {name: one for name, one in following(session, names).items() if isinstance(one, Derived)}
     lengths = lengths_of(session, run_id, list(made.values()))
     parts = [name for name in columns_of(made.values()) if name in recording.fields]
     stored = [name for name in names if name not in made]
