@@ -55,8 +55,8 @@ def read_samples(
 ) -> Samples:
     """Return the samples with from_s <= t < to_s; no names means all signals that were recorded.
 
-    Those of formulas are computed; one that only later versions record is nan. Raises UnknownRecordError when nothing of the run was recorded, and
-    UnknownSignalError.
+    Those of formulas are computed; one that only later versions record is nan. Raises UnknownRecordError when
+    nothing of the run was recorded, and UnknownSignalError.
     """
     return next(read_stretches(session, run_id, names, [(from_s, to_s)]))
 
