@@ -11,7 +11,7 @@ from backend.recording.condition import WINDOWS, Condition
 from backend.recording.trigger import Armed, Trigger, left_armed
 from backend.refusal import Because, RefusalError
 from backend.sample import UNIT_OF, nearest
-from backend.storage import Database
+from backend.storage import Database, StorageError
 from backend.storage.events import EventKind
 from plant.interface import T_s
 
@@ -64,7 +64,11 @@ class Triggers:
                 raise RefusalError(Because.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
             before, after = round(order.before_s / T_s), round(order.after_s / T_s)
             self._trigger.arm(Armed(condition, before, after, order.captures, who, datetime.now(UTC)))
-            await asyncio.to_thread(self._trigger.keep_armed, who)
+            try:
+                await asyncio.to_thread(self._trigger.keep_armed, who)
+            except StorageError:
+                self._trigger.disarm("it could not be put on record")
+                raise
         made = "once" if order.captures == 1 else f"{order.captures} times"
         kept = f"{order.before_s:g} s before and {order.after_s:g} s after, {made}"
         self._note(f"trigger armed: {condition.told()}; {kept}", who)

@@ -304,7 +304,7 @@ class Trigger:
                 NewFlight(event.id, TRIGGER, capture.first_tick, capture.tick, len(table), list(STORED_NAMES), samples),
             )
             make_room(session, self._quota, TRIGGER)
-            if capture.number == armed.captures:
+            if capture.number == armed.captures and not self.is_armed:
                 settings.put(session, SETTING, None, armed.who)
 
 
