@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.recording.formula import Derived, Step
-from backend.sample import COMBINED_BY_NAME, UNIT_OF, Combined, Term
+from backend.sample import COMBINED_BY_NAME, STORED, UNIT_OF, Combined, Field, Term
 from backend.storage import Session, formulas, runs
 from backend.storage.formulas import Formula
 
@@ -24,9 +24,16 @@ def following(session: Session, names: Iterable[str]) -> dict[str, Following]:
     return found
 
 
+def told_of(session: Session, names: Iterable[str]) -> dict[str, Field | Following]:
+    """Return unit and meaning of those of ``names`` that are known, by name."""
+    asked = list(names)
+    return {one.name: one for one in STORED if one.name in asked} | following(session, asked)
+
+
 def derived_from(formula: Formula) -> Derived:
     """Return the derived signal of a stored formula."""
-    return Derived(formula.name, formula.unit, tuple(Step(**step) for step in formula.steps))
+    meaning = f"{formula.meaning}, {formula.expression}" if formula.meaning else formula.expression
+    return Derived(formula.name, formula.unit, tuple(Step(**step) for step in formula.steps), meaning)
 
 
 def columns_of(wanted: Iterable[Following]) -> list[str]:

@@ -37,11 +37,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Derived:
-    """A signal that follows from others: ``unit`` is as the person who wrote the formula says."""
+    """A signal that follows from others: ``unit`` and ``meaning`` are as its writer says."""
 
     name: str
     unit: str
     steps: tuple[Step, ...]
+    meaning: str = ""
 
     @cached_property
     def signals(self) -> tuple[str, ...]:

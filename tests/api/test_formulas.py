@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import math
 from typing import Any
 
@@ -18,9 +19,8 @@ def put(client: httpx.Client, name: str, expression: str, unit: str = "N", meani
     return client.put(f"/api/formulas/{name}", json={"expression": expression, "unit": unit, "meaning": meaning})
 
 
-@pytest.fixture(scope="module")
-def run(operator: httpx.Client) -> int:
-    """A recorded run of some seconds."""
+def recorded(operator: httpx.Client) -> int:
+    """Record a run of some seconds."""
     operator.post("/api/stop").raise_for_status()
     operator.post("/api/reset").raise_for_status()
     operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
@@ -32,6 +32,18 @@ def run(operator: httpx.Client) -> int:
     operator.post("/api/mode", json={"mode": "stopping"}).raise_for_status()
     ended(operator, number)
     return int(number)
+
+
+@pytest.fixture(scope="module")
+def run(operator: httpx.Client) -> int:
+    """A recorded run."""
+    return recorded(operator)
+
+
+@pytest.fixture(scope="module")
+def another(operator: httpx.Client, run: int) -> int:
+    """A run after it."""
+    return recorded(operator)
 
 
 def samples(client: httpx.Client, run: int, signals: str, **asked: Any) -> dict[str, Any]:
@@ -60,13 +72,23 @@ def test_a_division_by_zero_is_a_gap(operator: httpx.Client, run: int) -> None:
     assert np.isnan(column(samples(operator, run, "odd"), "odd")).all()
 
 
-def test_runs_are_compared_by_it(operator: httpx.Client, run: int) -> None:
+def test_its_statistics_are_those_of_every_sample(operator: httpx.Client, run: int) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
-    asked = {"runs": f"{run}", "signal": "F_mean"}
-    answer = operator.get("/api/run-comparison/differences", params=asked)
-    assert answer.status_code in (200, 422), answer.text
-    if answer.status_code == 200:
-        assert answer.json()["unit"] == "N"
+    asked = {"signals": "F_mean", "from": 1.0, "to": 1.5}
+    lines = operator.get(f"/api/runs/{run}/statistics", params=asked).raise_for_status().text.splitlines()
+    told = json.loads(lines[-1])["result"]["signals"]["F_mean"]
+    raw = column(samples(operator, run, "F_mean", **{"from": 1.0, "to": 1.501, "points": 2000}), "F_mean")
+    assert (told["unit"], told["values"]) == ("N", 501)
+    assert told["mean"] == pytest.approx(raw.mean(), rel=1e-6)
+    assert (told["minimum"], told["maximum"]) == (raw.min(), raw.max())
+
+
+def test_runs_are_compared_by_it(operator: httpx.Client, run: int, another: int) -> None:
+    put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
+    asked = {"run": [run, another], "signal": "F_mean"}
+    told = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
+    assert (told["unit"], told["signal"]) == ("N", "F_mean")
+    assert told["runs"][0]["compared_s"] > 1.0
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
