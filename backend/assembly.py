@@ -20,6 +20,7 @@ from backend.api.service import Service
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
 from backend.archive.figures import RecordedFigures
+from backend.archive.formulas import Formulas
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
@@ -39,7 +40,7 @@ from backend.experiments.playing.runner import Station
 from backend.experiments.results.evaluation import evaluate
 from backend.faults import Fault
 from backend.libraries import SCIENCE
-from backend.messages.live import MarkKind, StateMessage
+from backend.messages.live import EventMessage, MarkKind, StateMessage
 from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
@@ -58,12 +59,15 @@ from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
 from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
+from backend.operating.triggers import Triggers
 from backend.operating.tuning_in_use import TuningInUse
 from backend.processes import Processes
 from backend.recording.flight import PART as FLIGHTS
 from backend.recording.flight import FlightRecorder, Quota
 from backend.recording.recorder import Recorder
 from backend.recording.retention import Rule
+from backend.recording.trigger import PART as TRIGGER
+from backend.recording.trigger import Heard, Trigger
 from backend.scene.mirror import PART as SCENE
 from backend.scene.mirror import SceneMirror
 from backend.scene.proxy import router as scene_router
@@ -111,8 +115,12 @@ def assemble(
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)
 
+    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(present))
+    stack.callback(trigger.close)
+    keep(TRIGGER, trigger.run)
+
     def problems() -> list[str]:
-        first = watch, soundness, recorder, flights, journal
+        first = watch, soundness, recorder, flights, trigger, journal
         sweep = actuator.touching.sweep
         parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
@@ -154,6 +162,13 @@ def assemble(
     journal.on_mark(live.announce)
     actuator.on_change(live.state_changed)
     keep(LIVE, live.run)
+    triggers = Triggers(trigger, actuator, journal, database)
+    present.trigger = triggers.view
+
+    def triggered(tick: int, text: str) -> None:
+        live.announce(EventMessage(tick=tick, kind=MarkKind.TRIGGER, text=text))
+
+    trigger.heard = Heard(triggered, actuator.changed)
     watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
     keep(FOLDER, watch.run)
     soundness.start()
@@ -247,8 +262,15 @@ def assemble(
         maintenance=Maintenance(database, settings.data, supervisor),
         retention=retention,
         studies=studies,
+        triggers=triggers,
+        formulas=Formulas(database),
     )
     return Assembled(service, recorder, journal, scenes, draw)
+
+
+def _lengths(present: PresentState) -> dict[str, float]:
+    geometry = present.parameters.geometry
+    return {"r_m": geometry.r_m, "r_j": geometry.r_j}
 
 
 def _id_of_bank(tuning: TuningInUse) -> int | None:

@@ -5,7 +5,9 @@ from ``FIELDS``. A new signal is a new row here, and its value by name in ``back
 ``COMBINED`` are signals that nobody stores: what is drawn of them follows from the columns.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Literal
 
 
@@ -123,3 +125,10 @@ COMBINED: tuple[Combined, ...] = (
 COMBINED_BY_NAME: dict[str, Combined] = {combined.name: combined for combined in COMBINED}
 UNIT_OF: dict[str, str] = {field.name: field.unit for field in STORED} | {one.name: one.unit for one in COMBINED}
 """Unit of everything that can be drawn."""
+
+
+def nearest(name: str, known: Iterable[str] = UNIT_OF) -> str:
+    """Return the known name that is most like a wrong one."""
+    names = list(known)
+    alike = [one for one in names if one.lower() == name.lower()]
+    return (alike or get_close_matches(name, names, 1, 0.0))[0]

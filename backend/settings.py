@@ -61,19 +61,19 @@ def _without_tilde(path: Path) -> Path:
 class Settings(BaseSettings):
     """Settings of one service process.
 
-    ``plant`` is ``simulator``, ``rig``, ``replay`` or the name of a plant that an installed package offers. A rig has a
-    ``wiring``, shipped or a file; with ``virtual_card`` a simulated card takes the place of the real one, at
-    ``card_address`` it is reached through NI's device server. A replay plays ``recording``.
-    ``database_url`` defaults to SQLite in the data folder; its password may stand in a file instead, so that no
-    environment shows it. ``allowed_hosts`` are further names the dashboard may be reached by (the Host header is
-    checked against DNS rebinding). ``public_url`` is the address at which browsers reach the service through a reverse
-    proxy, ``trusted_proxies`` are the addresses or networks of the proxies whose X-Forwarded-For counts: with a public
-    URL those of this machine where none is named. ``require_token`` off makes everyone an operator and is refused on
-    any address but a loopback one, and with a public URL. ``show_link`` says whether the sign-in link is printed at the
-    start; None: on a terminal only, as what is not a terminal is a log that others keep and read. Flight records beyond
-    ``flight_records`` or ``flight_records_MB`` give way to new ones. Recordings beyond ``recordings_GB`` may go once
-    they are older than ``recordings_keep_days``, which is for a person to decide. ``station`` tells rigs apart that
-    share a database.
+    ``plant`` is ``simulator``, ``rig``, ``replay`` or the name of a plant that an installed package offers. A rig
+    has a ``wiring``, shipped or a file; with ``virtual_card`` a simulated card takes the place of the real one, at
+    ``card_address`` it is reached through NI's device server. A replay plays ``recording``. ``database_url``
+    defaults to SQLite in the data folder; its password may stand in a file instead, so that no environment shows
+    it. ``allowed_hosts`` are further names the dashboard may be reached by (the Host header is checked against DNS
+    rebinding). ``public_url`` is the address at which browsers reach the service through a reverse proxy,
+    ``trusted_proxies`` are the addresses or networks of the proxies whose X-Forwarded-For counts: with a public URL
+    those of this machine where none is named. ``require_token`` off makes everyone an operator and is refused on
+    any address but a loopback one, and with a public URL. ``show_link`` says whether the sign-in link is printed at
+    the start; None: on a terminal only, as what is not a terminal is a log that others keep and read. Flight
+    records of trips beyond ``flight_records`` or ``flight_records_MB`` give way to new ones, captures of triggers
+    likewise. Recordings beyond ``recordings_GB`` may go once they are older than ``recordings_keep_days``, which is
+    for a person to decide. ``station`` tells rigs apart that share a database.
     """
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)

@@ -4,13 +4,14 @@ from alembic import context
 from sqlalchemy import Connection
 
 from backend.storage.database import connect
+from backend.storage.formula_schema import FormulaRow
 from backend.storage.index_schema import RunIndexRow
 from backend.storage.queue_schema import QueuedRow
 from backend.storage.study_schema import StudyRow
 
 # Each module of tables has to be loaded for them to be known.
 METADATA = RunIndexRow.metadata
-assert StudyRow.metadata is QueuedRow.metadata is METADATA
+assert StudyRow.metadata is QueuedRow.metadata is FormulaRow.metadata is METADATA
 
 
 def _migrate(connection: Connection) -> None:

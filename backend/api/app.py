@@ -19,6 +19,7 @@ from backend.api.routes import (
     control,
     experiments,
     faults,
+    formulas,
     identifications,
     log,
     operate,
@@ -101,6 +102,7 @@ def create_app(
         own_experiments,  # its names come before the numbers of runs
         experiments,
         run_library,
+        formulas,
         runs,
         run_figures,
         sheets,

@@ -14,6 +14,7 @@ from backend.api.auth import Operator
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
 from backend.archive.figures import RecordedFigures
+from backend.archive.formulas import Formulas
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
@@ -36,6 +37,7 @@ from backend.operating.refusals import Refusals
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
+from backend.operating.triggers import Triggers
 from backend.operating.work_places import WorkPlaces
 from backend.storage import Database
 from backend.web_server.guard import SHEETS
@@ -75,6 +77,8 @@ class Service:
     maintenance: Maintenance
     retention: Retention
     studies: StudiesUnderWay
+    triggers: Triggers
+    formulas: Formulas
 
     def places_for(self, method: str, path: str) -> WorkPlaces | None:
         """Return where a request takes its place before its body is read; None for one that needs none."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from backend.archive.alignment import aligned
 from backend.archive.comparison import chosen_runs
 from backend.messages.comparison import Differences, DifferencesAsked, RunDifference
+from backend.recording.following import following
 from backend.recording.reader import read_samples
 from backend.sample import UNIT_OF
 from backend.storage import Database, Session, recordings
@@ -78,7 +79,9 @@ def beside(session: Session, asked: DifferencesAsked) -> Beside:
             others[number] = _curve(session, number, asked.signal).at(grid - offset_s)
             reasons[number] = ""
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
-    return Beside(reference, UNIT_OF[asked.signal], own.period_s, grid, own.at(grid), others, offsets, reasons)
+    made = following(session, [asked.signal])
+    unit = made[asked.signal].unit if made else UNIT_OF[asked.signal]
+    return Beside(reference, unit, own.period_s, grid, own.at(grid), others, offsets, reasons)
 
 
 def samples_of(database: Database, run_ids: Sequence[int]) -> int:

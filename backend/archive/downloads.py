@@ -70,9 +70,12 @@ class Downloads:
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
         return await self._offload.run(render_series, sources, kind)
 
-    async def data(self, run_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
-        """Return all samples in a format, piece by piece. Raises UnknownRecordError, ExportError, RefusalError."""
-        return await self._streamed(_run_pieces, run_id, self._folder, kind)
+    async def data(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
+        """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
+
+        Raises UnknownRecordError, ExportError, RefusalError.
+        """
+        return await self._streamed(_run_pieces, run_id, derived, self._folder, kind)
 
     async def flight(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
         """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RefusalError."""
@@ -157,9 +160,11 @@ def _is_awaited(source: Source) -> bool:
     )
 
 
-def _run_pieces(database: Database, run_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
-    return pieces(of_run(database, run_id), kind, folder)
+def _run_pieces(
+    database: Database, run_id: int, derived: Sequence[str], folder: Path, kind: DataFormat
+) -> Iterator[bytes]:
+    return pieces(of_run(database, run_id, derived), kind, folder)
 
 
 def _flight_pieces(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
-    return pieces(of_columns(flight_columns(database, event_id), f"trip {event_id}"), kind, folder)
+    return pieces(of_columns(flight_columns(database, event_id), f"flight record {event_id}"), kind, folder)

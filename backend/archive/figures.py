@@ -24,12 +24,13 @@ from backend.messages.figures import (
 from backend.piping import piped
 from backend.plain_text import as_cell, as_comment
 from backend.recording.combined import AT_HAND_SAMPLES
+from backend.recording.following import Following, told_of
 from backend.recording.reader import read_samples
 from backend.recording.spectrum import LEAST_SAMPLES, Spectrum, welch
 from backend.recording.statistics import Extreme, Statistics, add_slab
 from backend.recording.stretch import Slab, Stretch, slabs, stretch_of
 from backend.refusal import Because, RefusalError, require_within
-from backend.sample import COMBINED, COMBINED_BY_NAME, FIELDS, STORED, UNIT_OF
+from backend.sample import COMBINED_BY_NAME, FIELDS, Field
 from backend.storage import Database, recordings
 
 AT_ONCE = 6
@@ -38,7 +39,6 @@ AT_ONCE = 6
 MOST_VALUES = 30_000_000
 """Samples times signals of which spectra are computed at once: they are held in memory, 240 MB."""
 
-_MEANINGS = {one.name: one.meaning for one in STORED} | {one.name: one.meaning for one in COMBINED}
 _SYMBOLS = {one.name: one.symbol for one in FIELDS}
 
 
@@ -115,20 +115,20 @@ async def _in_threads(pieces: Iterator[bytes]) -> AsyncGenerator[bytes]:
 
 def statistics_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     """Yield lines of ``StatisticsLine`` while the range is read, the result in the last one."""
-    stretch, samples = _stretch(database, asked), 0
+    stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
     found = {name: Statistics() for name in asked.signals}
     for slab in slabs(database, stretch, asked.signals):
         add_slab(found, slab)
         samples += slab.ticks.size
         yield _line(StatisticsLine(share=_share(slab, stretch)))
-    signals = {name: _statistics(name, one, stretch.period_s) for name, one in found.items()}
+    signals = {name: _statistics(told[name].unit, one, stretch.period_s) for name, one in found.items()}
     result = RecordedStatistics(**_range(stretch, samples), signals=signals)
     yield _line(StatisticsLine(share=1.0, result=result))
 
 
 def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     """Yield lines of ``SpectraLine`` while the range is read, the result in the last one."""
-    stretch, samples = _stretch(database, asked), 0
+    stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
     remedy = "choose a shorter range or fewer signals"
     words = "samples times signals of a spectrum"
     require_within("range", stretch.ticks * len(asked.signals), None, MOST_VALUES, "1", remedy, words=words)
@@ -138,23 +138,23 @@ def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
             values[name][slab.ticks - stretch.begin] = column
         samples += slab.ticks.size
         yield _line(SpectraLine(share=0.9 * _share(slab, stretch)))
-    signals = {name: _spectrum(name, column, samples, stretch.period_s) for name, column in values.items()}
+    signals = {name: _spectrum(told[name].unit, column, samples, stretch.period_s) for name, column in values.items()}
     yield _line(SpectraLine(share=1.0, result=RecordedSpectra(**_range(stretch, samples), signals=signals)))
 
 
 def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     """Yield every sample of a range as comma-separated text, with the digits that give each value back exactly.
 
-    Columns of the recording are written as ``data.csv`` of the run has them; computed signals in double precision.
+    Columns of the recording are written as ``data.csv`` of the run has them; combined signals in double precision.
     """
     import pyarrow as pa
     import pyarrow.csv
 
-    stretch = _stretch(database, asked)
+    stretch, told = _stretch(database, asked), _told(database, asked)
     heading = [
         f"run {stretch.run_id} from {stretch.from_s:.3f} s to {stretch.to_s:.3f} s, Sinew {__version__}; every sample; "
         "SI units, angles in rad; t counts from the first sample of the run",
-        *(f"{name} [{UNIT_OF[name]}] {_SYMBOLS.get(name, name)}: {_MEANINGS[name]}" for name in asked.signals),
+        *(f"{name} [{told[name].unit}] {_SYMBOLS.get(name, name)}: {told[name].meaning}" for name in asked.signals),
     ]
     names = ["t", *asked.signals]
     head = "\n".join([*map(as_comment, heading), ",".join(map(as_cell, names))]) + "\n"
@@ -202,6 +202,11 @@ def _stretch(database: Database, asked: RangeAsked) -> Stretch:
         return stretch_of(session, asked.run, asked.from_s, asked.to_s)
 
 
+def _told(database: Database, asked: RangeAsked) -> dict[str, Field | Following]:
+    with database.reading() as session:
+        return told_of(session, asked.signals)
+
+
 def _share(slab: Slab, stretch: Stretch) -> float:
     return float(slab.ticks[-1] + 1 - stretch.begin) / stretch.ticks
 
@@ -221,12 +226,12 @@ def _line(line: StatisticsLine | SpectraLine) -> bytes:
     return line.model_dump_json().encode() + b"\n"
 
 
-def _statistics(name: str, found: Statistics, period_s: float) -> SignalStatistics:
+def _statistics(unit: str, found: Statistics, period_s: float) -> SignalStatistics:
     def when(extreme: Extreme | None) -> float | None:
         return None if extreme is None else extreme.tick * period_s
 
     return SignalStatistics(
-        unit=UNIT_OF[name],
+        unit=unit,
         values=found.values,
         without_value=found.without_value,
         minimum=None if found.minimum is None else found.minimum.value,
@@ -238,14 +243,14 @@ def _statistics(name: str, found: Statistics, period_s: float) -> SignalStatisti
     )
 
 
-def _spectrum(name: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
+def _spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
     found, reason = welch(values, period_s), ""
     there = int(np.count_nonzero(np.isfinite(values)))
     if found is None:
         reason = f"fewer than {LEAST_SAMPLES} consecutive samples have a value"
         found = Spectrum(step_Hz=0.0, noise_bandwidth_Hz=0.0, segment=0, segments=0, used=0, density=np.empty(0))
     return SignalSpectrum(
-        unit=UNIT_OF[name],
+        unit=unit,
         reason=reason,
         values=there,
         without_value=samples - there,

@@ -7,7 +7,7 @@ from backend.messages.layouts import look_over
 from backend.messages.preferences import NEW_HERE, Preferences
 from backend.messages.session import Role
 from backend.plain_text import STORED
-from backend.storage import Database, settings
+from backend.storage import Database, formulas, settings
 from backend.storage.settings import StoredSetting
 
 
@@ -25,9 +25,13 @@ class StoredPreferences:
 
     async def put(self, person: Person, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page. Raises RefusalError for a layout that cannot be drawn."""
-        look_over(preferences.layouts)
+        look_over(preferences.layouts, await asyncio.to_thread(self._formulas))
         await asyncio.to_thread(self._put, person, preferences)
         return preferences
+
+    def _formulas(self) -> set[str]:
+        with self._database.reading() as session:
+            return formulas.ever(session)
 
     def _newest(self, name: str) -> StoredSetting | None:
         with self._database.reading() as session:

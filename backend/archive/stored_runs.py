@@ -15,7 +15,7 @@ from backend.offload import Offload
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import Envelope, read_envelope
 from backend.refusal import Because, RefusalError
-from backend.sample import COMBINED_BY_NAME
+from backend.sample import STORED_NAMES
 from backend.storage import Database, Session, flights, origins, recordings, results, run_search, runs, tags
 from backend.storage.recordings import Extent, Recording
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
@@ -141,7 +141,7 @@ class StoredRuns:
 
     def _reads(self, asked: Excerpt) -> float:
         """Return how many samples have to be read one by one: none where the stored summaries tell it."""
-        if not any(name in COMBINED_BY_NAME for name in asked.signals):
+        if all(name in STORED_NAMES for name in asked.signals):
             return 0.0
         with self._database.reading() as session:
             recording, span = recordings.get(session, asked.run), recordings.span(session, asked.run)

@@ -21,7 +21,6 @@ from backend.messages.flight import FlightView
 from backend.messages.run import Envelope, Evaluation, Headline, RunView, SamplesView, UsedSetting
 from backend.recording import reader
 from backend.reports.verdict import verdict_of
-from backend.sample import UNIT_OF
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
@@ -87,7 +86,9 @@ def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> Sample
         t=envelope.t.tolist(),
         signals={
             name: Envelope(
-                unit=UNIT_OF[name], minimum=_plain(envelope.minimum[name]), maximum=_plain(envelope.maximum[name])
+                unit=envelope.units[name],
+                minimum=_plain(envelope.minimum[name]),
+                maximum=_plain(envelope.maximum[name]),
             )
             for name in envelope.minimum
         },
@@ -190,11 +191,13 @@ def _plain(values: NDArray[np.float32]) -> list[float | None]:
 
 
 def flight_view(flight: Flight) -> FlightView:
-    """Return a flight record with its extent around the trip."""
+    """Return a flight record with its extent around the trip or trigger."""
     before = flight.trip_tick - flight.first_tick
     return FlightView(
         id=flight.event_id,
         at=flight.at,
+        kind="trip" if flight.trigger is None else "trigger",
+        who=flight.who,
         fault=flight.fault,
         text=flight.text,
         run=flight.run_id,

@@ -47,6 +47,7 @@ class Facts:
     """``fields`` are the columns in the order of the recording, which ``sha256`` is of; ``columns`` as written.
 
     ``of`` is what the samples are, "run 12"; ``started_at`` the moment of t = 0 in ISO 8601, where it is known.
+    ``derived`` names columns that were computed for the file and are no part of the recording.
     ``run`` is the run as stored, None of samples that are no run's; ``samples`` counts them, ``missed`` those lacking.
     """
 
@@ -56,6 +57,7 @@ class Facts:
     samples: int
     sha256: str
     columns: list[Described]
+    derived: list[str] = field(default_factory=list)
     started_at: str | None = None
     run: dict[str, Any] | None = None
     missed: int = 0
@@ -72,6 +74,8 @@ class Facts:
     def to_json(self) -> str:
         """Return them in one line, with their own digest at the end."""
         document = asdict(self)
+        if not self.derived:
+            del document["derived"]
         sealed = document | {SEAL: digest_of(document)}
         return json.dumps(sealed, ensure_ascii=False, separators=(",", ":"))
 
@@ -96,7 +100,7 @@ def read_facts(text: str | bytes) -> Facts:
         if isinstance(error, ImportRefusedError):
             raise
         raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
-    if facts.period_s <= 0.0 or facts.samples < 1 or set(facts.names) != {"t", *facts.fields}:
+    if facts.period_s <= 0.0 or facts.samples < 1 or set(facts.names) != {"t", *facts.fields, *facts.derived}:
         raise ImportRefusedError("what it says of itself: period, samples or columns do not fit together")
     return facts
 

@@ -1,19 +1,20 @@
 """What is exported: samples as they come, a minute at a time, and the facts about them, looked through beforehand."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from backend.exports.errors import ExportError
-from backend.exports.facts import Batch, Facts, described, table_of
+from backend.exports.facts import Batch, Described, Facts, described, table_of
 from backend.recording.codec import CodecError
 from backend.recording.columns import Columns, recorded_columns
 from backend.recording.digest import SamplesDigest
 from backend.recording.reader import read_samples
-from backend.storage import Database, recordings, runs
+from backend.storage import Database, formulas, recordings, runs
 from backend.storage.carried import RUN, document_of
+from backend.storage.formulas import Formula
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
 
@@ -29,20 +30,25 @@ class Export:
     batches: Callable[[], Iterator[Batch]]
 
 
-def of_run(database: Database, run_id: int) -> Export:
+def of_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Export:
     """Return the export of a run, after reading all of it once: what cannot be read is refused beforehand.
 
-    Raises UnknownRecordError, ExportError.
+    ``derived`` are signals of formulas that stand behind its columns. Raises UnknownRecordError, ExportError.
     """
     with database.reading() as session:
         run, document = runs.get(session, run_id), document_of(session, RUN, run_id)
         recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+        written = {one.name: one for one in formulas.find(session) if one.name in derived}
     length_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    lacking = [name for name in derived if name not in written]
+    if lacking:
+        raise ExportError(f"there is no formula {', '.join(lacking)}")
+    names = [*recording.fields, *derived] if derived else []
     digest, samples = SamplesDigest(recording.fields, recording.period_s), 0
 
     def batches() -> Iterator[Batch]:
         for number in range(int(np.ceil(length_s / SLAB_S))):
-            yield from _slab(database, run_id, number * SLAB_S, min((number + 1) * SLAB_S, length_s))
+            yield from _slab(database, run_id, names, number * SLAB_S, min((number + 1) * SLAB_S, length_s))
 
     for batch in batches():
         samples += batch["t"].size
@@ -54,7 +60,8 @@ def of_run(database: Database, run_id: int) -> Export:
         period_s=recording.period_s,
         samples=samples,
         sha256=digest.hex(),
-        columns=described(recording.fields),
+        columns=[*described(recording.fields), *(_described(written[name]) for name in derived)],
+        derived=list(derived),
         started_at=run.started_at.isoformat(),
         run=document,
         missed=recording.missed,
@@ -97,10 +104,15 @@ def unbroken(batch: Batch, period_s: float) -> Iterator[tuple[int, Batch]]:
             yield int(ticks[begin]), {name: column[begin:end] for name, column in batch.items()}
 
 
-def _slab(database: Database, run_id: int, from_s: float, to_s: float) -> Iterator[Batch]:
+def _described(formula: Formula) -> Described:
+    meaning = f"{formula.meaning}, " if formula.meaning else ""
+    return Described(formula.name, formula.name, formula.unit, f"{meaning}computed: {formula.expression}")
+
+
+def _slab(database: Database, run_id: int, names: Sequence[str], from_s: float, to_s: float) -> Iterator[Batch]:
     try:
         with database.reading() as session:
-            samples = read_samples(session, run_id, (), from_s, to_s)
+            samples = read_samples(session, run_id, names, from_s, to_s)
     except (CodecError, UnknownRecordError) as error:
         raise ExportError(f"run {run_id} cannot be exported: {error}") from error
     if samples.t.size:  # a gap may be longer

@@ -11,6 +11,7 @@ from backend.messages.base import HUGE, Schema
 from backend.messages.identification import ActuatorRequest
 from backend.messages.state import Push, References, Wall
 from backend.messages.touch import TouchOrder
+from backend.messages.trigger import TriggerOrder
 from backend.messages.tuning import TrialRequest
 from backend.refusal import WORDS
 
@@ -19,6 +20,7 @@ FORMS: dict[str, type[Schema]] = {
     "push": Push,
     "wall": Wall,
     "touch": TouchOrder,
+    "trigger": TriggerOrder,
     "tuning": TrialRequest,
     "identification": ActuatorRequest,
 }

@@ -1,6 +1,7 @@
-"""Flight records: the seconds around each trip."""
+"""Flight records: the seconds around each trip and each trigger."""
 
 from datetime import datetime
+from typing import Literal
 
 from pydantic import Field
 
@@ -8,16 +9,18 @@ from backend.messages.base import Schema, quantity
 
 
 class FlightView(Schema):
-    """One trip and the extent of what was kept around it."""
+    """One trip or trigger, and the extent of what was kept around it."""
 
     id: int
     at: datetime
-    fault: str
+    kind: Literal["trip", "trigger"]
+    who: str = Field(description="who pressed STOP or armed the trigger; empty where nobody did")
+    fault: str = Field(description="what tripped; of a trigger the word trigger")
     text: str
     run: int | None
-    tick: int = Field(description="tick of the trip, of the loop that ran then")
-    before_s: float = quantity("s", "length kept before the trip")
-    after_s: float = quantity("s", "length kept after the trip")
+    tick: int = Field(description="tick of the trip or trigger, of the loop that ran then")
+    before_s: float = quantity("s", "length kept before it")
+    after_s: float = quantity("s", "length kept from it on")
 
 
 class FlightList(Schema):
@@ -29,4 +32,4 @@ class FlightList(Schema):
 class FlightMoment(Schema):
     """The moment of a flight record to show."""
 
-    t: float = quantity("s", "time since the trip", ge=-1e6, le=1e6)
+    t: float = quantity("s", "time since the trip or trigger", ge=-1e6, le=1e6)

@@ -46,6 +46,7 @@ class MarkKind(StrEnum):
     BANK = "bank"
     FAULT = "fault"
     TRIP = "trip"
+    TRIGGER = "trigger"
     REFERENCES = "references"
     NOTE = "note"
 

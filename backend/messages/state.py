@@ -13,6 +13,7 @@ from backend.messages.control import HolderView, WishView
 from backend.messages.player import PlayerView
 from backend.messages.session import PersonView
 from backend.messages.touch import TouchView
+from backend.messages.trigger import TriggerView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
 from plant.choice import PlantKind
 
@@ -214,6 +215,9 @@ class State(Schema):
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
+    trigger: TriggerView | None = Field(
+        description="the trigger that was armed last since the service started; null where none was"
+    )
     wall: Wall | None = Field(description="what stands in a simulated joint's way; null where nothing does")
     player: PlayerView | None = Field(default=None, description="where a recording stands that is played; else null")
     own_tuning: ChosenTuning | None = Field(

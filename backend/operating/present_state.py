@@ -43,6 +43,7 @@ from backend.messages.state import (
     TrialView,
 )
 from backend.messages.touch import TouchView
+from backend.messages.trigger import TriggerView
 from backend.messages.tuning import TuningView
 from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.operating.safety_chain import chain
@@ -60,10 +61,10 @@ F_PUSH_MAX = 30.0
 class PresentState:
     """The present state.
 
-    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``touch``, ``holder``, ``people``, ``wishes``; the rest
-    is seen and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None;
-    ``tuning_problem`` says why a tuning that should be back in force is not; ``earlier`` is what the operator had
-    before the last change.
+    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``trigger``, ``touch``, ``holder``, ``people`` and
+    ``wishes``; the rest is seen and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning,
+    else None; ``tuning_problem`` says why a tuning that should be back in force is not; ``earlier`` is what the
+    operator had before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
     ``occupied`` says what has the rig for itself, ``provoked_trip`` the fault that it provokes, ``wall`` is what is in
     a simulated joint's way, ``player`` where a recording stands in a tick. ``problems`` tells what is wrong with the
@@ -84,6 +85,7 @@ class PresentState:
         self.earlier: Chosen | None = None
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
+        self.trigger: Callable[[], TriggerView | None] = lambda: None
         self.holder: Callable[[], HolderView | None] = lambda: None
         self.touch: Callable[[], TouchView] = lambda: TouchView(contact_N=0.0, learned=[], felt=None)
         self.people: Callable[[], list[PersonView]] = list
@@ -257,6 +259,7 @@ class PresentState:
             chain=chain(self._supervisor, holder, link, fault_of(sample)),
             task=self.task,
             trial=self.trial(),
+            trigger=self.trigger(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
             wall=wall_view(self.wall),
             player=self.player(self.tick),

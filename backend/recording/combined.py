@@ -6,10 +6,9 @@ from itertools import groupby, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.edge import UnreadableDocumentError
 from backend.recording.codec import Table, unpack_alike
-from backend.sample import Combined, Term
-from backend.storage import Session, recordings, runs
+from backend.recording.following import Following, columns_of, computed, lengths_of
+from backend.storage import Session, recordings
 from backend.storage.recordings import Chunk, Recording
 
 AT_HAND_SAMPLES = 1_000_000
@@ -23,7 +22,7 @@ _AT_ONCE = 64
 def combined_envelope(
     session: Session,
     recording: Recording,
-    wanted: Sequence[Combined],
+    wanted: Sequence[Following],
     ticks: tuple[int, int],
     buckets: NDArray[np.int64],
 ) -> tuple[Table, Table]:
@@ -36,18 +35,14 @@ def combined_envelope(
     count = len(buckets) - 1
     low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
     lengths = lengths_of(session, recording.run_id, wanted)
-    names = list(dict.fromkeys(term.column for one in wanted for term in one.terms))
-    kept = [name for name in names if name in recording.fields]
+    kept = [name for name in columns_of(wanted) if name in recording.fields]
     indices = [recording.fields.index(name) for name in kept]
     for alike in _alike(recordings.chunks(session, recording.run_id, *ticks)):
         at_ticks = np.array([chunk.first_tick for chunk in alike])[:, None] + np.arange(alike[0].count)
         inside = (at_ticks >= ticks[0]) & (at_ticks < ticks[1])
         table = unpack_alike([chunk.samples for chunk in alike], len(recording.fields), indices)[inside]
         columns = dict(zip(kept, table.astype(np.float64).T, strict=True))
-        nothing = np.full(len(table), np.nan)
-        values = np.column_stack(
-            [sum_of(((columns.get(term.column, nothing), term) for term in one.terms), lengths) for one in wanted]
-        ).astype(np.float32)
+        values = in_precision(np.column_stack([computed(one, columns, lengths, len(table)) for one in wanted]))
         at = np.searchsorted(buckets, at_ticks[inside], side="right") - 1
         starts = np.flatnonzero(np.diff(at, prepend=-1))
         low[at[starts]] = np.fmin(low[at[starts]], np.fmin.reduceat(values, starts, axis=0))
@@ -62,22 +57,9 @@ def _alike(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
             yield some
 
 
-def sum_of(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: dict[str, float]) -> NDArray[np.float64]:
-    """Return the sum of columns, each by its term; ``lengths`` are those of the geometry [m], by name."""
-    total: NDArray[np.float64] = np.sum(
-        [term.sign * (lengths[term.length] if term.length else 1.0) * column for column, term in parts], axis=0
-    )
-    return total
-
-
-def lengths_of(session: Session, run_id: int, wanted: Sequence[Combined]) -> dict[str, float]:
-    """Return the lengths of the geometry [m] that these signals need, by name; nan where the run has none."""
-    return dict(_found(session, run_id, {str(term.length) for one in wanted for term in one.terms} - {""}))
-
-
-def _found(session: Session, run_id: int, names: Iterable[str]) -> Iterator[tuple[str, float]]:
-    for name in names:
-        try:
-            yield name, runs.get(session, run_id).number("geometry", name)
-        except UnreadableDocumentError:  # an imported run may have come without
-            yield name, np.nan
+def in_precision(values: NDArray[np.float64]) -> Table:
+    """Return computed values as columns are stored; nan for what is beyond that."""
+    with np.errstate(over="ignore"):
+        kept = values.astype(np.float32)
+    kept[np.isinf(kept)] = np.nan
+    return kept

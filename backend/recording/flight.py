@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+from numpy.typing import NDArray
 
 from backend.faults import Fault, explained
 from backend.loop.access import LoopDied
@@ -20,10 +21,9 @@ from backend.loop.ring import Ring
 from backend.recording.codec import pack, unpack
 from backend.recording.columns import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
-from backend.storage import Database, StorageError, events, flights, runs
+from backend.storage import Database, Session, StorageError, events, flights
 from backend.storage.events import EventKind
 from backend.storage.flights import NewFlight
-from backend.storage.records import UnknownRecordError
 from backend.supervision import Part
 from plant.interface import T_s
 
@@ -108,12 +108,12 @@ class FlightRecorder:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail) if not self._is_expected(fault):
                 text = explained(fault, detail)
                 ring = self._ring()
-                self._trip(_Trip(ring, fault, tick, text, _time_of(ring, tick)))
+                self._trip(_Trip(ring, fault, tick, text, time_of(ring, tick)))
             case LoopDied(reason):
                 self._end_of_ring()
                 ring = self._ring()
                 text = f"The control loop died: {reason}"
-                self._trip(_Trip(ring, DIED, ring.count, text, _time_of(ring, ring.count), True))
+                self._trip(_Trip(ring, DIED, ring.count, text, time_of(ring, ring.count), True))
             case _:
                 return
 
@@ -168,13 +168,9 @@ class FlightRecorder:
     def _store(self, trip: _Trip) -> None:
         since = max(0, trip.tick - round(BEFORE_S / T_s))
         first_tick, rows, _ = trip.ring.read(since, trip.tick + round(AFTER_S / T_s) - since)
-        moving = rows[: max(0, trip.tick - first_tick), INDEX["run"]]
-        run_id = int(moving[-1]) if len(moving) else 0
+        run_id = run_of(rows[: max(0, trip.tick - first_tick)])
         with self._database.session() as session:
-            try:
-                known = runs.get(session, run_id).id if run_id else None
-            except UnknownRecordError:
-                known = None
+            known = flights.known_run(session, run_id)
             # the journal has kept the trip, with who pressed STOP, unless it could not write
             event = events.trip_of(session, trip.tick, trip.at)
             if event is None:
@@ -183,24 +179,32 @@ class FlightRecorder:
             samples = pack(rows[:, STORED_COLUMNS].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)
-            gone = flights.give_way(session, self._quota.records, self._quota.size_bytes)
-            if gone:
-                events.add(
-                    session, EventKind.FLIGHT_QUOTA, f"the {gone} oldest flight records gave way: {self._quota_told}"
-                )
-
-    @property
-    def _quota_told(self) -> str:
-        return f"at most {self._quota.records} records and {self._quota.size_bytes / 1e6:.0f} MB are kept"
+            make_room(session, self._quota)
 
 
-def _time_of(ring: Ring, tick: int) -> datetime:
+def make_room(session: Session, quota: Quota, of: str = "") -> None:
+    """Let the oldest records give way to the quota, and tell so: those ``of`` triggers, else those of trips."""
+    gone = flights.give_way(session, quota.records, quota.size_bytes, of)
+    if gone:
+        named = "captures of triggers" if of else "flight records"
+        told = (
+            f"the {gone} oldest {named} gave way: at most {quota.records} and {quota.size_bytes / 1e6:.0f} MB are kept"
+        )
+        events.add(session, EventKind.FLIGHT_QUOTA, told)
+
+
+def run_of(rows: NDArray[np.float64]) -> int:
+    """Return the run that the last of rows of the ring belongs to, 0 for none."""
+    return int(rows[-1, INDEX["run"]]) if len(rows) else 0
+
+
+def time_of(ring: Ring, tick: int) -> datetime:
     """Return when a tick that was heard of just now was taken: the ring may have gone on since."""
     return datetime.now(UTC) - timedelta(seconds=max(0, ring.count - tick) * T_s)
 
 
 def flight_columns(database: Database, event_id: int) -> Columns:
-    """Return a flight record's samples by name, shape (N,), with ``t`` [s] counted from the trip.
+    """Return a flight record's samples by name, shape (N,), with ``t`` [s] counted from the trip or trigger.
 
     Raises UnknownRecordError.
     """

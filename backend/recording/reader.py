@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
-from backend.recording.combined import combined_envelope
-from backend.sample import ADDED_LATER, COMBINED_BY_NAME
+from backend.recording.combined import combined_envelope, in_precision
+from backend.recording.following import columns_of, computed, following, lengths_of
+from backend.recording.formula import Derived
+from backend.sample import ADDED_LATER, UNIT_OF
 from backend.storage import Session, recordings
 from backend.storage.recordings import Recording, Span
 
@@ -45,6 +47,7 @@ class Envelope:
     t: NDArray[np.float64]
     minimum: dict[str, Column]
     maximum: dict[str, Column]
+    units: dict[str, str]
 
 
 def read_samples(
@@ -52,8 +55,8 @@ def read_samples(
 ) -> Samples:
     """Return the samples with from_s <= t < to_s; no names means all signals that were recorded.
 
-    One that only later versions record is nan. Raises UnknownRecordError when nothing of the run was recorded, and
-    UnknownSignalError.
+    Those of formulas are computed; one that only later versions record is nan. Raises UnknownRecordError when
+    nothing of the run was recorded, and UnknownSignalError.
     """
     return next(read_stretches(session, run_id, names, [(from_s, to_s)]))
 
@@ -66,12 +69,23 @@ def read_stretches(
     Raises like ``read_samples``.
     """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
-    chosen = _columns(recording, names)
+    made = {name: one for name, one in following(session, names).items() if isinstance(one, Derived)}
+    lengths = lengths_of(session, run_id, list(made.values()))
+    parts = [name for name in columns_of(made.values()) if name in recording.fields]
+    stored = [name for name in names if name not in made]
+    read = [*dict.fromkeys([*stored, *parts])]
+    # no names mean all columns, and those of signals that follow from none of them mean none
+    chosen = [] if made and not read else _columns(recording, read)
     for from_s, to_s in stretches:
         from_tick, to_tick = _ticks(recording, span, from_s, to_s)
         ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
         t = np.asarray((ticks - span.first_tick) * recording.period_s, np.float64)
-        yield Samples(span.first_tick, t, _named(chosen, names, tables))
+        columns = _named(chosen, read, tables)
+        if made:
+            exact = {name: columns[name].astype(np.float64) for name in parts}
+            columns |= {name: in_precision(computed(one, exact, lengths, t.size)) for name, one in made.items()}
+            columns = {name: columns[name] for name in names}
+        yield Samples(span.first_tick, t, columns)
 
 
 def read_envelope(
@@ -85,14 +99,15 @@ def read_envelope(
     """Return at most about ``points`` buckets over from_s <= t < to_s; short slices have one bucket per sample.
 
     Buckets longer than the stored summaries' are made of these, without reading the samples. Signals that follow from
-    the columns (``sample.COMBINED``) are taken too. Raises like ``read_samples``, and ValueError for fewer than one
+    the columns (``recording.following``) are taken too. Raises like ``read_samples``, and ValueError for fewer than one
     point.
     """
     if points < 1:
         raise ValueError(f"points = {points} is out of range: it must be at least 1")
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
-    combined = [COMBINED_BY_NAME[name] for name in dict.fromkeys(names) if name in COMBINED_BY_NAME]
-    stored = [name for name in names if name not in COMBINED_BY_NAME]
+    made = following(session, names)
+    combined = list(made.values())
+    stored = [name for name in names if name not in made]
     # no names mean all columns, and those of combined signals alone mean none
     chosen = [] if combined and not stored else _columns(recording, stored)
     indices = [index for _, index in chosen]
@@ -120,6 +135,7 @@ def read_envelope(
         t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
         minimum={name: minimum[name] for name in names or minimum},
         maximum={name: maximum[name] for name in names or maximum},
+        units={name: made[name].unit if name in made else UNIT_OF[name] for name in names or minimum},
     )
 
 

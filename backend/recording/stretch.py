@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.combined import lengths_of, sum_of
+from backend.recording.following import lengths_of, sum_of
 from backend.recording.reader import read_samples
 from backend.refusal import OutOfRangeError, require_within
 from backend.sample import COMBINED_BY_NAME

@@ -28,6 +28,7 @@ class EventKind(StrEnum):
     REFERENCES = "references"
     NOTE = "note"
     TRIP = "trip"
+    TRIGGER = "trigger"
     RECORDING = "recording"
     RETENTION = "retention"
     FLIGHT_QUOTA = "flight_quota"

@@ -1,4 +1,4 @@
-"""Flight records: the samples around a trip, kept with the event that tells of it."""
+"""Flight records: the samples around a trip or a trigger, kept with the event that tells of it."""
 
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -6,16 +6,22 @@ from datetime import datetime
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import require
+from backend.storage import runs
+from backend.storage.records import UnknownRecordError, require
 from backend.storage.schema import Document, EventRow, FlightRow
 from backend.storage.stations import station_of
 
 GIVE_WAY_AT_ONCE = 50
+TRIGGER = "trigger"
+"""What stands in place of the fault in a record that a trigger made, and its condition in the detail of the event."""
 
 
 @dataclass(frozen=True)
 class NewFlight:
-    """``count`` samples from ``first_tick`` on, packed by ``backend.recording.codec``; the trip at ``trip_tick``."""
+    """``count`` samples from ``first_tick`` on, packed by ``backend.recording.codec``.
+
+    The trip or trigger is at ``trip_tick``.
+    """
 
     event_id: int
     fault: str
@@ -28,7 +34,10 @@ class NewFlight:
 
 @dataclass(frozen=True)
 class Flight:
-    """A stored flight record without its samples; ``text`` tells what happened, ``run_id`` to what run."""
+    """A stored flight record without its samples; ``text`` tells what happened, ``run_id`` to what run.
+
+    ``who`` pressed STOP or armed the trigger; ``trigger`` is what was waited for, None of a trip.
+    """
 
     event_id: int
     at: datetime
@@ -38,6 +47,8 @@ class Flight:
     first_tick: int
     trip_tick: int
     count: int
+    who: str
+    trigger: Document | None
 
 
 def add(session: Session, new: NewFlight) -> None:
@@ -46,13 +57,23 @@ def add(session: Session, new: NewFlight) -> None:
     session.flush()
 
 
-def give_way(session: Session, records: int, size_bytes: int) -> int:
+def known_run(session: Session, run_id: int) -> int | None:
+    """Return the number of a run that is stored, None of 0 and of one that is not."""
+    try:
+        return runs.get(session, run_id).id if run_id else None
+    except UnknownRecordError:
+        return None
+
+
+def give_way(session: Session, records: int, size_bytes: int, of: str = "") -> int:
     """Delete the station's oldest records beyond a number of them or of bytes; return how many. The newest stays.
 
+    Captures ``of`` triggers and records of trips are counted apart: neither takes the room of the other.
     Their events stay too. At most ``GIVE_WAY_AT_ONCE`` go, so that nobody waits long for the database.
     """
     sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).join(EventRow)
-    of_station = sizes.where(EventRow.station == station_of(session)).order_by(FlightRow.event_id.desc())
+    alike = FlightRow.fault == TRIGGER if of == TRIGGER else FlightRow.fault != TRIGGER
+    of_station = sizes.where(EventRow.station == station_of(session), alike).order_by(FlightRow.event_id.desc())
     total, beyond = 0, []
     for position, (event_id, size) in enumerate(session.execute(of_station)):
         total += size
@@ -75,12 +96,24 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
         FlightRow.first_tick,
         FlightRow.trip_tick,
         FlightRow.count,
+        EventRow.who,
     )
     of_station = select(*columns).join(EventRow).where(EventRow.station == station_of(session))
     query = of_station.order_by(FlightRow.event_id.desc()).limit(limit)
     return [
-        Flight(event_id, at, fault, _with_followers(text, detail), run_id, first_tick, trip_tick, count)
-        for event_id, at, fault, text, detail, run_id, first_tick, trip_tick, count in session.execute(query)
+        Flight(
+            event_id,
+            at,
+            fault,
+            _with_followers(text, detail),
+            run_id,
+            first_tick,
+            trip_tick,
+            count,
+            who,
+            detail.get(TRIGGER),
+        )
+        for event_id, at, fault, text, detail, run_id, first_tick, trip_tick, count, who in session.execute(query)
     ]
 
 

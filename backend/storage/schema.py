@@ -248,7 +248,7 @@ class RemarkRow(Base):
 
 
 class FlightRow(Base):
-    """The samples around a trip, kept with its event."""
+    """The samples around a trip or a trigger, kept with its event."""
 
     __tablename__ = "flight_record"
 

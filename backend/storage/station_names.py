@@ -4,6 +4,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from backend.refusal import Because, RefusalError
+from backend.storage.formula_schema import FormulaRow
 from backend.storage.index_schema import RunIndexRow
 from backend.storage.queue_schema import QueuedRow
 from backend.storage.schema import (
@@ -28,6 +29,7 @@ _TABLES = (
     StudyRow,
     StudyPointRow,
     QueuedRow,
+    FormulaRow,
 )
 
 

@@ -23,6 +23,7 @@ import { OperatePage } from "./pages/operate/OperatePage";
 import { EXPERIMENTS, RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
 import { AnglesContext } from "./service/angles";
+import { useLiveFormulas } from "./service/formulas";
 import type { ControlForm } from "./service/handOver";
 import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
@@ -95,6 +96,7 @@ function Shell() {
   useFreshness();
   useScheme();
   useTelling();
+  useLiveFormulas();
   useHotkeys([
     ["?", toggle],
     ["c", setup.toggle],

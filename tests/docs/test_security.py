@@ -56,7 +56,9 @@ def test_numbers_are_those_of_the_code() -> None:
         "lines of one kind in the log": f"{logs.LINES} in {logs.WINDOW_S:g} s",
         "a page in control is lost after": f"{control.LOST_S:g} s",
         "references are held for it for": f"{control.HOLD_S:g} s",
-        "flight records, the oldest give way": f"{settings.flight_records}, {settings.flight_records_MB} MB",
+        "flight records of trips, and as many captures of triggers; the oldest give way": (
+            f"{settings.flight_records}, {settings.flight_records_MB} MB"
+        ),
         "recordings of this size are reported; a person says what goes": f"{settings.recordings_GB:g} GB",
     }
     assert protocols.HEAD_S == protocols.BODY_S

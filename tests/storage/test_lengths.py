@@ -25,6 +25,7 @@ from backend.station import STATION_MAX
 from backend.storage import Database, UnfitError, identifications, runs
 from backend.storage.carried import KINDS
 from backend.storage.events import EventKind
+from backend.storage.formula_schema import FormulaRow
 from backend.storage.index_schema import TAG_MAX, RunTagRow
 from backend.storage.queue_schema import QueuedRow
 from backend.storage.run_index import NO_OUTCOME, ValueSource, insert_new, numbers_of
@@ -63,6 +64,8 @@ COMPOSED: dict[str, Iterable[str]] = {
     "event.kind": EventKind,
     "experiment.name": ready_made.NAMES,
     "flight_record.fault": Fault,
+    "formula.name": ["x" * 20],  # as the API bounds it
+    "formula.unit": ["x" * 20],
     "identification.kind": ["actuator", "motor", "spring"],
     "identification.method": [*methods(), "least squares on position", "least-squares polynomials"],
     "identification.software": SOFTWARE,
@@ -95,7 +98,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "bring_up.wiring": ["x" * FILE_NAME_MAX],
     "run.parameters_name": ["x" * FILE_NAME_MAX],
 }
-assert StudyRow.metadata is QueuedRow.metadata is Base.metadata, "their tables count too"
+assert StudyRow.metadata is QueuedRow.metadata is FormulaRow.metadata is Base.metadata, "their tables count too"
 BOUNDED = {
     str(column): column.type.length
     for table in Base.metadata.sorted_tables

@@ -1,4 +1,4 @@
-"""What happened: the log, what people say of it, and the flight records of trips."""
+"""What happened: the log, what people say of it, and the flight records of trips and triggers."""
 
 from typing import Annotated
 
@@ -42,14 +42,14 @@ async def set_remark(id: RowId, body: Remark, service: ServiceInUse, person: Ope
 
 @router.get("/flights", tags=["faults"])
 async def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
-    """List the newest flight records: 10 s before to 5 s after each trip, at 1 kHz."""
+    """List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz."""
     return await service.runs.flights()
 
 
 @router.get("/flights/{id}/data.{format}", tags=["faults"], response_class=Response, responses=DATA)
 async def get_flight_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
-    """Return a flight record in a format; t counts from the trip."""
-    return download(await service.downloads.flight(id, format), MEDIA_TYPES[format], f"sinew-trip-{id}.{format}")
+    """Return a flight record in a format; t counts from the trip or trigger."""
+    return download(await service.downloads.flight(id, format), MEDIA_TYPES[format], f"sinew-flight-{id}.{format}")
 
 
 @router.post("/flights/{id}/replay", tags=["faults"], status_code=204)

@@ -1,11 +1,12 @@
-"""State, STOP, reset, mode, references, push, wall."""
+"""State, STOP, reset, mode, references, push, wall, trigger."""
 
 from fastapi import APIRouter
 
-from backend.api.auth import MayStop, SignedIn
+from backend.api.auth import MayStop, Operator, SignedIn
 from backend.api.service import HoldsControl, InControl, ServiceInUse
 from backend.messages.state import ModeRequest, Push, References, State, StopProof, WallOrder
 from backend.messages.touch import TouchOrder, TouchView
+from backend.messages.trigger import TriggerOrder, TriggerView
 from backend.operating.obstruction import obstruct
 
 router = APIRouter(prefix="/api", tags=["operate"])
@@ -60,3 +61,15 @@ async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) 
 async def set_wall(body: WallOrder, service: ServiceInUse, person: InControl) -> WallOrder:
     """Put a wall in a simulated joint's way, in flight, or take it away; refused where nothing is simulated."""
     return await obstruct(service.actuator, body, person.name)
+
+
+@router.put("/trigger")
+async def arm_trigger(body: TriggerOrder, service: ServiceInUse, person: Operator) -> TriggerView:
+    """Wait for a condition on a signal and keep what was before and after it as a flight record; nothing moves."""
+    return await service.triggers.arm(body, person.name)
+
+
+@router.delete("/trigger", status_code=204)
+async def disarm_trigger(service: ServiceInUse, person: Operator) -> None:
+    """Wait for nothing any more; of a capture under way what there is until now is kept."""
+    await service.triggers.disarm(person.name)

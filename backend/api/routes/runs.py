@@ -172,9 +172,19 @@ async def get_report_pdf(
 
 
 @router.get("/{id}/data.{format}", response_class=Response, responses=DATA)
-async def get_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_data(
+    id: RowId,
+    format: DataFormat,
+    service: ServiceInUse,
+    _person: SignedIn,
+    formulas: Annotated[
+        str, Query(max_length=1100, description="derived signals as further columns, names separated by commas")
+    ] = "",
+) -> Response:
     """Return all samples of a run, with their notation and the facts of the run; SI units."""
-    return download(await service.downloads.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
+    derived = list(dict.fromkeys(filter(None, formulas.split(","))))
+    content = await service.downloads.data(id, format, derived)
+    return download(content, MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
 
 
 @router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})

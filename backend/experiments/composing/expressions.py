@@ -80,12 +80,12 @@ def truth_of(expression: str, names: Names) -> bool:
 def require_known(expression: float | str, names: Names) -> None:
     """Raise ExpressionError for a name or a form that is not known, whatever the values."""
     if isinstance(expression, str):
-        _look(_tree(expression).body, names)
+        _look(parsed(expression).body, names)
 
 
 def names_in(expression: str) -> set[str]:
     """Return the names that an expression speaks of. Raises ExpressionError."""
-    return {node.id for node in ast.walk(_tree(expression)) if isinstance(node, ast.Name)}
+    return {node.id for node in ast.walk(parsed(expression)) if isinstance(node, ast.Name)}
 
 
 class Compared(NamedTuple):
@@ -99,7 +99,7 @@ class Compared(NamedTuple):
 
 def bound_of(expression: str, names: Names) -> Compared | None:
     """Return what a comparison such as "S_low < S_high" says of its first name; None where it is less plain."""
-    match _tree(expression).body:
+    match parsed(expression).body:
         case ast.Compare(
             left=ast.Name(id=name), ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as sign], comparators=[right]
         ):
@@ -117,7 +117,7 @@ def _value_of(expression: float | str, names: Names) -> Any:
             return _plain(expression)
         except OverflowError:
             raise ExpressionError("a number has more than 308 digits") from None
-    tree = _tree(expression)
+    tree = parsed(expression)
     _look(tree.body, names)
     try:
         return _evaluate(tree.body, names)
@@ -125,7 +125,8 @@ def _value_of(expression: float | str, names: Names) -> Any:
         raise ExpressionError(f"{expression!r} has no value: {error}") from None
 
 
-def _tree(expression: str) -> ast.Expression:
+def parsed(expression: str) -> ast.Expression:
+    """Return an expression as a tree of bounded size. Raises ExpressionError."""
     if len(expression) > MAX_LENGTH:
         raise ExpressionError(
             f"{expression[:40]!r}… has {len(expression)} characters, at most {MAX_LENGTH} are accepted: shorten it"

@@ -3,10 +3,12 @@
 import { Button, NativeSelect } from "@mantine/core";
 import { useState } from "react";
 import { TbTrash } from "react-icons/tb";
+import { useDerived } from "../service/formulas";
 import { type Edited, moved, renamed, withPanel } from "../theme/editing";
 import { useLayouts } from "../theme/useLayouts";
 import type { ChartLayout } from "../wire/types";
 import { EditedText } from "./EditedText";
+import { FormulaEditor } from "./FormulaEditor";
 import styles from "./LayoutEditor.module.css";
 import { PanelRow } from "./PanelRow";
 import { signalChoices } from "./signalChoices";
@@ -15,6 +17,7 @@ export function LayoutEditor() {
   const { used, own, edit, remove } = useLayouts();
   const [refusal, refuse] = useState<string | null>(null);
   const isOwn = own.includes(used);
+  const derived = useDerived();
 
   const take = (how: (layout: ChartLayout) => Edited) => refuse(edit(how));
 
@@ -64,9 +67,10 @@ export function LayoutEditor() {
         aria-label="Add panel"
         value=""
         onChange={({ currentTarget: { value } }) => take((layout) => withPanel(layout, value))}
-        data={[{ value: "", label: "Add a panel with …", disabled: true }, ...signalChoices(null)]}
+        data={[{ value: "", label: "Add a panel with …", disabled: true }, ...signalChoices(null, derived)]}
         w={200}
       />
+      <FormulaEditor />
     </section>
   );
 }

@@ -5,6 +5,7 @@ import { type ReactNode, useEffect, useRef } from "react";
 import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
 import { Written } from "../components/SignalName";
 import { fixed } from "../samples/format";
+import { useDerived } from "../service/formulas";
 import {
   type Edited,
   neighbour,
@@ -36,6 +37,7 @@ let followed: { readonly place: number; readonly by: 1 | -1 } | null = null;
 export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps) {
   const { title, signals, over, share } = panel;
   const row = useRef<HTMLLIElement>(null);
+  const derived = useDerived();
   // biome-ignore lint/correctness/useExhaustiveDependencies: a panel that has come here is the reason to look
   useEffect(() => {
     if (followed?.place !== place) return;
@@ -79,7 +81,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         onChange={({ currentTarget: { value } }) => onEdit((now) => withSignal(now, place, value))}
         data={[
           { value: "", label: "Add a signal …", disabled: true },
-          ...signalChoices(unitOf(signals[0] ?? "")),
+          ...signalChoices(unitOf(signals[0] ?? ""), derived),
         ]}
         w={130}
       />
@@ -87,7 +89,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         aria-label={`Axis of ${title}`}
         value={over ?? ""}
         onChange={({ currentTarget: { value } }) => onEdit((now) => withOver(now, place, value || null))}
-        data={[{ value: "", label: "over time" }, ...signalChoices(null)]}
+        data={[{ value: "", label: "over time" }, ...signalChoices(null, derived)]}
         w={110}
       />
       <span className={styles.tools}>

@@ -1,6 +1,7 @@
 /** Signals to choose from, by unit; those of one unit first. Pure. */
 
-import { DRAWN } from "../theme/signals";
+import type { DerivedSignal } from "../samples/formula";
+import { DRAWN, meaningOf } from "../theme/signals";
 
 interface Choices {
   readonly group: string;
@@ -9,15 +10,18 @@ interface Choices {
 
 const WITHOUT_UNIT = "numbers";
 
-/** `first` is the unit that a panel has already; null where any will do. */
-export function signalChoices(first: string | null): Choices[] {
-  const units = [...new Set(DRAWN.map(({ unit }) => unit))];
+/** `first` is the unit that a panel has already, null where any will do; `derived` are offered besides. */
+export function signalChoices(first: string | null, derived: readonly DerivedSignal[] = []): Choices[] {
+  const all = [...DRAWN, ...derived.map(({ name, unit }) => ({ name, unit, meaning: meaningOf(name) }))];
+  const units = [...new Set(all.map(({ unit }) => unit))];
   const ordered = first === null ? units : [first, ...units.filter((unit) => unit !== first)];
   return ordered.map((unit) => ({
     group: unit === "1" ? WITHOUT_UNIT : unit,
-    items: DRAWN.filter((one) => one.unit === unit).map(({ name, meaning }) => ({
-      value: name,
-      label: `${name}: ${meaning}`,
-    })),
+    items: all
+      .filter((one) => one.unit === unit)
+      .map(({ name, meaning }) => ({
+        value: name,
+        label: `${name}: ${meaning}`,
+      })),
   }));
 }

@@ -1,7 +1,9 @@
 /** What can be taken home from a run. */
 
-import { Button } from "@mantine/core";
+import { Button, Checkbox } from "@mantine/core";
+import { useState } from "react";
 import { TbDownload, TbExternalLink } from "react-icons/tb";
+import { useFormulas } from "../service/formulas";
 
 const DATA = [
   { format: "csv", label: "Data (CSV)" },
@@ -11,6 +13,10 @@ const DATA = [
 ] as const;
 
 export function Downloads({ run, report }: { run: number; report: boolean }) {
+  const formulas = useFormulas();
+  const [wanted, want] = useState(false);
+  const names = formulas.map(({ name }) => name).join(",");
+  const query = wanted && names !== "" ? `?formulas=${names}` : "";
   return (
     <>
       {report && (
@@ -40,7 +46,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
         <Button
           key={format}
           component="a"
-          href={`./api/runs/${run}/data.${format}`}
+          href={`./api/runs/${run}/data.${format}${query}`}
           download
           variant="default"
           leftSection={<TbDownload size={14} />}
@@ -48,6 +54,14 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
           {label}
         </Button>
       ))}
+      {formulas.length > 0 && (
+        <Checkbox
+          label="with formulas"
+          title={`Columns behind the recorded ones: ${names.replaceAll(",", ", ")}`}
+          checked={wanted}
+          onChange={(event) => want(event.currentTarget.checked)}
+        />
+      )}
       <Button
         component="a"
         href={`./api/runs/${run}/bundle.zip`}

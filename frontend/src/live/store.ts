@@ -1,6 +1,7 @@
 /** What the page knows of the running system, in one place, changed by the socket and read by everything. */
 
 import { replaceEqualDeep } from "@tanstack/react-query";
+import type { DerivedSignal } from "../samples/formula";
 import { SampleWindow } from "../samples/window";
 import type { Frame } from "../wire/frame";
 import type { Layout, Mark, State } from "../wire/types";
@@ -31,6 +32,7 @@ export class LiveStore {
   /** After a greeting: what came before this tick is history, kept aside until it is whole. */
   private history: { untilTick: number | null; since_s: number | null; frames: Frame[] } | null = null;
   private live: Live;
+  private formulas: readonly DerivedSignal[] = [];
   private readonly listeners = new Set<() => void>();
 
   constructor(now_ms: number) {
@@ -61,6 +63,7 @@ export class LiveStore {
     const names = layout.fields.map((field) => field.name);
     if (names.join() !== this.window.names.join()) {
       this.window = new SampleWindow(names);
+      this.window.derive(this.formulas);
       this.clock.reset();
     }
     this.history = { untilTick: null, since_s: null, frames: [] };
@@ -71,12 +74,19 @@ export class LiveStore {
     const restarted = this.live.state !== null && this.live.state.link.starts !== state.link.starts;
     if (restarted) {
       this.window = new SampleWindow(this.window.names);
+      this.window.derive(this.formulas);
       this.clock.reset();
       this.change({ marks: [] });
     }
     if (this.history?.untilTick === null) this.history.untilTick = state.tick + 1;
     // equal parts keep their identity, so that only what shows a change is rendered again
     this.change({ state: replaceEqualDeep(this.live.state, state), isStateCurrent: true });
+  }
+
+  /** Hold these derived signals in the window, also of the samples that are there. */
+  setFormulas(formulas: readonly DerivedSignal[]): void {
+    this.formulas = formulas;
+    this.window.derive(formulas);
   }
 
   addMark(mark: Mark): void {

@@ -7,6 +7,7 @@
 
 import type { Frame } from "../wire/frame";
 import { COMBINED } from "../wire/sample.gen";
+import { type DerivedSignal, valuesOf } from "./formula";
 
 export const BLOCK_TICKS = 16;
 /** A power of two above 120 s at 1 kHz. */
@@ -24,6 +25,9 @@ export interface Lengths {
   readonly r_j: number;
 }
 
+/** So many ticks of derived signals are computed at once. */
+const AT_ONCE = 4096;
+
 const UNKNOWN: Lengths = { r_m: Number.NaN, r_j: Number.NaN };
 
 /** A signal that follows from two others: of each what it is times, and its samples. */
@@ -40,7 +44,7 @@ export class SampleWindow {
   readonly capacity: number;
   /** What frames bring, in their order. */
   readonly names: readonly string[];
-  readonly columns: ReadonlyMap<string, Column>;
+  columns: ReadonlyMap<string, Column>;
   /** First tick held. */
   startTick = 0;
   /** One past the newest tick held. */
@@ -48,6 +52,8 @@ export class SampleWindow {
 
   private readonly ordered: readonly Column[];
   private readonly sums: readonly Sum[];
+  private derived: readonly { readonly signal: DerivedSignal; readonly column: Column }[] = [];
+  private readonly plain: ReadonlyMap<string, Column>;
   private lengths = UNKNOWN;
 
   constructor(names: readonly string[], capacity: number = CAPACITY_TICKS) {
@@ -63,10 +69,11 @@ export class SampleWindow {
       column: emptyColumn(capacity),
       terms: terms.map(({ column, sign, length }) => ({ of: columns.get(column) as Column, sign, length })),
     }));
-    this.columns = new Map([
+    this.plain = new Map([
       ...columns,
       ...here.map(({ name }, index): [string, Column] => [name, (this.sums[index] as Sum).column]),
     ]);
+    this.columns = this.plain;
   }
 
   /** Tell the geometry; what is held of signals that follow from it is made anew. */
@@ -74,6 +81,17 @@ export class SampleWindow {
     if (r_m === this.lengths.r_m && r_j === this.lengths.r_j) return;
     this.lengths = { r_m, r_j };
     for (const sum of this.sums) this.add(sum, this.startTick);
+    this.compute(this.startTick);
+  }
+
+  /** Hold these derived signals besides, from what is held on. */
+  derive(signals: readonly DerivedSignal[]): void {
+    this.derived = signals.map((signal) => ({ signal, column: emptyColumn(this.capacity) }));
+    this.columns = new Map([
+      ...this.plain,
+      ...this.derived.map(({ signal, column }): [string, Column] => [signal.name, column]),
+    ]);
+    this.compute(this.startTick);
   }
 
   /** Number of ticks between start and end, holes included. */
@@ -105,6 +123,7 @@ export class SampleWindow {
       this.summarise(column, holeFrom);
     }
     for (const sum of this.sums) this.add(sum, Math.max(holeFrom, this.startTick));
+    this.compute(Math.max(holeFrom, this.startTick));
   }
 
   /** Value of a signal at a tick, NaN where there is none. */
@@ -141,6 +160,26 @@ export class SampleWindow {
       out[slot] = (timesA as number) * (ofA[slot] as number) + (timesB as number) * (ofB[slot] as number);
     }
     this.summarise(column, fromTick);
+  }
+
+  private compute(fromTick: number): void {
+    for (let tick = fromTick; tick < this.endTick; tick += AT_ONCE) {
+      const count = Math.min(AT_ONCE, this.endTick - tick);
+      for (const { signal, column } of this.derived) {
+        const values = valuesOf(signal.steps, count, (name) => this.given(name, tick, count), {
+          ...this.lengths,
+        });
+        for (let row = 0; row < count; row++)
+          column.samples[(tick + row) & (this.capacity - 1)] = values[row] as number;
+      }
+    }
+    for (const { column } of this.derived) this.summarise(column, fromTick);
+  }
+
+  private given(name: string, tick: number, count: number): Float64Array {
+    const values = new Float64Array(count);
+    this.copyTo(name, tick, values);
+    return values;
   }
 
   private fill(samples: Float32Array, fromTick: number, toTick: number): void {

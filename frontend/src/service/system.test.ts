@@ -9,6 +9,8 @@ import { flightOf } from "./system";
 const FLIGHT: Flight = {
   id: 5,
   at: "2026-03-04T10:20:30Z",
+  kind: "trip",
+  who: "",
   fault: "tension",
   text: "",
   run: null,
@@ -26,4 +28,7 @@ it("is the newest record, where the fault's tick is within the seconds after its
   expect(flightOf(flights, { tick: 2_000 })).toBeUndefined();
   expect(flightOf(flights, null)).toBeUndefined();
   expect(flightOf([], { tick: 1 })).toBeUndefined();
+  const trigger: Flight = { ...FLIGHT, id: 6, kind: "trigger", tick: 10_500 };
+  expect(flightOf([trigger, ...flights], { tick: 11_000 })?.id).toBe(5);
+  expect(flightOf([trigger], { tick: 11_000 })).toBeUndefined();
 });

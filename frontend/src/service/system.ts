@@ -17,7 +17,7 @@ export const flightsQuery = queryOptions({
   refetchInterval: 5000,
 });
 
-/** Its samples as they are exported, t counted from the trip. They never change. */
+/** Its samples as they are exported, t counted from the trip or trigger. They never change. */
 export function flightSamplesQuery(id: number) {
   return queryOptions({
     queryKey: ["flights", id, "samples"],
@@ -29,14 +29,14 @@ export function flightSamplesQuery(id: number) {
   });
 }
 
-/** Let the 3D view of the replay show a moment of it; `t` counts from the trip. */
+/** Let the 3D view of the replay show a moment of it; `t` counts from the trip or trigger. */
 export function showFlightMoment(id: number, t: number) {
   return answered(api.POST("/api/flights/{id}/replay", { params: { path: { id } }, body: { t } }));
 }
 
 /** The flight record that a fault is in: trips that follow each other share one. */
 export function flightOf(flights: readonly Flight[], fault: Pick<Fault, "tick"> | null): Flight | undefined {
-  const [newest] = flights; // ticks begin anew with each loop process: older records may be of another one
+  const newest = flights.find(({ kind }) => kind === "trip"); // ticks begin anew with each loop process: older records may be of another one
   if (newest === undefined || fault === null) return undefined;
   const after_s = (fault.tick - newest.tick) / 1000;
   return after_s >= 0 && after_s <= newest.after_s ? newest : undefined;

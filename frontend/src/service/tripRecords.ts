@@ -20,6 +20,7 @@ export function ageOf({ fault, starts }: Trip, state: State | null): number | nu
  */
 export function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: number): Flight | undefined {
   const apart = flights.flatMap((flight) => {
+    if (flight.kind !== "trip") return [];
     const after_ms = (fault.tick - flight.tick) * PERIOD_MS;
     if (after_ms < 0 || after_ms > 1000 * flight.after_s) return [];
     return [{ flight, ms: Math.abs(Date.parse(flight.at) + after_ms - at_ms) }];

@@ -31,7 +31,18 @@ const FAULT = { code: "force_limit", tick: 5000, message: "Too hard.", remedy: "
 /** A record of a trip so long before `NOW`. */
 function record(id: number, tick: number, before_s: number): Flight {
   const at = new Date(NOW + AHEAD_MS - 1000 * before_s).toISOString();
-  return { id, at, tick, fault: "force_limit", text: "", run: null, before_s: 10, after_s: 5 };
+  return {
+    id,
+    at,
+    tick,
+    kind: "trip",
+    who: "",
+    fault: "force_limit",
+    text: "",
+    run: null,
+    before_s: 10,
+    after_s: 5,
+  };
 }
 
 let store: LiveStore;

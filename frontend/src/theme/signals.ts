@@ -1,5 +1,6 @@
 /** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line, digits; the same everywhere. */
 
+import { derivedSignal } from "../samples/formula";
 import { COMBINED, FIELDS } from "../wire/sample.gen";
 
 export const DEGREES = 180 / Math.PI;
@@ -43,7 +44,7 @@ const SUMS: ReadonlySet<string> = new Set(COMBINED.map(({ name }) => name));
 
 /** Whether a signal is stored nowhere, but follows from others sample by sample. */
 export function isSum(name: string): boolean {
-  return SUMS.has(name);
+  return SUMS.has(name) || derivedSignal(name) !== undefined;
 }
 
 export const HUES = {
@@ -98,15 +99,17 @@ export function signalOf(name: string): string {
 
 /** Unit of a signal in recordings and exports (SI), and of its difference Δ. */
 export function unitOf(name: string): string {
-  return BY_NAME.get(name.replace(/^Δ|[′⁰¹²³⁴-⁹]/g, ""))?.unit ?? "1";
+  const plain = name.replace(/^Δ|[′⁰¹²³⁴-⁹]/g, "");
+  return (BY_NAME.get(plain) ?? derivedSignal(plain))?.unit ?? "1";
 }
 
 export function isDrawn(name: string): boolean {
-  return BY_NAME.has(name);
+  return BY_NAME.has(name) || derivedSignal(name) !== undefined;
 }
 
 export function meaningOf(name: string): string {
-  return BY_NAME.get(name)?.meaning ?? "";
+  const derived = derivedSignal(name);
+  return BY_NAME.get(name)?.meaning ?? (derived?.meaning || derived?.expression) ?? "";
 }
 
 /** How a signal is drawn beside others. */
@@ -142,10 +145,20 @@ const BY_UNIT: Readonly<Record<string, Scale>> = {
 const FINER_ERROR = 10;
 const LATENESS: Scale = { unit: "ms", factor: 1000, decimals: 3, narrowest: 0.2 };
 
+const DECIMALS = 4;
+const NARROWEST = 1e-6;
+
+/** A derived signal may be of any size, and of a unit that no other has. */
+function ofDerived(unit: string): Scale {
+  const own = unit === "1" ? undefined : BY_UNIT[unit];
+  return own ?? { unit, factor: 1, decimals: DECIMALS, narrowest: NARROWEST };
+}
+
 /** How one axis for all of these signals of one unit is read. */
 export function scaleOf(names: readonly string[]): Scale {
   const unit = unitOf(names[0] ?? "");
   if (names.length > 0 && names.every((name) => name === "lateness_s")) return LATENESS;
+  if (names.some((name) => derivedSignal(name) !== undefined)) return ofDerived(unit);
   const scale = BY_UNIT[unit] as Scale;
   if (names.includes("bank_entry")) return { ...scale, decimals: 2 };
   const errors = names.length > 0 && names.every((name) => SUMS.has(name) && unit !== "m" && unit !== "N");

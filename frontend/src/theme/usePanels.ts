@@ -2,6 +2,7 @@
 
 import { useMemo } from "react";
 import { useAngles } from "../service/angles";
+import { useDerived } from "../service/formulas";
 import { usePreferences } from "../service/preferences";
 import { panelsOf, readIn, STANDARD } from "./layouts";
 import { type Panel, signalOf } from "./signals";
@@ -19,9 +20,11 @@ export function useStandardPanels(): readonly Panel[] {
 function useDrawn(layout: typeof STANDARD): readonly Panel[] {
   const { colours } = usePreferences().preferences;
   const angles = useAngles();
+  const derived = useDerived();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: which signals there are decides which are drawn
   return useMemo(
     () => panelsOf(layout).map((panel) => readIn(inColours(panel, colours), angles)),
-    [layout, colours, angles],
+    [layout, colours, angles, derived],
   );
 }
 

@@ -382,6 +382,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/trigger": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Arm Trigger
+         * @description Wait for a condition on a signal and keep what was before and after it as a flight record; nothing moves.
+         */
+        put: operations["arm_trigger"];
+        post?: never;
+        /**
+         * Disarm Trigger
+         * @description Wait for nothing any more; of a capture under way what there is until now is kept.
+         */
+        delete: operations["disarm_trigger"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/player": {
         parameters: {
             query?: never;
@@ -599,7 +623,7 @@ export interface paths {
         };
         /**
          * List Flights
-         * @description List the newest flight records: 10 s before to 5 s after each trip, at 1 kHz.
+         * @description List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz.
          */
         get: operations["list_flights"];
         put?: never;
@@ -619,7 +643,7 @@ export interface paths {
         };
         /**
          * Get Flight Data
-         * @description Return a flight record in a format; t counts from the trip.
+         * @description Return a flight record in a format; t counts from the trip or trigger.
          */
         get: operations["get_flight_data"];
         put?: never;
@@ -1753,6 +1777,50 @@ export interface paths {
         put?: never;
         post?: never;
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/formulas": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Formulas
+         * @description List the derived signals of the station, by name, with the steps that compute them.
+         */
+        get: operations["list_formulas"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/formulas/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Put Formula
+         * @description Write a derived signal, or change the one of this name.
+         */
+        put: operations["put_formula"];
+        post?: never;
+        /**
+         * Remove Formula
+         * @description Remove a derived signal; recordings stay as they are.
+         */
+        delete: operations["remove_formula"];
         options?: never;
         head?: never;
         patch?: never;
@@ -3201,6 +3269,12 @@ export interface components {
             percent: number | null;
         };
         /**
+         * ConditionKind
+         * @description What the signal does when the condition is met.
+         * @enum {string}
+         */
+        ConditionKind: "above" | "below" | "rising" | "falling" | "inside" | "outside";
+        /**
          * ContactView
          * @description The contact that the joint gives way to.
          */
@@ -3538,7 +3612,7 @@ export interface components {
          * @description What an event is about. Those that are marks on the time axis too are called as ``MarkKind`` calls them.
          * @enum {string}
          */
-        EventKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note" | "trip" | "recording" | "retention" | "flight_quota" | "backup" | "access" | "refusal" | "run";
+        EventKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note" | "trip" | "trigger" | "recording" | "retention" | "flight_quota" | "backup" | "access" | "refusal" | "run";
         /**
          * EventMessage
          * @description A mark on the time axis.
@@ -3749,13 +3823,13 @@ export interface components {
         FlightMoment: {
             /**
              * T
-             * @description time since the trip [s]
+             * @description time since the trip or trigger [s]
              */
             t: number;
         };
         /**
          * FlightView
-         * @description One trip and the extent of what was kept around it.
+         * @description One trip or trigger, and the extent of what was kept around it.
          */
         FlightView: {
             /** Id */
@@ -3765,7 +3839,20 @@ export interface components {
              * Format: date-time
              */
             at: string;
-            /** Fault */
+            /**
+             * Kind
+             * @enum {string}
+             */
+            kind: "trip" | "trigger";
+            /**
+             * Who
+             * @description who pressed STOP or armed the trigger; empty where nobody did
+             */
+            who: string;
+            /**
+             * Fault
+             * @description what tripped; of a trigger the word trigger
+             */
             fault: string;
             /** Text */
             text: string;
@@ -3773,19 +3860,87 @@ export interface components {
             run: number | null;
             /**
              * Tick
-             * @description tick of the trip, of the loop that ran then
+             * @description tick of the trip or trigger, of the loop that ran then
              */
             tick: number;
             /**
              * Before S
-             * @description length kept before the trip [s]
+             * @description length kept before it [s]
              */
             before_s: number;
             /**
              * After S
-             * @description length kept after the trip [s]
+             * @description length kept from it on [s]
              */
             after_s: number;
+        };
+        /**
+         * FormulaList
+         * @description The formulas of the station, by name.
+         */
+        FormulaList: {
+            /** Formulas */
+            formulas: components["schemas"]["FormulaView"][];
+        };
+        /**
+         * FormulaText
+         * @description What a person writes.
+         */
+        FormulaText: {
+            /**
+             * Expression
+             * @description expression over signals in SI, as in experiments: + - * / % **, comparisons, min, max, abs, sqrt, round, if else
+             */
+            expression: string;
+            /**
+             * Unit
+             * @description SI unit of the result, as the writer says; 1 for a plain number
+             */
+            unit: string;
+            /**
+             * Meaning
+             * @description what it is, in words
+             * @default
+             */
+            meaning: string;
+        };
+        /**
+         * FormulaView
+         * @description A formula as it is in force.
+         */
+        FormulaView: {
+            /**
+             * Expression
+             * @description expression over signals in SI, as in experiments: + - * / % **, comparisons, min, max, abs, sqrt, round, if else
+             */
+            expression: string;
+            /**
+             * Unit
+             * @description SI unit of the result, as the writer says; 1 for a plain number
+             */
+            unit: string;
+            /**
+             * Meaning
+             * @description what it is, in words
+             * @default
+             */
+            meaning: string;
+            /** Name */
+            name: string;
+            /** Who */
+            who: string;
+            /**
+             * At
+             * Format: date-time
+             */
+            at: string;
+            /**
+             * Signals
+             * @description the signals that it is made of
+             */
+            signals: string[];
+            /** Steps */
+            steps: components["schemas"]["StepView"][];
         };
         /**
          * FreshTokens
@@ -4474,7 +4629,7 @@ export interface components {
          * @description What a mark on the time axis is about.
          * @enum {string}
          */
-        MarkKind: "mode" | "tuning" | "bank" | "fault" | "trip" | "references" | "note";
+        MarkKind: "mode" | "tuning" | "bank" | "fault" | "trip" | "trigger" | "references" | "note";
         /**
          * MeasuredBode
          * @description A frequency response estimated from the data without a model.
@@ -5144,7 +5299,8 @@ export interface components {
          * @description What a program asks for over its whole length, known before it plays.
          *
          *     Of an experiment the references and pushes, where it has any; of an identification its set points and excitation:
-         *     motor references without the force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
+         *     motor references without the force loop's trim, the voltage of steps, the tension that motor references give at
+         *     q = 0.
          */
         Planned: {
             /**
@@ -6773,6 +6929,8 @@ export interface components {
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
+            /** @description the trigger that was armed last since the service started; null where none was */
+            trigger: components["schemas"]["TriggerView"] | null;
             /** @description what stands in a simulated joint's way; null where nothing does */
             wall: components["schemas"]["Wall"] | null;
             /** @description where a recording stands that is played; else null */
@@ -6839,6 +6997,8 @@ export interface components {
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
+            /** @description the trigger that was armed last since the service started; null where none was */
+            trigger: components["schemas"]["TriggerView"] | null;
             /** @description what stands in a simulated joint's way; null where nothing does */
             wall: components["schemas"]["Wall"] | null;
             /**
@@ -7035,6 +7195,29 @@ export interface components {
             values?: {
                 [key: string]: number;
             };
+        };
+        /**
+         * StepView
+         * @description One step of a formula in postfix order: it takes the last ``of`` values and leaves one.
+         */
+        StepView: {
+            /**
+             * Op
+             * @enum {string}
+             */
+            op: "number" | "signal" | "length" | "neg" | "not" | "add" | "sub" | "mul" | "div" | "mod" | "pow" | "lt" | "le" | "gt" | "ge" | "eq" | "ne" | "and" | "or" | "if" | "min" | "max" | "abs" | "sqrt" | "round";
+            /** Of */
+            of: number;
+            /**
+             * Value
+             * @description of a number
+             */
+            value: number;
+            /**
+             * Name
+             * @description of a signal, or of a length of the geometry
+             */
+            name: string;
         };
         /**
          * StopProof
@@ -7732,6 +7915,125 @@ export interface components {
              * @description length of the trial [s]
              */
             duration_s: number;
+        };
+        /**
+         * TriggerOrder
+         * @description A condition on one signal, and how much is kept around it.
+         */
+        TriggerOrder: {
+            /**
+             * Signal
+             * @description name of a signal of the sample, or of a combined one
+             */
+            signal: string;
+            /** @description a level, an edge through a level, or a window */
+            condition: components["schemas"]["ConditionKind"];
+            /**
+             * Level
+             * @description level, or lower end of the window, in the SI unit of the signal
+             */
+            level: number;
+            /**
+             * Upper
+             * @description upper end of the window; null without a window
+             */
+            upper?: number | null;
+            /**
+             * Before S
+             * @description time kept before the trigger [s]
+             * @default 1
+             */
+            before_s: number;
+            /**
+             * After S
+             * @description time kept from the trigger on [s]
+             * @default 1
+             */
+            after_s: number;
+            /**
+             * Captures
+             * @description how many are made before it disarms itself
+             * @default 1
+             */
+            captures: number;
+        };
+        /**
+         * TriggerView
+         * @description What was armed last, and what it does at present.
+         */
+        TriggerView: {
+            /**
+             * Signal
+             * @description name of a signal of the sample, or of a combined one
+             */
+            signal: string;
+            /** @description a level, an edge through a level, or a window */
+            condition: components["schemas"]["ConditionKind"];
+            /**
+             * Level
+             * @description level, or lower end of the window, in the SI unit of the signal
+             */
+            level: number;
+            /**
+             * Upper
+             * @description upper end of the window; null without a window
+             */
+            upper?: number | null;
+            /**
+             * Before S
+             * @description time kept before the trigger [s]
+             * @default 1
+             */
+            before_s: number;
+            /**
+             * After S
+             * @description time kept from the trigger on [s]
+             * @default 1
+             */
+            after_s: number;
+            /**
+             * Captures
+             * @description how many are made before it disarms itself
+             * @default 1
+             */
+            captures: number;
+            /**
+             * Unit
+             * @description SI unit of the signal
+             */
+            unit: string;
+            /**
+             * Says
+             * @description the condition in words, in SI
+             */
+            says: string;
+            /** Who */
+            who: string;
+            /**
+             * At
+             * Format: date-time
+             */
+            at: string;
+            /**
+             * Phase
+             * @enum {string}
+             */
+            phase: "armed" | "capturing" | "ended";
+            /**
+             * Captured
+             * @description captures made so far
+             */
+            captured: number;
+            /**
+             * Left S
+             * @description time until the capture under way is complete; 0 while none is [s]
+             */
+            left_s: number;
+            /**
+             * Ended
+             * @description why it waits for nothing any more; empty while it does
+             */
+            ended: string;
         };
         /**
          * TuningPreview
@@ -10516,6 +10818,228 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["WallOrder"];
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    arm_trigger: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TriggerOrder"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TriggerView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    disarm_trigger: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
@@ -19747,6 +20271,344 @@ export interface operations {
             };
         };
     };
+    list_formulas: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FormulaList"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    put_formula: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description name of the derived signal */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["FormulaText"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FormulaView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    remove_formula: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description name of the derived signal */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
     list_runs: {
         parameters: {
             query?: {
@@ -21485,7 +22347,10 @@ export interface operations {
     };
     get_data: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description derived signals as further columns, names separated by commas */
+                formulas?: string;
+            };
             header?: never;
             path: {
                 /** @description identifier in the database */

@@ -951,6 +951,68 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "sweep",
     "meaning": "learn over all of the stiffness, point by point, with nobody at the joint; alone"
   },
+  "setting:trigger.signal": {
+    "kind": "setting",
+    "name": "trigger.signal",
+    "term": "signal",
+    "meaning": "name of a signal of the sample, or of a combined one"
+  },
+  "setting:trigger.condition": {
+    "kind": "setting",
+    "name": "trigger.condition",
+    "term": "condition",
+    "meaning": "a level, an edge through a level, or a window"
+  },
+  "setting:trigger.level": {
+    "kind": "setting",
+    "name": "trigger.level",
+    "term": "level",
+    "meaning": "level, or lower end of the window, in the SI unit of the signal"
+  },
+  "setting:trigger.upper": {
+    "kind": "setting",
+    "name": "trigger.upper",
+    "term": "upper",
+    "meaning": "upper end of the window; null without a window"
+  },
+  "setting:trigger.before_s": {
+    "kind": "setting",
+    "name": "trigger.before_s",
+    "term": "before s",
+    "meaning": "time kept before the trigger",
+    "unit": "s",
+    "more": [
+      [
+        "Accepted",
+        "0 … 60 s"
+      ]
+    ]
+  },
+  "setting:trigger.after_s": {
+    "kind": "setting",
+    "name": "trigger.after_s",
+    "term": "after s",
+    "meaning": "time kept from the trigger on",
+    "unit": "s",
+    "more": [
+      [
+        "Accepted",
+        "0.001 … 60 s"
+      ]
+    ]
+  },
+  "setting:trigger.captures": {
+    "kind": "setting",
+    "name": "trigger.captures",
+    "term": "captures",
+    "meaning": "how many are made before it disarms itself",
+    "more": [
+      [
+        "Accepted",
+        "1 … 100"
+      ]
+    ]
+  },
   "setting:tuning.lam_q": {
     "kind": "setting",
     "name": "tuning.lam_q",

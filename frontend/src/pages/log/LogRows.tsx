@@ -72,7 +72,7 @@ function alike(before: { entry: LogEntry }, now: { entry: LogEntry }): boolean {
   return before.entry === now.entry || JSON.stringify(before.entry) === JSON.stringify(now.entry);
 }
 
-function Recording({ entry: { run, t, flight, event } }: { entry: LogEntry }) {
+function Recording({ entry: { run, t, flight, event, kind } }: { entry: LogEntry }) {
   return (
     <>
       {run !== null && (
@@ -84,7 +84,7 @@ function Recording({ entry: { run, t, flight, event } }: { entry: LogEntry }) {
       {flight && (
         <>
           <Link className={styles.flight ?? ""} href={`/flights/${event}`}>
-            charts of the trip
+            charts of the {kind === "trigger" ? "trigger" : "trip"}
           </Link>
           <a className={styles.flight} href={`./api/flights/${event}/data.csv`} download>
             flight record

@@ -11,6 +11,7 @@ export const NAMES: Readonly<Record<LogKind, string>> = {
   references: "References",
   note: "Note",
   trip: "Trip",
+  trigger: "Trigger",
   run: "Run",
   recording: "Recording",
   retention: "Room for recordings",

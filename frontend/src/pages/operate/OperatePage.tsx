@@ -2,6 +2,7 @@
 
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { useLive } from "../../live/react";
+import { TriggerCard } from "../system/TriggerCard";
 import { CardJumps } from "./CardJumps";
 import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
@@ -44,6 +45,7 @@ function Controls() {
       <TouchCard />
       <PushCard />
       <WallCard />
+      <TriggerCard />
     </OperatorsOnly>
   );
 }

@@ -1,4 +1,4 @@
-/** The seconds around a trip in charts and 3D, opened at its tick; time counts from it, as in the exported file. */
+/** The seconds around a trip or a trigger in charts and 3D, opened at its tick; time counts from it, as in the exported file. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useCallback, useMemo, useState } from "react";
@@ -40,7 +40,7 @@ export default function FlightPage() {
       {flight === undefined ? (
         <p className={page.empty}>{samples.error?.message ?? missing ?? "Loading …"}</p>
       ) : (
-        <Card title="Trip">
+        <Card title={flight.kind === "trip" ? "Trip" : "Trigger"}>
           <dl className={page.facts}>
             <dt>When</dt>
             <dd>
@@ -50,6 +50,12 @@ export default function FlightPage() {
             <dd>
               <Told text={flight.text} />
             </dd>
+            {flight.who !== "" && (
+              <>
+                <dt>Who</dt>
+                <dd>{flight.who}</dd>
+              </>
+            )}
             <dt>Kept</dt>
             <dd>
               {fixed(flight.before_s, 3)} s before to {fixed(flight.after_s, 3)} s after, every sample
@@ -81,7 +87,7 @@ export default function FlightPage() {
 }
 
 function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns }) {
-  const { id, text, run } = flight;
+  const { id, text, run, kind } = flight;
   const { data: recorded } = useQuery({ ...runQuery(run ?? 0), enabled: run !== null });
   const begin_s = samples.t?.[0] ?? 0;
   const end_s = (samples.t?.at(-1) ?? 0) + PERIOD_S;
@@ -103,7 +109,7 @@ function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns })
         home={home}
         longest_s={home.span_s}
         limits={useMemo(() => limitLines(limits, angles), [limits, angles])}
-        marks={useMemo(() => [{ time_s: 0, text, fault: true }], [text])}
+        marks={useMemo(() => [{ time_s: 0, text, fault: kind === "trip" }], [text, kind])}
         stale={false}
         playhead={playhead}
         origin={{
@@ -111,8 +117,8 @@ function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns })
           plant: recorded === undefined ? "plant not known" : plantWord(recorded.plant),
           bank: "",
         }}
-        name={`sinew-trip-${id}`}
-        remark="every sample; time counts from the trip"
+        name={`sinew-flight-${id}`}
+        remark={`every sample; time counts from the ${kind}`}
       />
       <PlayedBack
         playhead={playhead}

@@ -8,7 +8,16 @@ export type EventKind = (typeof EVENT_KINDS)[number];
 
 export const ALIGN_BY = ["begin", "step", "event"] as const;
 export const STEP_SIGNALS = ["q_ref", "S_ref", "F_push"] as const;
-export const EVENT_KINDS = ["trip", "fault", "mode", "references", "tuning", "bank", "note"] as const;
+export const EVENT_KINDS = [
+  "trip",
+  "trigger",
+  "fault",
+  "mode",
+  "references",
+  "tuning",
+  "bank",
+  "note",
+] as const;
 export const MOST_NUMBER = 100_000;
 
 export interface Compared {

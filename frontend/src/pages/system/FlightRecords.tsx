@@ -1,4 +1,4 @@
-/** The flight records: ten seconds before and five after each trip, to take home. */
+/** The flight records of trips, ten seconds before and five after, and of triggers, to take home. */
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -9,21 +9,24 @@ import { flightsQuery } from "../../service/system";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
 
+const KINDS = { trip: "Trip", trigger: "Trigger" } as const;
 const FORMATS = ["csv", "parquet", "mat", "mcap"] as const;
 
 export function FlightRecords() {
   const flights = useQuery(flightsQuery).data ?? [];
   return (
-    <Card title="Flight records of trips">
+    <Card title="Flight records">
       {flights.length === 0 ? (
-        <p className={page.empty}>No trip yet.</p>
+        <p className={page.empty}>No trip or trigger yet.</p>
       ) : (
         <div className={page.tableScroll}>
           <Table aria-label="Flight records" verticalSpacing={3}>
             <Table.Thead>
               <Table.Tr>
                 <Table.Th>When</Table.Th>
+                <Table.Th>Kind</Table.Th>
                 <Table.Th>What happened</Table.Th>
+                <Table.Th>Who</Table.Th>
                 <Table.Th>Run</Table.Th>
                 <Table.Th className={styles.number}>Kept [s]</Table.Th>
                 <Table.Th>Data</Table.Th>
@@ -35,9 +38,11 @@ export function FlightRecords() {
                   <Table.Td>
                     <a href={`#/flights/${flight.id}`}>{dateTime(flight.at)}</a>
                   </Table.Td>
+                  <Table.Td>{KINDS[flight.kind]}</Table.Td>
                   <Table.Td>
                     <Told text={flight.text} />
                   </Table.Td>
+                  <Table.Td>{flight.who}</Table.Td>
                   <Table.Td>
                     {flight.run === null ? (
                       "none was recorded"
@@ -46,7 +51,8 @@ export function FlightRecords() {
                     )}
                   </Table.Td>
                   <Table.Td className={styles.number}>
-                    −{fixed(flight.before_s, 1)} … {fixed(flight.after_s, 1)}
+                    −{fixed(flight.before_s, decimals(flight.before_s))} …{" "}
+                    {fixed(flight.after_s, decimals(flight.after_s))}
                   </Table.Td>
                   <Table.Td>
                     <span className={styles.links}>
@@ -65,4 +71,9 @@ export function FlightRecords() {
       )}
     </Card>
   );
+}
+
+/** One decimal where it says it all; samples are a thousandth of a second. */
+function decimals(seconds: number): number {
+  return Math.abs(seconds * 10 - Math.round(seconds * 10)) < 1e-6 ? 1 : 3;
 }

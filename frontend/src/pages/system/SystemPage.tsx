@@ -17,6 +17,7 @@ import { Lateness } from "./Lateness";
 import { RecordingsCard } from "./RecordingsCard";
 import { SafetyChain } from "./SafetyChain";
 import styles from "./System.module.css";
+import { TriggerCard } from "./TriggerCard";
 
 export default function SystemPage() {
   const state = useLive((live) => live.state);
@@ -82,6 +83,7 @@ export default function SystemPage() {
         <RecordingsCard />
         <Lateness system={system} />
       </div>
+      <TriggerCard />
       <FlightRecords />
       <Card title="Signals">
         <div className={page.tableScroll}>

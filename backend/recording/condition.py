@@ -1,0 +1,82 @@
+"""The condition that a signal meets: a level, an edge through a level, or a window. Pure; nan meets nothing."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.recording.following import computed
+from backend.sample import COMBINED_BY_NAME, INDEX, UNIT_OF
+
+
+class ConditionKind(StrEnum):
+    """What the signal does when the condition is met."""
+
+    ABOVE = "above"
+    BELOW = "below"
+    RISING = "rising"
+    FALLING = "falling"
+    INSIDE = "inside"
+    OUTSIDE = "outside"
+
+
+WINDOWS = (ConditionKind.INSIDE, ConditionKind.OUTSIDE)
+EDGES = (ConditionKind.RISING, ConditionKind.FALLING)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A signal of the sample, or a combined one, against ``level``; a window reaches from ``level`` to ``upper``.
+
+    An edge is a sample beyond the level after one that is not: it takes two neighbouring samples that are numbers.
+    """
+
+    signal: str
+    kind: ConditionKind
+    level: float
+    upper: float | None = None
+
+    def met(self, values: NDArray[np.float64], previous: float) -> NDArray[np.bool_]:
+        """Tell for each of ``values`` whether it meets the condition; ``previous`` is the sample before the first."""
+        before = np.concatenate(([previous], values[:-1]))
+        match self.kind:
+            case ConditionKind.ABOVE:
+                return values > self.level
+            case ConditionKind.BELOW:
+                return values < self.level
+            case ConditionKind.RISING:
+                return (before <= self.level) & (values > self.level)
+            case ConditionKind.FALLING:
+                return (before >= self.level) & (values < self.level)
+            case ConditionKind.INSIDE:
+                return (values >= self.level) & (values <= self._upper)
+            case ConditionKind.OUTSIDE:
+                return (values < self.level) | (values > self._upper)
+
+    def first(self, values: NDArray[np.float64], previous: float) -> int | None:
+        """Return the index of the first of ``values`` that meets the condition, None where none does."""
+        at = np.flatnonzero(self.met(values, previous))
+        return int(at[0]) if len(at) else None
+
+    @property
+    def _upper(self) -> float:
+        return np.inf if self.upper is None else self.upper
+
+    def told(self) -> str:
+        """Return the condition in words, in SI."""
+        unit = UNIT_OF[self.signal]
+        shown = "" if unit == "1" else f" {unit}"
+        if self.kind in WINDOWS:
+            return f"{self.signal} {self.kind} {self.level:.6g} to {self._upper:.6g}{shown}"
+        through = " through" if self.kind in EDGES else ""
+        return f"{self.signal} {self.kind}{through} {self.level:.6g}{shown}"
+
+
+def values_of(signal: str, rows: NDArray[np.float64], lengths: dict[str, float]) -> NDArray[np.float64]:
+    """Return a signal of rows of the ring [n, WIDTH]; ``lengths`` are those of the geometry [m], by name."""
+    combined = COMBINED_BY_NAME.get(signal)
+    if combined is None:
+        return rows[:, INDEX[signal]]
+    columns = {term.column: rows[:, INDEX[term.column]] for term in combined.terms}
+    return computed(combined, columns, lengths, len(rows))

@@ -1,0 +1,319 @@
+"""The trigger: samples before and after a condition on a signal, kept as a flight record.
+
+It reads the ring behind the loop and looks at every sample that the loop makes. Samples that were overwritten before
+they could be read are nan in the capture, and its text counts them.
+"""
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.loop.ring import Ring
+from backend.recording.codec import pack
+from backend.recording.condition import Condition, values_of
+from backend.recording.flight import Quota, make_room, run_of, time_of
+from backend.sample import STORED_COLUMNS, STORED_NAMES
+from backend.storage import Database, StorageError, events, flights, settings
+from backend.storage.events import EventKind
+from backend.storage.flights import TRIGGER, NewFlight
+from backend.storage.schema import Document
+from backend.supervision import Part
+from plant.interface import T_s
+
+LOOK_S = 0.05
+AT_ONCE = 8192
+SETTING = "trigger"
+"""What is armed, for the next start of the service to tell; null for nothing."""
+
+PART = Part("The trigger", "A capture may come late, or lack what the ring no longer holds.")
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Armed:
+    """What is waited for: ``before`` samples up to the one that meets the condition, ``after`` from it on.
+
+    ``captures`` is how many are made before it disarms itself; ``who`` armed it, at ``at``.
+    """
+
+    condition: Condition
+    before: int
+    after: int
+    captures: int
+    who: str
+    at: datetime
+
+    def document(self) -> Document:
+        """Return what is kept of it with a capture."""
+        return asdict(self.condition) | {"before": self.before, "after": self.after, "captures": self.captures}
+
+
+@dataclass(eq=False)
+class _Capture:
+    """One capture: ``lead`` are the samples before the trigger's, ``blocks`` the ``have`` samples from it on."""
+
+    armed: Armed
+    ring: Ring
+    tick: int
+    at: datetime
+    number: int
+    run: int
+    lead: NDArray[np.float32] | None = None
+    blocks: list[NDArray[np.float32]] = field(default_factory=list)
+    lost: int = 0
+    have: int = 0
+    ended: str = ""
+
+    @property
+    def first_tick(self) -> int:
+        """Tick of its first sample: a loop that had just started has fewer than are asked for."""
+        return max(0, self.tick - self.armed.before)
+
+    def read_lead(self) -> None:
+        """Read the samples before, once; what the ring does not hold any more is nan."""
+        if self.lead is None:
+            wanted = self.tick - self.first_tick
+            _, rows, overwritten = self.ring.read(self.first_tick, wanted)
+            missing = min(overwritten, wanted)
+            self.lead = np.full((wanted, len(STORED_NAMES)), np.nan, np.float32)
+            self.lead[missing:] = rows[: wanted - missing, STORED_COLUMNS]
+            self.lost += missing
+
+    @property
+    def wanted(self) -> int:
+        """How many samples are still to come."""
+        return self.armed.after - self.have
+
+    def take(self, rows: NDArray[np.float64]) -> None:
+        self.blocks.append(rows[:, STORED_COLUMNS].astype(np.float32))
+        self.have += len(rows)
+
+    def lack(self, count: int) -> None:
+        """Stand nan in for samples that cannot be read any more."""
+        self.blocks.append(np.full((count, len(STORED_NAMES)), np.nan, np.float32))
+        self.have += count
+        self.lost += count
+
+    @property
+    def text(self) -> str:
+        """What triggered it, and what of the samples is missing."""
+        before = self.tick - self.first_tick
+        missing = []
+        if before < self.armed.before:
+            missing.append(
+                f"{before * T_s:.3f} of {self.armed.before * T_s:.3f} s before it: the loop had just started"
+            )
+        if self.have < self.armed.after:
+            missing.append(f"{self.have * T_s:.3f} of {self.armed.after * T_s:.3f} s after it: {self.ended}")
+        if self.lost:
+            missing.append(f"{self.lost} samples are missing (nan): the service read too late")
+        of = f", {self.number} of {self.armed.captures}" if self.armed.captures > 1 else ""
+        return "; ".join([f"trigger: {self.armed.condition.told()}{of}", *missing])
+
+
+@dataclass
+class Standing:
+    """What the trigger does: ``captured`` captures so far; the present one takes ``left`` samples more, 0 for none."""
+
+    armed: Armed
+    captured: int = 0
+    left: int = 0
+    ended: str = ""
+    """Why it waits for nothing any more; empty while it does."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Who is told: of a trigger at a tick with its text, and of each change of what stands."""
+
+    triggered: Callable[[int, str], None] = field(default=lambda _tick, _text: None)
+    changed: Callable[[], None] = field(default=lambda: None)
+
+
+class Trigger:
+    """Waits for one condition at a time. ``problem`` says why a capture cannot be stored at present.
+
+    ``ring`` returns the ring of the loop process that runs at present, or ran last; ``lengths`` those of the joint's
+    geometry [m]. ``standing`` is None where nothing was armed since the service started.
+    """
+
+    def __init__(
+        self, database: Database, ring: Callable[[], Ring], quota: Quota, lengths: Callable[[], dict[str, float]]
+    ) -> None:
+        self.problem = ""
+        self.standing: Standing | None = None
+        self.heard = Heard()
+        self._database, self._present, self._quota, self._lengths = database, ring, quota, lengths
+        self._ring = ring()
+        self._position = 0
+        self._previous = np.nan
+        self._capture: _Capture | None = None
+        self._waiting: list[_Capture] = []
+        self._storing = threading.Lock()
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether a condition is waited for, or a capture is under way."""
+        return self.standing is not None and not self.standing.ended
+
+    def arm(self, armed: Armed) -> None:
+        """Wait for a condition from the next sample on."""
+        self._ring = self._present()
+        self._position = self._ring.count
+        _, rows, _ = self._ring.read(self._position - 1, 1)
+        self._previous = self._last_of(rows, armed.condition)
+        self.standing = Standing(armed)
+        self.heard.changed()
+
+    def disarm(self, why: str) -> None:
+        """Wait for nothing; what a capture under way has until now is kept."""
+        if self._capture is not None:
+            self._finish(self._capture, why)
+        if self.standing is not None and self.is_armed:
+            self.standing.ended = why
+            self.heard.changed()
+
+    def keep_armed(self, who: str) -> None:
+        """Put on record what is armed, for a next start to tell. Raises StorageError."""
+        armed = self.standing.armed if self.standing is not None and self.is_armed else None
+        document = None if armed is None else armed.document() | {"who": armed.who}
+        with self._database.session() as session:
+            settings.put(session, SETTING, document, who)
+
+    async def run(self) -> None:
+        """Look at what is new, and store what is complete, until cancelled."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            self.step()
+            if self._capture is not None and self._capture.lead is None:
+                await asyncio.to_thread(self._capture.read_lead)
+            if self._waiting:
+                await asyncio.to_thread(self.drain)
+                self.heard.changed()
+
+    def close(self) -> None:
+        """End with the service: what a capture has until now is kept."""
+        self.step()
+        self.disarm("the service ended")
+        self.drain()
+
+    def step(self) -> None:
+        """Look at all samples that are new."""
+        if not self.is_armed:
+            return
+        present = self._present()
+        self._look(self._ring)
+        if present is not self._ring:
+            if self._capture is not None:
+                self._finish(self._capture, "the control loop ended")
+            self._ring, self._position, self._previous = present, 0, np.nan
+            self._look(present)
+
+    def _look(self, ring: Ring) -> None:
+        while self.is_armed and self._position < ring.count:
+            first, rows, missed = ring.read(self._position, AT_ONCE)
+            if missed:
+                self._previous = np.nan
+                if self._capture is not None:
+                    self._capture.lack(min(missed, self._capture.wanted))
+                    self._finish_if_whole()
+            self._position = first + len(rows)
+            self._take(ring, first, rows)
+
+    def _take(self, ring: Ring, first: int, rows: NDArray[np.float64]) -> None:
+        while len(rows) and self.standing is not None and self.is_armed:
+            condition = self.standing.armed.condition
+            if self._capture is None:
+                at = condition.first(values_of(condition.signal, rows, self._lengths()), self._previous)
+                if at is None:
+                    break
+                self._begin(ring, first + at, rows[at:])
+                first, rows = first + at, rows[at:]
+            capture = self._capture
+            assert capture is not None
+            taken = min(capture.wanted, len(rows))
+            capture.take(rows[:taken])
+            self._previous = self._last_of(rows[:taken], condition)
+            first, rows = first + taken, rows[taken:]
+            self.standing.left = capture.wanted
+            self._finish_if_whole()
+        if len(rows) and self.standing is not None:
+            self._previous = self._last_of(rows, self.standing.armed.condition)
+
+    def _begin(self, ring: Ring, tick: int, rows: NDArray[np.float64]) -> None:
+        assert self.standing is not None
+        armed, number = self.standing.armed, self.standing.captured + 1
+        self._capture = _Capture(armed, ring, tick, time_of(ring, tick), number, run_of(rows[:1]))
+        self.heard.triggered(tick, f"trigger: {armed.condition.told()}")
+
+    def _finish_if_whole(self) -> None:
+        if self._capture is not None and self._capture.wanted == 0:
+            self._finish(self._capture, "")
+
+    def _finish(self, capture: _Capture, why: str) -> None:
+        assert self.standing is not None
+        capture.ended = why
+        self._capture = None
+        self.standing.captured, self.standing.left = capture.number, 0
+        if capture.number == capture.armed.captures:
+            self.standing.ended = "all captures were made"
+        self._waiting.append(capture)
+        self.heard.changed()
+
+    def _last_of(self, rows: NDArray[np.float64], condition: Condition) -> float:
+        return float(values_of(condition.signal, rows[-1:], self._lengths())[0]) if len(rows) else np.nan
+
+    def drain(self) -> None:
+        """Store what is complete. Never raises for the database's sake: see ``problem``."""
+        with self._storing:
+            while self._waiting:
+                try:
+                    self._store(self._waiting[0])
+                except StorageError as error:
+                    self.problem = f"the capture of a trigger cannot be stored: {error}"
+                    _LOG.error(self.problem)
+                    return
+                del self._waiting[0]
+            self.problem = ""
+
+    def _store(self, capture: _Capture) -> None:
+        capture.read_lead()
+        assert capture.lead is not None
+        armed, table = capture.armed, np.concatenate([capture.lead, *capture.blocks])
+        with self._database.session() as session:
+            event = events.add(
+                session,
+                EventKind.TRIGGER,
+                capture.text,
+                who=armed.who,
+                run_id=flights.known_run(session, capture.run),
+                tick=capture.tick,
+                detail={TRIGGER: armed.document()},
+                at=capture.at,
+            )
+            samples = pack(table)
+            flights.add(
+                session,
+                NewFlight(event.id, TRIGGER, capture.first_tick, capture.tick, len(table), list(STORED_NAMES), samples),
+            )
+            make_room(session, self._quota, TRIGGER)
+            if capture.number == armed.captures and not self.is_armed:
+                settings.put(session, SETTING, None, armed.who)
+
+
+def left_armed(database: Database) -> Document | None:
+    """Return what was armed when the service last ended, None for nothing; from now on nothing is."""
+    with database.session() as session:
+        kept = settings.newest(session, SETTING)
+        if kept is None or kept.value is None:
+            return None
+        settings.put(session, SETTING, None, "")
+    found: Document = kept.value
+    return found

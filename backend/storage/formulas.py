@@ -1,0 +1,80 @@
+"""Derived signals of a station by name: written, changed and removed; earlier rows stay."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.formula_schema import FormulaRow
+from backend.storage.records import UnknownRecordError, to_record
+from backend.storage.schema import Document
+from backend.storage.stations import station_of
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula as it is in force; ``unit`` and ``meaning`` are as its writer says, ``steps`` compute it."""
+
+    name: str
+    expression: str
+    steps: list[Document]
+    unit: str
+    meaning: str
+    who: str
+    at: datetime
+
+
+def put(
+    session: Session, name: str, expression: str, steps: list[Document], unit: str, meaning: str, who: str
+) -> Formula:
+    """Write a formula, or change the one of this name."""
+    return to_record(Formula, _add(session, name, expression, steps, unit, meaning, who, removed=False))
+
+
+def remove(session: Session, name: str, who: str) -> None:
+    """Remove the formula of this name. Raises UnknownRecordError."""
+    found = next((one for one in find(session) if one.name == name), None)
+    if found is None:
+        raise UnknownRecordError(f"there is no formula {name}")
+    _add(session, name, found.expression, found.steps, found.unit, found.meaning, who, removed=True)
+
+
+def find(session: Session) -> list[Formula]:
+    """Return the formulas of the station, by name."""
+    own = FormulaRow.station == station_of(session)
+    newest = select(func.max(FormulaRow.id)).where(own).group_by(FormulaRow.name)
+    rows = select(FormulaRow).where(FormulaRow.id.in_(newest), FormulaRow.removed.is_(False))
+    return [to_record(Formula, row) for row in session.scalars(rows.order_by(FormulaRow.name))]
+
+
+def ever(session: Session) -> set[str]:
+    """Return the names of all formulas that the station has or had."""
+    return set(session.scalars(select(FormulaRow.name).where(FormulaRow.station == station_of(session)).distinct()))
+
+
+def _add(
+    session: Session,
+    name: str,
+    expression: str,
+    steps: list[Document],
+    unit: str,
+    meaning: str,
+    who: str,
+    *,
+    removed: bool,
+) -> FormulaRow:
+    row = FormulaRow(
+        name=name,
+        expression=expression,
+        steps=steps,
+        unit=unit,
+        meaning=meaning,
+        removed=removed,
+        who=who,
+        at=datetime.now(UTC),
+        station=station_of(session),
+    )
+    session.add(row)
+    session.flush()
+    return row

@@ -1,0 +1,189 @@
+/** Trigger capture: a condition on a signal, and how much is kept around it as a flight record. */
+
+import { Button } from "@mantine/core";
+import { useQueryClient } from "@tanstack/react-query";
+import { type FormEvent, useEffect, useState } from "react";
+import { Link } from "wouter";
+import { signalChoices } from "../../charts/signalChoices";
+import { Card } from "../../components/Card";
+import { ChoiceField } from "../../components/ChoiceField";
+import { NumberField } from "../../components/NumberField";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { Refusal } from "../../components/Refusal";
+import { useLive } from "../../live/react";
+import { inWords, readingOf } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
+import { fieldEntry } from "../../service/fieldHelp";
+import { RefusedFields } from "../../service/refusedFields";
+import { flightsQuery } from "../../service/system";
+import { CONDITIONS, isWindow, triggerWords, useArm, useDisarm } from "../../service/trigger";
+import { unitOf } from "../../theme/signals";
+import type { TriggerOrder } from "../../wire/types";
+import styles from "./Trigger.module.css";
+
+type Typed = number | string;
+
+export function TriggerCard() {
+  const trigger = useLive((live) => live.state?.trigger ?? null);
+  const angles = useAngles();
+  const queries = useQueryClient();
+  const captured = trigger?.captured ?? 0;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: each capture is one more record in the list
+  useEffect(() => void queries.invalidateQueries({ queryKey: flightsQuery.queryKey }), [captured, queries]);
+  const waits = trigger !== null && trigger.phase !== "ended";
+  return (
+    <Card
+      title="Trigger capture"
+      aside={<Link href="/system">{captured > 0 ? "Captures in flight records" : "Flight records"}</Link>}
+    >
+      <output className={styles.state} aria-label="Trigger" data-phase={trigger?.phase ?? "none"}>
+        {inWords(triggerWords(trigger), angles)}
+        {waits && ` (armed by ${trigger.who})`}
+      </output>
+      <OperatorsOnly>{waits ? <Disarm /> : <ArmForm />}</OperatorsOnly>
+    </Card>
+  );
+}
+
+function Disarm() {
+  const disarm = useDisarm();
+  return (
+    <div className={styles.row}>
+      <Button size="compact-sm" variant="default" loading={disarm.isPending} onClick={() => disarm.mutate()}>
+        Disarm
+      </Button>
+      <Refusal error={disarm.error} hint="A recording under way ends and is kept." />
+    </div>
+  );
+}
+
+function ArmForm() {
+  const arm = useArm();
+  const angles = useAngles();
+  const [signal, setSignal] = useState("F_A");
+  const [condition, setCondition] = useState<TriggerOrder["condition"]>("rising");
+  const [level, setLevel] = useState<Typed>(20);
+  const [upper, setUpper] = useState<Typed>(30);
+  const [before_s, setBefore] = useState<Typed>(1);
+  const [after_s, setAfter] = useState<Typed>(1);
+  const [captures, setCaptures] = useState<Typed>(1);
+  const window = isWindow(condition);
+  const unit = unitOf(signal);
+  const read = unit === "1" ? "" : ` [${readingOf(unit, angles).unit}]`;
+  const numbers = [level, ...(window ? [upper] : []), before_s, after_s, captures];
+  const ready = numbers.every((one) => typeof one === "number");
+  const about = [signal, condition, ...numbers];
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    if (!ready) return;
+    arm.mutate({
+      signal,
+      condition,
+      level: Number(level),
+      upper: window ? Number(upper) : null,
+      before_s: Number(before_s),
+      after_s: Number(after_s),
+      captures: Number(captures),
+    });
+  }
+
+  const box = { size: "xs", saidAt: "refusal-of-trigger" } as const;
+  return (
+    <RefusedFields error={arm.error} about={about}>
+      <form aria-label="Trigger" onSubmit={submit}>
+        <div className={styles.row}>
+          <ChoiceField
+            {...box}
+            name="signal"
+            label="Signal"
+            value={signal}
+            data={signalChoices(null).map(({ group, items }) => ({
+              group,
+              items: items.map(({ value }) => ({ value, label: value })),
+            }))}
+            entry={fieldEntry("trigger.signal", angles)}
+            onChange={setSignal}
+          />
+          <ChoiceField
+            {...box}
+            name="condition"
+            label="Condition"
+            value={condition}
+            data={CONDITIONS}
+            entry={fieldEntry("trigger.condition", angles)}
+            onChange={(value) => setCondition(value as TriggerOrder["condition"])}
+          />
+          <NumberField
+            {...box}
+            name="level"
+            label={window ? `From${read}` : `Level${read}`}
+            w={84}
+            unit={unit}
+            value={level}
+            entry={fieldEntry("trigger.level", angles)}
+            onChange={setLevel}
+          />
+          {window && (
+            <NumberField
+              {...box}
+              name="upper"
+              label={`To${read}`}
+              w={84}
+              unit={unit}
+              value={upper}
+              entry={fieldEntry("trigger.upper", angles)}
+              onChange={setUpper}
+            />
+          )}
+          <NumberField
+            {...box}
+            name="before_s"
+            label="Before [s]"
+            w={76}
+            unit="s"
+            value={before_s}
+            entry={fieldEntry("trigger.before_s", angles)}
+            onChange={setBefore}
+          />
+          <NumberField
+            {...box}
+            name="after_s"
+            label="After [s]"
+            w={76}
+            unit="s"
+            value={after_s}
+            entry={fieldEntry("trigger.after_s", angles)}
+            onChange={setAfter}
+          />
+          <NumberField
+            {...box}
+            name="captures"
+            label="Captures"
+            w={76}
+            value={captures}
+            entry={fieldEntry("trigger.captures", angles)}
+            onChange={setCaptures}
+          />
+          <Button
+            type="submit"
+            size="compact-sm"
+            className={styles.arm ?? ""}
+            disabled={!ready}
+            loading={arm.isPending}
+          >
+            Arm
+          </Button>
+        </div>
+        <Refusal
+          id="refusal-of-trigger"
+          error={arm.error}
+          about={about}
+          forFields
+          text={ready ? null : "Each box needs a number."}
+          hint="Recorded from the first sample that meets the condition; nothing moves."
+        />
+      </form>
+    </RefusedFields>
+  );
+}

@@ -1,0 +1,284 @@
+"""What a trigger keeps: exactly the samples asked for around the exact tick, or what of them is missing."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from backend.loop.ring import Ring
+from backend.recording.condition import Condition, ConditionKind
+from backend.recording.flight import FlightRecorder, Quota, flight_columns
+from backend.recording.trigger import Armed, Heard, Trigger, left_armed
+from backend.sample import INDEX
+from backend.storage import Database, StorageError, events, flights
+from tests.recording.stand_in import Writer, new_run
+from tests.recording.test_flight import stored, trip
+
+QUOTA = Quota(100, 10**9)
+LENGTHS = {"r_m": 0.0075, "r_j": 0.075}
+
+
+def append(ring: Ring, F_A: NDArray[np.float64], run: int = 0) -> None:
+    """Append samples whose F_A is given, and whose q is their tick."""
+    row = np.zeros(ring.rows.shape[1])
+    for value in F_A:
+        row[[INDEX["tick"], INDEX["q"], INDEX["F_A"], INDEX["run"]]] = ring.count, ring.count, value, run
+        ring.append(row)
+
+
+def trigger_on(database: Database, ring: Ring, quota: Quota = QUOTA) -> Trigger:
+    return Trigger(database, lambda: ring, quota, lambda: LENGTHS)
+
+
+def armed(
+    kind: ConditionKind, level: float, *, before: int = 100, after: int = 50, captures: int = 1, signal: str = "F_A"
+) -> Armed:
+    return Armed(Condition(signal, kind, level), before, after, captures, "Ana", datetime.now(UTC))
+
+
+def kept(database: Database) -> list[flights.Flight]:
+    """Return the captures in order."""
+    return stored(database)[::-1]
+
+
+def test_samples_before_and_after_are_exactly_those_asked_for(database: Database) -> None:
+    ring, run = Ring.create(8192), new_run(database)
+    trigger = trigger_on(database, ring)
+    append(ring, np.zeros(1000), run.id)
+    trigger.arm(armed(ConditionKind.ABOVE, 1.0, before=300, after=200))
+    told: list[tuple[int, str]] = []
+    trigger.heard = Heard(lambda tick, text: told.append((tick, text)))
+    ramp = np.arange(1000) * 0.01  # above 1 N from its 102nd sample on, whose tick is 1101
+    for part in np.array_split(ramp, 37):
+        append(ring, part, run.id)
+        trigger.step()
+        trigger.drain()
+    (flight,) = kept(database)
+    assert (flight.first_tick, flight.trip_tick, flight.count) == (801, 1101, 500)
+    assert (flight.fault, flight.who, flight.run_id, flight.text) == (
+        "trigger",
+        "Ana",
+        run.id,
+        "trigger: F_A above 1 N",
+    )
+    columns = flight_columns(database, flight.event_id)
+    np.testing.assert_array_equal(columns["q"], np.arange(801, 1301))
+    np.testing.assert_array_equal(columns["F_A"], np.float32(np.maximum(0.0, (np.arange(801, 1301) - 1000) * 0.01)))
+    assert (columns["t"][0], columns["t"][300], columns["t"][-1]) == (-0.3, 0.0, pytest.approx(0.199))
+    assert told == [(1101, "trigger: F_A above 1 N")]
+    assert trigger.standing is not None
+    assert (trigger.is_armed, trigger.standing.captured) == (False, 1)
+    assert flight.trigger is not None
+    assert (flight.trigger["signal"], flight.trigger["kind"], flight.trigger["level"]) == ("F_A", "above", 1.0)
+
+
+def test_a_level_triggers_at_once_where_an_edge_waits_for_the_crossing(database: Database) -> None:
+    ring = Ring.create(8192)
+    level, edge = trigger_on(database, ring), trigger_on(database, ring)
+    append(ring, np.full(500, 2.0))
+    level.arm(armed(ConditionKind.ABOVE, 1.0))
+    edge.arm(armed(ConditionKind.RISING, 1.0))
+    append(ring, np.concatenate((np.full(300, 2.0), np.zeros(50), np.full(300, 2.0))))
+    for one in (level, edge):
+        one.step()
+        one.drain()
+    assert [flight.trip_tick for flight in kept(database)] == [500, 850]
+
+
+def test_what_was_before_it_was_armed_does_not_trigger_and_an_edge_may_be_at_the_first_sample(
+    database: Database,
+) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    append(ring, np.concatenate((np.full(500, 5.0), np.zeros(200))))
+    trigger.arm(armed(ConditionKind.RISING, 1.0))
+    append(ring, np.full(100, 2.0))
+    trigger.step()
+    trigger.drain()
+    assert [flight.trip_tick for flight in kept(database)] == [700]
+
+
+def test_it_arms_itself_again_until_all_captures_are_made(database: Database) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.RISING, 0.5, before=20, after=50, captures=3))
+    square = np.tile(np.repeat([0.0, 1.0], 20), 40)  # rises at 20, 60, 100 ...
+    for part in np.array_split(square, 11):
+        append(ring, part)
+        trigger.step()
+        trigger.drain()
+    # 20 to 69 is the first, so that the rise at 60 falls into it; the next is at 100
+    assert [flight.trip_tick for flight in kept(database)] == [20, 100, 180]
+    assert [flight.text.rpartition(", ")[2] for flight in kept(database)] == ["1 of 3", "2 of 3", "3 of 3"]
+    assert not trigger.is_armed
+
+
+def test_a_level_that_goes_on_is_captured_without_a_gap(database: Database) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    append(ring, np.zeros(10))
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=0, after=50, captures=4))
+    append(ring, np.ones(500))
+    trigger.step()
+    trigger.drain()
+    assert [(one.first_tick, one.count) for one in kept(database)] == [(10, 50), (60, 50), (110, 50), (160, 50)]
+
+
+@pytest.mark.parametrize("kind", list(ConditionKind))
+def test_nan_never_triggers(database: Database, kind: ConditionKind) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(Armed(Condition("F_A", kind, 0.0, 1.0), 10, 10, 1, "Ana", datetime.now(UTC)))
+    append(ring, np.full(500, np.nan))
+    trigger.step()
+    assert (trigger.is_armed, trigger.standing and trigger.standing.captured) == (True, 0)
+
+
+def test_what_the_loop_had_not_made_yet_is_told_as_missing(database: Database) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=100, after=50))
+    append(ring, np.concatenate((np.zeros(30), np.ones(100))))
+    trigger.step()
+    trigger.drain()
+    (flight,) = kept(database)
+    assert (flight.first_tick, flight.trip_tick, flight.count) == (0, 30, 80)
+    assert "0.030 of 0.100 s before it" in flight.text
+
+
+def test_samples_that_were_overwritten_are_nan_and_counted(database: Database) -> None:
+    ring = Ring.create(1024)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=10, after=4000))
+    append(ring, np.concatenate((np.zeros(20), np.ones(80))))
+    trigger.step()
+    append(ring, np.ones(3000))  # the ring holds the last 1023 of them when they are looked at
+    trigger.step()
+    append(ring, np.ones(950))
+    trigger.step()
+    trigger.drain()
+    (flight,) = kept(database)
+    q = flight_columns(database, flight.event_id)["q"]
+    lost = 3000 - 1023
+    assert (len(q), int(np.isnan(q).sum())) == (4010, lost + 10)
+    assert f"{lost + 10} samples are missing" in flight.text, "those before it were overwritten too"
+    np.testing.assert_array_equal(q[-950:], np.arange(3070, 4020))
+
+
+def test_an_edge_across_samples_that_were_overwritten_does_not_trigger(database: Database) -> None:
+    ring = Ring.create(1024)
+    trigger = trigger_on(database, ring)
+    append(ring, np.zeros(10))
+    trigger.arm(armed(ConditionKind.RISING, 0.5))
+    append(ring, np.ones(3000))
+    trigger.step()
+    assert (trigger.is_armed, trigger.standing and trigger.standing.left) == (True, 0)
+
+
+def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(database: Database) -> None:
+    first, second = Ring.create(8192), Ring.create(8192)
+    present = first
+    trigger = Trigger(database, lambda: present, QUOTA, lambda: LENGTHS)
+    trigger.arm(armed(ConditionKind.RISING, 0.5, before=10, after=100, captures=2))
+    append(first, np.concatenate((np.zeros(50), np.ones(10))))
+    trigger.step()
+    append(first, np.ones(25))
+    present = second
+    append(second, np.concatenate((np.ones(30), np.zeros(30), np.ones(150))))
+    trigger.step()
+    trigger.drain()
+    cut, whole = kept(database)
+    assert (cut.first_tick, cut.trip_tick, cut.count) == (40, 50, 45), "all that the first loop made"
+    assert "0.035 of 0.100 s after it: the control loop ended" in cut.text
+    assert (whole.first_tick, whole.trip_tick, whole.count) == (50, 60, 110), "no edge from one loop to the next"
+
+
+def test_disarming_keeps_what_there_is(database: Database) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=10, after=100, captures=5))
+    append(ring, np.concatenate((np.zeros(50), np.ones(40))))
+    trigger.step()
+    assert trigger.standing is not None
+    assert trigger.standing.left == 60
+    trigger.disarm("Ana disarmed it")
+    trigger.drain()
+    append(ring, np.ones(500))
+    trigger.step()
+    (flight,) = kept(database)
+    assert (flight.count, trigger.is_armed) == (50, False)
+    assert "0.040 of 0.100 s after it: Ana disarmed it" in flight.text
+
+
+def test_combined_signals_and_the_time_of_the_trigger(database: Database) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.ABOVE, 30.0, signal="x_B", after=1))  # r_j q, and q is the tick
+    append(ring, np.zeros(1000))
+    since = datetime.now(UTC)
+    trigger.step()
+    trigger.drain()
+    (flight,) = kept(database)
+    assert flight.trip_tick == 401  # 0.075 · 401 > 30
+    assert abs(flight.at - (since - timedelta(milliseconds=599))) < timedelta(seconds=1)
+
+
+def test_trips_and_triggers_take_no_room_from_each_other(database: Database, writer: Writer) -> None:
+    quota = Quota(2, 10**9)
+    recorder, trigger = FlightRecorder(database, lambda: writer.ring, quota), trigger_on(database, writer.ring, quota)
+    for turn in range(3):
+        recorder.hear(trip(6000 * turn))
+        writer.write(6000)
+        recorder.drain()
+    trigger.arm(armed(ConditionKind.ABOVE, -10.0, before=1, after=10, captures=5))
+    writer.write(200)
+    trigger.step()
+    trigger.drain()
+    found = stored(database)
+    assert [one.trigger is None for one in found] == [False, False, True, True]
+    with database.reading() as session:
+        gave_way = [event.text for event in events.find(session) if "gave way" in event.text]
+    assert sum("captures of triggers" in text for text in gave_way) == 3
+    assert sum("flight records" in text for text in gave_way) == 1
+
+
+def test_a_capture_that_cannot_be_stored_is_told_and_tried_again(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5))
+    append(ring, np.ones(200))
+    trigger.step()
+
+    def full(*_: object) -> None:
+        raise StorageError("database or disk is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(flights, "add", full)
+        trigger.drain()
+        assert "disk is full" in trigger.problem
+        assert stored(database) == []
+    trigger.drain()
+    assert (trigger.problem, len(stored(database))) == ("", 1)
+
+
+def test_what_is_armed_at_the_end_of_the_service_is_told_once_at_the_next_start(database: Database) -> None:
+    ring = Ring.create(8192)
+    trigger = trigger_on(database, ring)
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5, captures=2))
+    trigger.keep_armed("Ana")
+    append(ring, np.ones(20))
+    trigger.close()
+    assert [flight.count for flight in stored(database)] == [20]
+    left = left_armed(database)
+    assert left is not None
+    assert (left["signal"], left["kind"], left["level"], left["who"]) == ("F_A", "above", 0.5, "Ana")
+    assert left_armed(database) is None
+    trigger.arm(armed(ConditionKind.ABOVE, 0.5))
+    trigger.keep_armed("Ana")
+    append(ring, np.ones(200))
+    trigger.step()
+    trigger.drain()
+    assert left_armed(database) is None, "all its captures were made"
