@@ -6,9 +6,9 @@ import { isAboutControl, whyNoControl } from "./useNoControl";
 const HOLDER = { name: "Mara Stein", epoch: 7, page: true, lost: false } as NonNullable<State["holder"]>;
 
 it("says who holds control, and nothing where this page commands or may take control", () => {
-  expect(whyNoControl(HOLDER, null)).toBe("Mara Stein holds control at another page.");
+  expect(whyNoControl(HOLDER, null)).toBe("Mara Stein holds control.");
   expect(whyNoControl({ ...HOLDER, page: false }, null)).toBe("Mara Stein holds control by a script.");
-  expect(whyNoControl(HOLDER, 6)).toBe("Mara Stein holds control at another page.");
+  expect(whyNoControl(HOLDER, 6)).toBe("Mara Stein holds control.");
   expect(whyNoControl(HOLDER, 7)).toBeNull();
   expect(whyNoControl(HOLDER, 8)).toBeNull(); // taken already, and the state is of before
   expect(whyNoControl({ ...HOLDER, lost: true }, null)).toBeNull();

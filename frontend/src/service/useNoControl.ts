@@ -19,7 +19,7 @@ export function whyNoControl(holder: State["holder"], epoch: number | null): str
   if (holder === null || holder.lost) return null;
   // a newer control than the state's holder has: the state that names this page is on its way
   if (epoch !== null && epoch >= holder.epoch) return null;
-  return `${holder.name} holds control ${holder.page ? "at another page" : "by a script"}.`;
+  return `${holder.name} holds control${holder.page ? "" : " by a script"}.`;
 }
 
 /** Whether a request was refused for who holds control: taking control is the remedy. */
