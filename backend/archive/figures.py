@@ -36,6 +36,9 @@ from backend.storage import Database, recordings
 AT_ONCE = 6
 """Ranges that are read at a time."""
 
+AT_HAND_VALUES = 4_000_000
+"""Samples times signals of which spectra are computed in the service itself: they take 32 MB."""
+
 MOST_VALUES = 30_000_000
 """Samples times signals of which spectra are computed at once: they are held in memory, 240 MB."""
 
@@ -71,7 +74,7 @@ class RecordedFigures:
 
     async def spectra(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
         """Return lines of ``SpectraLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
-        return await self._begun(spectra_lines, asked)
+        return await self._begun(spectra_lines, asked, AT_HAND_VALUES // max(1, len(asked.signals)))
 
     async def file(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
         """Return every sample as comma-separated text, in pieces. Raises like ``statistics``."""
@@ -87,7 +90,8 @@ class RecordedFigures:
             raise RefusalError(
                 Because.TOO_MANY, f"{AT_ONCE} ranges are being read: wait for one of them", retry_after_s=2
             )
-        stream = self._counted(lines, asked, AT_HAND_SAMPLES if at_hand is None else at_hand)
+        most = AT_HAND_SAMPLES if at_hand is None else min(at_hand, AT_HAND_SAMPLES)
+        stream = self._counted(lines, asked, most)
         await anext(stream)
         return stream
 
