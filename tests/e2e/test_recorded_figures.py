@@ -130,7 +130,9 @@ def _data(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
 
 def _events(page: Page) -> None:
     """The pointer at the events tells each of them in full, also those that are too close to be named."""
-    figure = page.get_by_role("figure", name="Joint position", exact=True).bounding_box()
+    chart = page.get_by_role("figure", name="Joint position", exact=True)
+    chart.scroll_into_view_if_needed()
+    figure = chart.bounding_box()
     area = page.locator("[data-role=hover]").locator("..").bounding_box()
     assert figure is not None
     assert area is not None
