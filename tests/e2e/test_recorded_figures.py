@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page, Route, expect
 
 from backend.storage import events, open_database, runs
+from tests.e2e.forms import REPORT_TIMEOUT_MS
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service
 from tests.recording.stored_run import FIRST_TICK, store_run
@@ -119,7 +120,7 @@ def _spectrum(page: Page) -> None:
 
 
 def _data(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
-    with page.expect_download() as download:
+    with page.expect_download(timeout=REPORT_TIMEOUT_MS) as download:
         page.get_by_role("button", name="Save data", exact=True).click()
     assert download.value.suggested_filename == "sinew-run-1-0.000-to-599.999-s.csv"
     lines = download.value.path().read_text(encoding="utf-8").splitlines()
