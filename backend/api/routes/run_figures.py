@@ -1,6 +1,6 @@
 """Statistics, values, spectra and files of every sample of a range of a run."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import StreamingResponse
@@ -10,19 +10,23 @@ from backend.api.auth import SignedIn
 from backend.api.routes.runs import download
 from backend.api.service import RowId, ServiceInUse
 from backend.archive.figures import RangeAsked
-from backend.messages.base import Finite
+from backend.messages.base import Finite, Schema
 from backend.messages.figures import RecordedValues, SpectraLine, StatisticsLine
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 
 CSV = "text/csv; charset=utf-8"
+LINES = "application/x-ndjson"
+"""Sent while the range is read: whoever waits sees how far it is, and who leaves ends the work."""
+
 MOST_MOMENTS = 100
 
 
-class Lines(StreamingResponse):
-    """Lines of JSON, sent while the range is read: whoever waits sees how far it is; leaving ends the work."""
-
-    media_type = "application/x-ndjson"
+def _lines_of(model: type[Schema]) -> dict[str, Any]:
+    """Return how a route is described whose answer is lines of JSON, each of this model; refusals are one body."""
+    schema = {"$ref": f"#/components/schemas/{model.__name__}"}
+    described: dict[int | str, dict[str, Any]] = {200: {"content": {LINES: {"schema": schema}}}}
+    return {"response_class": Response, "response_model": model, "responses": described}
 
 
 async def _range(
@@ -40,16 +44,16 @@ Range = Annotated[RangeAsked, Depends(_range)]
 Times = Annotated[list[Finite], Field(min_length=1, max_length=MOST_MOMENTS)]
 
 
-@router.get("/{id}/statistics", response_class=Lines, responses={200: {"model": StatisticsLine}})
+@router.get("/{id}/statistics", **_lines_of(StatisticsLine))
 async def get_statistics(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return statistics of every sample of a range: lines that tell how far it is, the result in the last one."""
-    return Lines(await service.figures.statistics(asked))
+    return StreamingResponse(await service.figures.statistics(asked), media_type=LINES)
 
 
-@router.get("/{id}/spectra", response_class=Lines, responses={200: {"model": SpectraLine}})
+@router.get("/{id}/spectra", **_lines_of(SpectraLine))
 async def get_spectra(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return spectra of every sample of a range (Welch's method): lines as ``statistics``."""
-    return Lines(await service.figures.spectra(asked))
+    return StreamingResponse(await service.figures.spectra(asked), media_type=LINES)
 
 
 @router.get("/{id}/range.csv", response_class=Response, responses={200: {"content": {"text/csv": {}}}})
