@@ -59,7 +59,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
         place = "" if entry["run"] is None else f"Run {entry['run']}"
         at = "" if entry["t"] is None else f" at {entry['t']:.3f} s"
         assert line[4].startswith(place + at), entry
-    assert {"run", "mode", "references", "fault", "trip", "access"} <= {entry["kind"] for entry in told}
+    assert {"run", "mode", "references", "trip", "access"} <= {entry["kind"] for entry in told}
 
     box = page.get_by_role("searchbox", name="Search the log")
     box.fill("q_ref")

@@ -143,3 +143,11 @@ it("commands nothing by the click of a viewer, and does not offer it", async () 
   fireEvent.click(screen.getByRole("img", { name: "Reachable map" }), { clientX: 5, clientY: 5 });
   expect(fetched.mock.calls.filter(([request]) => request.method !== "GET")).toEqual([]);
 });
+
+it("offers no target while a recording is played", async () => {
+  open();
+  told({ mode: "off", player: { t: 1 } as State["player"] });
+  await waitFor(() => expect(message()).toBe(""));
+  fireEvent.click(screen.getByRole("img", { name: "Reachable map" }), { clientX: 5, clientY: 5 });
+  expect(screen.queryByRole("group", { name: "Target of the map" })).toBeNull();
+});

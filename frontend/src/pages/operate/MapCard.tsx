@@ -44,7 +44,8 @@ export function MapCard() {
   }, [store, entries, target, angles]);
   const canvas = useCanvas(drawing);
   const old_s = useSampleAge();
-  const may = useMayCommand();
+  const plays = useLive((live) => Boolean(live.state?.player));
+  const aims = useMayCommand() !== false && !plays;
   const noControl = useNoControl();
   const locked = useLive((live) => whyNoReferences(live.state, noControl));
 
@@ -83,14 +84,14 @@ export function MapCard() {
         data-stale={old_s !== null}
         role="img"
         aria-label="Reachable map"
-        data-aims={may !== false}
-        onClick={may === false ? undefined : aim}
+        data-aims={aims}
+        onClick={aims ? aim : undefined}
       />
-      {target === null || may === false ? (
+      {target === null || !aims ? (
         <Refusal
           error={send.error}
           about={references}
-          hint={`${may === false ? "" : "A click aims at q_ref and S_ref together."}${entriesInWords(entries)}`}
+          hint={`${aims ? "A click aims at q_ref and S_ref together." : ""}${entriesInWords(entries)}`}
         />
       ) : (
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
