@@ -156,13 +156,15 @@ class StoredRuns:
     def _views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
         """Return runs with their tags and the extent of what was recorded of them."""
         numbers = [run.id for run in found]
-        with_result, tagged = results.present(session, numbers), tags.of_runs(session, numbers)
+        newest, tagged = results.newest_of(session, numbers), tags.of_runs(session, numbers)
         recorded, imported = recordings.of_runs(session, numbers), origins.of_runs(session, numbers)
 
         def view_of(run: Run) -> RunView:
             origin = imported[run.id].sentence if run.id in imported else ""
-            evaluation = self._evaluation(run, run.id in with_result)
-            return _view(run, evaluation, recorded.get(run.id), tagged.get(run.id, []), origin)
+            evaluation = self._evaluation(run, run.id in newest)
+            tagged_with, result = tagged.get(run.id, []), newest.get(run.id)
+            view = partial(views.run_view, run, evaluation, tags=tagged_with, origin=origin, result=result)
+            return _with_extent(view, recorded.get(run.id))
 
         return [view_of(run) for run in found]
 
@@ -196,14 +198,8 @@ def _packed(envelope: Envelope, raw: bool, signals: Sequence[str]) -> bytes:
     return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in signals])
 
 
-def _view(
-    run: Run,
-    evaluation: Evaluation,
-    recorded: tuple[Recording, Extent | None] | None,
-    tagged: Sequence[str],
-    origin: str,
-) -> RunView:
-    view = partial(views.run_view, run, evaluation, tags=tagged, origin=origin)
+def _with_extent(view: Callable[..., RunView], recorded: tuple[Recording, Extent | None] | None) -> RunView:
+    """Return the view of a run with the extent of its recording."""
     if recorded is None:
         return view(samples=0, duration_s=0.0, missed=0)
     recording, extent = recorded

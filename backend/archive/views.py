@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.documents.headline import headline_of
+from backend.documents.outcome import outcome_of
 from backend.documents.result import Criterion as Judged
 from backend.experiments.banks.bank_consistency import MODEL_NAMES, point_of
 from backend.experiments.results.used_settings import used_settings
 from backend.messages.bank import BankEntryView, BankView
 from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
 from backend.messages.flight import FlightView
-from backend.messages.run import Envelope, Evaluation, RunView, SamplesView, UsedSetting
+from backend.messages.run import Envelope, Evaluation, Headline, RunView, SamplesView, UsedSetting
 from backend.recording import reader
 from backend.reports.verdict import verdict_of
 from backend.sample import UNIT_OF
@@ -24,7 +26,7 @@ from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
 from backend.storage.run_title import experiment_of, title_of
-from backend.storage.runs import EndState, Run
+from backend.storage.runs import EndState, Run, RunKind
 from plant.interface import T_s
 
 
@@ -38,8 +40,12 @@ def run_view(
     *,
     tags: Sequence[str] = (),
     origin: str = "",
+    result: Result | None = None,
 ) -> RunView:
     """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so."""
+    judged = result is not None or not (run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING)
+    metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
+    headline = headline_of(metrics, criteria)
     settings, problem = [], run.evaluation_problem
     try:
         settings = [UsedSetting(**asdict(item)) for item in used_settings(run)]
@@ -67,6 +73,8 @@ def run_view(
         origin=origin,
         evaluation=evaluation,
         evaluation_problem=problem,
+        outcome=outcome_of(metrics, criteria) if judged else None,
+        headline=None if headline is None else Headline(**asdict(headline)),
     )
 
 

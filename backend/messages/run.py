@@ -5,6 +5,7 @@ from enum import StrEnum
 
 from pydantic import Field
 
+from backend.documents.outcome import Outcome
 from backend.messages.base import Schema, quantity
 
 
@@ -27,6 +28,17 @@ class UsedSetting(Schema):
     unit: str = Field(description="SI, 1 for what has none")
     meaning: str
     value: bool | float | str
+
+
+class Headline(Schema):
+    """The figure of a result that a list of runs shows beside the verdict."""
+
+    name: str
+    label: str
+    value: float
+    unit: str = Field(description="SI, 1 for what has none")
+    relation: str = Field(description="of the criterion it was judged by, < or >; empty without a criterion")
+    bound: float | None = Field(description="bound of that criterion, null without one")
 
 
 class RunView(Schema):
@@ -56,6 +68,10 @@ class RunView(Schema):
     origin: str = Field(description="where it was imported from; empty where it was made here")
     evaluation: Evaluation
     evaluation_problem: str = Field(description="why the run has no result, where that is known")
+    outcome: Outcome | None = Field(description="how it counts; null for a session and for a run that is not over")
+    headline: Headline | None = Field(
+        description="the first criterion that failed, else the first measured criterion, else the first measured figure"
+    )
 
 
 class RunList(Schema):

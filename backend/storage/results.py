@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from backend.documents.edge import UnreadableDocumentError
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
 from backend.storage.records import to_record
 from backend.storage.schema import ReportRow, ResultRow
@@ -61,6 +62,19 @@ def newest(session: Session, run_id: int) -> Result | None:
     """Return the newest result of a run, None when there is none yet. Raises UnreadableDocumentError."""
     row = session.scalar(select(ResultRow).where(ResultRow.run_id == run_id).order_by(ResultRow.id.desc()).limit(1))
     return None if row is None else _result(row)
+
+
+def newest_of(session: Session, run_ids: Sequence[int]) -> dict[int, Result | None]:
+    """Return the newest result of each of these runs that has one; None for one that cannot be read."""
+    last = select(func.max(ResultRow.id)).where(ResultRow.run_id.in_(run_ids)).group_by(ResultRow.run_id)
+    return {row.run_id: _readable(row) for row in session.scalars(select(ResultRow).where(ResultRow.id.in_(last)))}
+
+
+def _readable(row: ResultRow) -> Result | None:
+    try:
+        return _result(row)
+    except UnreadableDocumentError:
+        return None
 
 
 def _result(row: ResultRow) -> Result:

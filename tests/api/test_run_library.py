@@ -57,6 +57,17 @@ def test_runs_are_found_by_tags_and_all_parts_of_a_search(operator: httpx.Client
     assert problem(operator.patch("/api/run-tags/figure-7", json={"tag": "x"}))["code"] == "not_found"
 
 
+def test_a_run_in_the_list_has_the_verdict_and_a_figure_of_its_result(
+    operator: httpx.Client, played: list[int]
+) -> None:
+    for run in newest(operator):
+        result = operator.get(f"/api/experiments/{run['id']}").raise_for_status().json()
+        assert run["outcome"] == result["outcome"]
+        figures = {one["name"]: one["value"] for one in (*result["criteria"], *result["metrics"])}
+        assert run["headline"]["value"] == figures[run["headline"]["name"]]
+        assert run["id"] in found(operator, f"verdict = {run['outcome']}")
+
+
 def test_one_report_of_both_runs(operator: httpx.Client, played: list[int]) -> None:
     page = operator.get("/api/run-comparison/report.html", params={"run": played}).raise_for_status()
     assert "script" not in page.headers["content-security-policy"]

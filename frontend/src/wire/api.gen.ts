@@ -3774,6 +3774,33 @@ export interface components {
             refusals: string[];
         };
         /**
+         * Headline
+         * @description The figure of a result that a list of runs shows beside the verdict.
+         */
+        Headline: {
+            /** Name */
+            name: string;
+            /** Label */
+            label: string;
+            /** Value */
+            value: number;
+            /**
+             * Unit
+             * @description SI, 1 for what has none
+             */
+            unit: string;
+            /**
+             * Relation
+             * @description of the criterion it was judged by, < or >; empty without a criterion
+             */
+            relation: string;
+            /**
+             * Bound
+             * @description bound of that criterion, null without one
+             */
+            bound: number | null;
+        };
+        /**
          * Health
          * @description Whether the service and its loop are alive; open to all, without secrets.
          */
@@ -5975,6 +6002,10 @@ export interface components {
              * @description why the run has no result, where that is known
              */
             evaluation_problem: string;
+            /** @description how it counts; null for a session and for a run that is not over */
+            outcome: components["schemas"]["Outcome"] | null;
+            /** @description the first criterion that failed, else the first measured criterion, else the first measured figure */
+            headline: components["schemas"]["Headline"] | null;
         };
         /**
          * RunningStep
