@@ -120,7 +120,7 @@ function Shell() {
         </Boundary>
         <div className={styles.body}>
           <Boundary of="Navigation">
-            <Navigation onSetup={setup.open} />
+            <Navigation onSetup={setup.open} onShortcuts={open} />
           </Boundary>
           <main className={styles.page}>
             <Boundary of="Page" at={address}>

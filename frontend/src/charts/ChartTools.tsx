@@ -3,6 +3,7 @@
 import { ActionIcon, Button, Menu, Tooltip } from "@mantine/core";
 import type { ReactNode } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
+import styles from "./Charts.module.css";
 import type { PictureKind } from "./save";
 
 interface ChartToolsProps {
@@ -20,8 +21,9 @@ interface ChartToolsProps {
 export function ChartTools(props: ChartToolsProps) {
   const { measuring, figures, dataOf, onMeasure, onFigures, onSpectrum, onPicture, onData } = props;
   return (
-    <>
+    <span className={styles.tools}>
       <Button
+        px={8}
         variant={measuring ? "light" : "default"}
         aria-pressed={measuring}
         leftSection={<TbRulerMeasure size={14} />}
@@ -64,7 +66,7 @@ export function ChartTools(props: ChartToolsProps) {
       >
         <TbFileTypeCsv size={16} />
       </Tool>
-    </>
+    </span>
   );
 }
 

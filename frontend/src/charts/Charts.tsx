@@ -24,6 +24,7 @@ import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import type { StoredData } from "./stored";
 import { timeText } from "./timeAxis";
+import { useEnlarged } from "./useEnlarged";
 import { useSaving } from "./useSaving";
 import type { SpectrumOrder } from "./useSpectra";
 import type { ViewControl } from "./useViewport";
@@ -60,7 +61,8 @@ interface ChartsProps {
 }
 
 export function Charts(props: ChartsProps) {
-  const { panels, source, control, home, longest_s, limits, marks, stale, playhead, name } = props;
+  const { source, control, home, longest_s, limits, marks, stale, playhead, name } = props;
+  const { panels, enlarged, enlarge } = useEnlarged(props.panels);
   const stored = props.stored ?? null;
   const { change, current } = control;
   const scheme = useComputedColorScheme("light");
@@ -209,12 +211,17 @@ export function Charts(props: ChartsProps) {
               // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
               tabIndex={0}
               onKeyDown={(event) => {
-                if (event.target === event.currentTarget && steer(event.key, target)) event.preventDefault();
+                if (event.target !== event.currentTarget) return;
+                if (event.key === "Enter") enlarge(panel.title);
+                else if (!steer(event.key, target)) return;
+                event.preventDefault();
               }}
             >
               <Legend
                 panel={panel}
                 hidden={hidden}
+                enlarged={enlarged === panel.title}
+                {...(props.panels.length > 1 ? { onEnlarge: () => enlarge(panel.title) } : {})}
                 onToggle={toggle}
                 onHighlight={(signal) => stack.current?.highlight(signal)}
               />
@@ -227,6 +234,7 @@ export function Charts(props: ChartsProps) {
             </figure>
           ))}
           <div ref={area} className={styles.area}>
+            {wheelHint && <span className={styles.hint}>{WHEEL_HINT}</span>}
             <MeasureCursors readout={readout} measuring={measuring} span_s={() => current.current.span_s} />
           </div>
         </div>
@@ -277,7 +285,7 @@ export function Charts(props: ChartsProps) {
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
         <span className={styles.toolbarEnd}>
           {unsaved !== null && <strong role="alert">{unsaved} </strong>}
-          {wheelHint ? WHEEL_HINT : props.remark}
+          {props.remark}
         </span>
       </div>
       <SpectrumDialog panels={panels} order={spectrum} timeText={told} onClose={() => setSpectrum(null)} />

@@ -33,7 +33,7 @@ export function LayoutTools({ clock }: LayoutToolsProps) {
           { group: "Ready-made", items: names(READY) },
           ...(own.length > 0 ? [{ group: "Own", items: names(own) }] : []),
         ]}
-        w={118}
+        w={100}
       />
       <Tooltip label="Panels and signals of the layout" position="top">
         <ActionIcon

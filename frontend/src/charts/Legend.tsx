@@ -1,5 +1,6 @@
 /** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
 
+import { TbArrowsMaximize, TbArrowsMinimize } from "react-icons/tb";
 import { Explained, entriesOf, explaining } from "../components/Explained";
 import { Written } from "../components/SignalName";
 import { symbolEntries } from "../service/glossary";
@@ -17,15 +18,30 @@ interface LegendProps {
   readonly onToggle: (name: string) => void;
   /** Pointed at or focused; null when left. */
   readonly onHighlight: (name: string | null) => void;
+  /** Whether this panel is the only one shown; left out where it cannot be. */
+  readonly enlarged?: boolean;
+  readonly onEnlarge?: () => void;
 }
 
-export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
+export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlarge }: LegendProps) {
   return (
     <figcaption className={styles.caption}>
       <span className={styles.title}>
         <Explained of={panel.traces.flatMap(({ name }) => symbolEntries(name))}>{panel.title}</Explained>{" "}
         {panel.unit !== "1" && <span className={styles.unit}>[{panel.unit}]</span>}
       </span>
+      {onEnlarge !== undefined && (
+        <button
+          type="button"
+          className={styles.enlarge}
+          aria-label={`Enlarge ${panel.title}`}
+          aria-pressed={enlarged === true}
+          title={enlarged ? "Show all panels (Esc)" : "Show this panel alone; Esc shows all"}
+          onClick={onEnlarge}
+        >
+          {enlarged ? <TbArrowsMinimize size={15} /> : <TbArrowsMaximize size={15} />}
+        </button>
+      )}
       {panel.traces.map((trace) => (
         <span
           key={trace.name}

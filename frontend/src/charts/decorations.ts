@@ -28,33 +28,60 @@ export function linesOf(panel: Panel, limits: readonly LimitLine[]): readonly Li
 /** Height above the first chart that is kept free for the labels of marks [CSS px]. */
 export const MARK_LANE_PX = 14;
 const FONT_PX = 10;
+/** How much of a curve the ground of a limit's label hides. */
+const LABEL_GROUND = 0.85;
 const LABEL_GAP_PX = 8;
 /** Room that a label has at least, however much of its text that is. */
 const LEAST_LABEL = "mode ru… +1";
 
 export function drawLimits(plot: uPlot, limits: readonly LimitLine[], colours: ChartColours): void {
   const { ctx, bbox } = plot;
-  const scale = plot.scales.y as uPlot.Scale;
   const ratio = devicePixelRatio;
   ctx.save();
   ctx.strokeStyle = colours.limit;
-  ctx.fillStyle = colours.axis;
   ctx.lineWidth = ratio;
-  ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
-  ctx.textAlign = "right";
+  ctx.setLineDash([2 * ratio, 3 * ratio]);
   for (const limit of limits) {
-    if (limit.value < (scale.min ?? 0) || limit.value > (scale.max ?? 0)) continue;
-    const y = Math.round(plot.valToPos(limit.value, "y", true));
-    ctx.setLineDash([2 * ratio, 3 * ratio]);
+    const y = heightOf(plot, limit);
+    if (y === null) continue;
     ctx.beginPath();
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(bbox.left + bbox.width, y);
     ctx.stroke();
-    const below = y - bbox.top < 2 * FONT_PX * ratio;
-    ctx.textBaseline = below ? "top" : "bottom";
-    ctx.fillText(limit.label, bbox.left + bbox.width - 2 * ratio, y + (below ? 3 : -2) * ratio);
   }
   ctx.restore();
+}
+
+/** Over the curves, on ground of their own: a curve that passes there leaves them legible. */
+export function drawLimitLabels(plot: uPlot, limits: readonly LimitLine[], colours: ChartColours): void {
+  const { ctx, bbox } = plot;
+  const ratio = devicePixelRatio;
+  const size = FONT_PX * ratio;
+  const right = bbox.left + bbox.width - 2 * ratio;
+  ctx.save();
+  ctx.font = `${size}px system-ui, sans-serif`;
+  ctx.textAlign = "right";
+  for (const limit of limits) {
+    const y = heightOf(plot, limit);
+    if (y === null) continue;
+    const below = y - bbox.top < 2 * size;
+    const top = below ? y + 3 * ratio : y - 2 * ratio - size;
+    const width = ctx.measureText(limit.label).width;
+    ctx.globalAlpha = LABEL_GROUND;
+    ctx.fillStyle = colours.panel;
+    ctx.fillRect(right - width - 2 * ratio, top, width + 4 * ratio, size);
+    ctx.globalAlpha = 1;
+    ctx.fillStyle = colours.axis;
+    ctx.textBaseline = below ? "top" : "bottom";
+    ctx.fillText(limit.label, right, y + (below ? 3 : -2) * ratio);
+  }
+  ctx.restore();
+}
+
+/** Where a limit lies on the canvas, null out of sight. */
+function heightOf(plot: uPlot, { value }: LimitLine): number | null {
+  const { min, max } = plot.scales.y as uPlot.Scale;
+  return value < (min ?? 0) || value > (max ?? 0) ? null : Math.round(plot.valToPos(value, "y", true));
 }
 
 export function drawMarks(

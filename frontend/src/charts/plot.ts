@@ -5,7 +5,14 @@ import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
 import type { Stretch } from "../samples/stretch";
 import { dashOf, type Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
-import { drawLimits, drawMarks, type LimitLine, MARK_LANE_PX, type PlacedMark } from "./decorations";
+import {
+  drawLimitLabels,
+  drawLimits,
+  drawMarks,
+  type LimitLine,
+  MARK_LANE_PX,
+  type PlacedMark,
+} from "./decorations";
 import { linePath } from "./linePath";
 import { steadyRange, type ValueRange } from "./range";
 import type { Curves } from "./source";
@@ -181,7 +188,10 @@ export class SignalPlot {
       ],
       hooks: {
         drawAxes: [(plot) => drawLimits(plot, this.limits, colours)],
-        draw: [(plot) => drawMarks(plot, this.marks, colours, options.markLabels)],
+        draw: [
+          (plot) => drawLimitLabels(plot, this.limits, colours),
+          (plot) => drawMarks(plot, this.marks, colours, options.markLabels),
+        ],
       },
     };
   }

@@ -16,13 +16,12 @@ import {
 import { Link, useLocation } from "wouter";
 import { useLive } from "../live/react";
 import type { PlantView } from "../wire/types";
+import { HelpMenu } from "./HelpMenu";
 import styles from "./Navigation.module.css";
 
 interface PageEntry {
   readonly path: string;
   readonly name: string;
-  /** What fits below the icon where a phone has room for little. */
-  readonly short?: string;
   readonly key: string;
   readonly Icon: IconType;
   /** What is driven where there is something to do on it; on everything where left out. */
@@ -34,7 +33,7 @@ const PAGES: readonly PageEntry[] = [
   { path: "/bring-up", name: "Bring-up", key: "u", Icon: TbPlugConnected, only: ["rig", "virtual_card"] },
   { path: "/identify", name: "Identify", key: "i", Icon: TbWaveSine },
   { path: "/banks", name: "Banks", key: "b", Icon: TbAdjustmentsHorizontal },
-  { path: "/experiments", name: "Experiments", short: "Exper.", key: "e", Icon: TbFlask },
+  { path: "/experiments", name: "Experiments", key: "e", Icon: TbFlask },
   { path: "/studies", name: "Studies", key: "t", Icon: TbGridDots },
   { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
   { path: "/log", name: "Log", key: "h", Icon: TbListDetails },
@@ -47,19 +46,22 @@ export function usePages(): readonly PageEntry[] {
   return PAGES.filter(({ only }) => only === undefined || (kind !== undefined && only.includes(kind)));
 }
 
-export function Navigation({ onSetup }: { onSetup: () => void }) {
+interface NavigationProps {
+  onSetup(): void;
+  onShortcuts(): void;
+}
+
+export function Navigation({ onSetup, onShortcuts }: NavigationProps) {
   const [location] = useLocation();
   const pages = usePages();
   return (
     <nav className={styles.nav} aria-label="Main">
-      {pages.map(({ path, name, short = name, Icon }) => {
+      {pages.map(({ path, name, Icon }) => {
         const here = location === path || location.startsWith(`${path}/`);
         return (
           <Link key={path} href={path} className={styles.link} aria-current={here ? "page" : undefined}>
             <Icon size={22} strokeWidth={1.6} aria-hidden="true" />
-            <span className={styles.name} data-short={short}>
-              {name}
-            </span>
+            {name}
           </Link>
         );
       })}
@@ -72,6 +74,7 @@ export function Navigation({ onSetup }: { onSetup: () => void }) {
         <TbListCheck size={22} strokeWidth={1.6} aria-hidden="true" />
         Set-up
       </button>
+      <HelpMenu onShortcuts={onShortcuts} />
     </nav>
   );
 }

@@ -102,7 +102,7 @@ it("claims nothing of a plant that is not known yet", () => {
 });
 
 it.each(KINDS)("offers the bring-up where there are wires: %s", (kind) => {
-  open(<Navigation onSetup={() => undefined} />, kind);
+  open(<Navigation onSetup={() => undefined} onShortcuts={() => undefined} />, kind);
   const offered = screen.queryByRole("link", { name: "Bring-up" }) !== null;
   expect(offered).toBe(kind === "rig" || kind === "virtual_card");
 });

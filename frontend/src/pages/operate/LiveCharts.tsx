@@ -65,7 +65,10 @@ export function LiveCharts() {
       origin={origin}
       name="sinew-live"
       remark={
-        <output aria-label="View">
+        <output
+          aria-label="View"
+          className={old_s === null && missed === 0 ? "visually-hidden" : undefined} // the buttons tell the rest
+        >
           {old_s !== null && `values are ${age(1000 * old_s)} old, `}
           {missed > 0 && `${missed} samples missed, `}
           {isLive ? "following" : "held"}, {fixed(view.span_s, view.span_s < 1 ? 3 : 1)} s
@@ -81,9 +84,10 @@ export function LiveCharts() {
           if (span_s >= (SPANS_S[0] as number)) remember({ window_s: span_s });
         }}
         data={spanChoices(view.span_s)}
-        w={92}
+        w={80}
       />
       <Button
+        px={10}
         variant={isLive ? "filled" : "default"}
         aria-pressed={isLive}
         onClick={() => change(following(view))}
@@ -94,7 +98,8 @@ export function LiveCharts() {
         variant="default"
         leftSection={isLive ? <TbPlayerPause size={14} /> : <TbPlayerPlay size={14} />}
         onClick={pause}
-        w={96}
+        w={78}
+        px={8}
       >
         {isLive ? "Hold" : "Go on"}
       </Button>

@@ -1,6 +1,7 @@
 /** The operator's page: charts, 3D view, controls. */
 
 import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { CardJumps } from "./CardJumps";
 import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
@@ -26,6 +27,7 @@ export function OperatePage() {
       </div>
       <div className={styles.controls}>
         <OperatorsOnly otherwise={<ViewOnly />}>
+          <CardJumps />
           <ModeCard />
           <ReferencesCard />
           <TuningCard />

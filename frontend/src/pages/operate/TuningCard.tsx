@@ -1,7 +1,7 @@
 /** λ of both outer loops, what they would do at the value in hand, and what differs from what was saved. */
 
 import { Checkbox } from "@mantine/core";
-import { useState } from "react";
+import { Fragment, useState } from "react";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
@@ -23,8 +23,8 @@ import { RejectionControl } from "./RejectionControl";
 import { TuningChanges } from "./TuningChanges";
 
 const LAMBDAS = [
-  { name: "lam_q", symbol: "λ_q", hue: HUES.q, loop: "position" },
-  { name: "lam_S", symbol: "λ_S", hue: HUES.S, loop: "stiffness" },
+  { name: "lam_q", symbol: "λ_q", hue: HUES.q, loop: "position", step: "q" },
+  { name: "lam_S", symbol: "λ_S", hue: HUES.S, loop: "stiffness", step: "S" },
 ] as const;
 
 export function TuningCard() {
@@ -66,28 +66,28 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   );
   return (
     <>
-      {LAMBDAS.map(({ name, symbol, hue, loop }) => (
-        <LambdaControl
-          key={name}
-          name={name}
-          symbol={symbol}
-          hue={hue}
-          tuning={tuning}
-          value={wanted(name)}
-          loop={loop}
-          previewed={previewed}
-          present={present.preview}
-          compare={compare}
-          disabled={locked !== null}
-          onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
-          onCommit={async (value) => {
-            if (staged.staging) staged.stage(name, value);
-            else await setTuning.mutateAsync({ [name]: value });
-          }}
-        />
+      {LAMBDAS.map(({ name, symbol, hue, loop, step }) => (
+        <Fragment key={name}>
+          <LambdaControl
+            name={name}
+            symbol={symbol}
+            hue={hue}
+            tuning={tuning}
+            value={wanted(name)}
+            loop={loop}
+            previewed={previewed}
+            present={present.preview}
+            compare={compare}
+            disabled={locked !== null}
+            onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
+            onCommit={async (value) => {
+              if (staged.staging) staged.stage(name, value);
+              else await setTuning.mutateAsync({ [name]: value });
+            }}
+          />
+          <StepForecast of={step} previewed={previewed} u_max={u_max} />
+        </Fragment>
       ))}
-      <StepForecast of="q" previewed={previewed} u_max={u_max} />
-      <StepForecast of="S" previewed={previewed} u_max={u_max} />
       <RejectionControl
         tuning={tuning}
         previewed={previewed}

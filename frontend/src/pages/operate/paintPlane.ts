@@ -103,7 +103,7 @@ function paintTensions(
   pen.font = "10px system-ui, sans-serif";
   pen.textAlign = "left";
   for (const { F, S } of limits.tensions) {
-    pen.fillText(`${short(F)} N`, xOf(plane, limits.q_trip) + 5, yOf(plane, S) + 3);
+    pen.fillText(`${short(F, 2)} N`, xOf(plane, limits.q_trip) + 5, yOf(plane, S) + 3);
   }
 }
 

@@ -38,6 +38,15 @@ const RUN: Run = {
   origin: "",
   evaluation: "done",
   evaluation_problem: "",
+  outcome: "incomplete",
+  headline: {
+    name: "min_tension",
+    label: "Smallest tendon tension",
+    value: 9.1,
+    unit: "N",
+    relation: ">",
+    bound: 4,
+  },
 };
 
 const REASON = "8 of 8 steps were not measured; the one at 2 s: it came to 66 % of its way in its time";
@@ -134,10 +143,15 @@ it.each([
   cleanup();
 });
 
-it("shows the result and the curves before anything else, and settings with their units", () => {
+it("names what was run, when and by whom, and shows the curves before anything else", () => {
   show();
+  expect(screen.getByRole("heading", { level: 1 }).textContent).toBe("Runs / Run 7: Tracking");
+  const made = screen.getAllByText("A. Operator")[0]?.parentElement;
+  for (const told of ["2026", "A. Operator", "Incomplete", "9.10 N", "> 4 N"]) {
+    expect(made?.textContent).toContain(told);
+  }
   const headings = screen.getAllByRole("heading", { level: 2 }).map((heading) => heading.textContent);
-  expect(headings).toEqual(["Result", "Curves", "Tracking", "Note and downloads", "Settings", "Lineage"]);
+  expect(headings).toEqual(["Curves", "Result", "Run 7", "Note and downloads", "Settings", "Lineage"]);
   const settings = within(screen.getByRole("table", { name: "Settings" }));
   const rows = settings.getAllByRole("row").map((row) =>
     within(row)

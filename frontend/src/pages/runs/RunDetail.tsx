@@ -1,8 +1,9 @@
-/** One run: what it came to and its curves first, then what it was and with which settings. */
+/** One run: when, by whom and its curves first, then what it came to, what it was and with which settings. */
 
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
+import { RunState, unevaluated } from "../../components/RunState";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
@@ -14,10 +15,12 @@ import { experimentOf } from "./address";
 import { ComparedRuns } from "./ComparedRuns";
 import { CompareWith } from "./CompareWith";
 import { type Compared, USUAL } from "./compared";
+import { KeyFigure, RunVerdict } from "./KeyFigure";
 import { LineageCard } from "./LineageCard";
 import { NoteCard } from "./NoteCard";
 import { RunCharts } from "./RunCharts";
 import { RunResult } from "./RunResult";
+import styles from "./Runs.module.css";
 import { SettingsCard } from "./SettingsCard";
 import { Tags } from "./Tags";
 
@@ -34,10 +37,12 @@ interface RunDetailProps {
 
 export function RunDetail({ id, at_s = null, others, compared = USUAL, problem = "" }: RunDetailProps) {
   const { data, error } = useQuery(runQuery(id));
+  const together = [id, ...others].map((number) => `run ${number}`);
   return (
     <div className={page.page}>
       <h1 className={page.title}>
-        <Link href="/runs">Runs</Link> / Run {id}
+        <Link href="/runs">Runs</Link> / {others.length > 0 ? capital(together.join(", ")) : `Run ${id}`}
+        {data && others.length === 0 && `: ${data.title}`}
       </h1>
       {problem !== "" && (
         <p className={page.lead} role="alert">
@@ -47,19 +52,29 @@ export function RunDetail({ id, at_s = null, others, compared = USUAL, problem =
       {data === undefined && <p className={page.empty}>{error?.message ?? "Loading …"}</p>}
       {data && (
         <>
-          <RunResult run={data} />
           {others.length > 0 ? (
-            <ComparedRuns run={data} others={others} compared={compared} />
+            <>
+              {[id, ...others].slice(0, MOST_NAMED).map((number) => (
+                <NamedRun key={number} id={number} />
+              ))}
+              <ComparedRuns run={data} others={others} compared={compared} />
+            </>
           ) : (
-            <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
-              <div className={page.charts}>
-                <RunCharts run={id} at_s={at_s} />
-              </div>
-            </Card>
+            <>
+              <Made run={data} />
+              <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
+                <div className={page.charts}>
+                  <RunCharts run={id} at_s={at_s} />
+                </div>
+              </Card>
+            </>
           )}
-          <div className={page.halves}>
-            <Facts run={data} />
-            <NoteCard run={data} />
+          <div className={styles.below}>
+            <RunResult run={data} />
+            <div className={page.column}>
+              <Facts run={data} />
+              <NoteCard run={data} />
+            </div>
           </div>
           <SettingsCard settings={data.settings} />
           <LineageCard run={id} />
@@ -69,9 +84,36 @@ export function RunDetail({ id, at_s = null, others, compared = USUAL, problem =
   );
 }
 
+/** Lines above the curves of a comparison: more of them would push the curves out of sight. */
+const MOST_NAMED = 4;
+
+/** One of several compared runs, by its kind. */
+function NamedRun({ id }: { id: number }) {
+  const { data } = useQuery(runQuery(id));
+  return data === undefined ? null : <Made run={data} title={`Run ${id}: ${data.title}`} />;
+}
+
+/** When, by whom, on what, and what it came to: in a line below the title. */
+function Made({ run, title }: { run: Run; title?: string }) {
+  return (
+    <p className={styles.made}>
+      {title !== undefined && <Link href={`/runs/${run.id}`}>{title}</Link>}
+      <span>{dateTime(run.started)}</span>
+      <span>{run.who}</span>
+      <span>{duration(run.duration_s)}</span>
+      <span>
+        {run.plant}, parameters {run.parameters}
+      </span>
+      <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
+      {run.outcome !== null && <RunVerdict run={run} />}
+      {run.headline !== null && <KeyFigure headline={run.headline} />}
+    </p>
+  );
+}
+
 function Facts({ run }: { run: Run }) {
   return (
-    <Card title={run.title}>
+    <Card title={`Run ${run.id}`}>
       <dl className={page.facts}>
         <dt>Started</dt>
         <dd>

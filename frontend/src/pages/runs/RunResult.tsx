@@ -1,4 +1,4 @@
-/** What a run came to, first on its page: verdict, criteria, figures; of an identification its own verdict. */
+/** What a run came to: verdict, criteria, figures; of an identification its own verdict. */
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";

@@ -8,6 +8,7 @@ import { RunState, unevaluated } from "../../components/RunState";
 import { dateTime, duration, fixed } from "../../samples/format";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
+import { KeyFigure, RunVerdict } from "./KeyFigure";
 import styles from "./Runs.module.css";
 
 interface RunRowsProps {
@@ -20,9 +21,10 @@ interface RunRowsProps {
 
 export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
   const stations = runs.some(({ station }) => station !== "");
+  const plants = commonPlant(runs) === null;
   return (
     <div className={page.tableScroll}>
-      <Table aria-label="Runs" highlightOnHover>
+      <Table aria-label="Runs" highlightOnHover className={page.cards ?? ""}>
         <Table.Thead>
           <Table.Tr>
             <Table.Th>
@@ -34,9 +36,10 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
             <Table.Th className={page.number}>Length</Table.Th>
             <Table.Th>Who</Table.Th>
             {stations && <Table.Th>Station</Table.Th>}
-            <Table.Th>Plant</Table.Th>
+            {plants && <Table.Th>Plant</Table.Th>}
             <Table.Th>End</Table.Th>
-            <Table.Th className={page.number}>Samples missing</Table.Th>
+            <Table.Th>Verdict</Table.Th>
+            <Table.Th>Key figure</Table.Th>
             <Table.Th>Tags</Table.Th>
             <Table.Th>Note</Table.Th>
           </Table.Tr>
@@ -44,7 +47,7 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
         <Table.Tbody>
           {runs.map((run) => (
             <Table.Tr key={run.id}>
-              <Table.Td>
+              <Table.Td className={styles.tick ?? ""}>
                 <Checkbox
                   size="xs"
                   aria-label={`Choose run ${run.id}`}
@@ -53,7 +56,7 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
                   onChange={(event) => onChoose(run.id, event.currentTarget.checked)}
                 />
               </Table.Td>
-              <Cells run={run} stations={stations} />
+              <Cells run={run} stations={stations} plants={plants} />
             </Table.Tr>
           ))}
         </Table.Tbody>
@@ -62,26 +65,44 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
   );
 }
 
-const Cells = memo(({ run, stations }: { run: Run; stations: boolean }) => (
+/** The plant with its parameters where all these runs were made on the same, else null. */
+export function commonPlant(runs: readonly Run[]): string | null {
+  const found = new Set(runs.map(plantOf));
+  return found.size === 1 ? ([...found][0] as string) : null;
+}
+
+function plantOf({ plant, parameters }: Run): string {
+  return `${plant}, ${parameters}`;
+}
+
+interface CellsProps {
+  readonly run: Run;
+  readonly stations: boolean;
+  readonly plants: boolean;
+}
+
+const Cells = memo(({ run, stations, plants }: CellsProps) => (
   <>
-    <Table.Td>
+    <Table.Td className={page.cardTitle ?? ""}>
       <Link href={`/runs/${run.id}`} style={{ whiteSpace: "nowrap" }}>
         Run {run.id}
       </Link>
     </Table.Td>
-    <Table.Td>{run.title}</Table.Td>
-    <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(run.started)}</Table.Td>
+    <Table.Td className={styles.kind ?? ""}>{run.title}</Table.Td>
+    <Table.Td className={styles.when ?? ""}>{dateTime(run.started)}</Table.Td>
     <Table.Td className={page.number}>{duration(run.duration_s)}</Table.Td>
-    <Table.Td>{run.who}</Table.Td>
+    <Table.Td className={styles.who ?? ""}>{run.who}</Table.Td>
     {stations && <Table.Td>{run.station}</Table.Td>}
-    <Table.Td>
-      {run.plant}, {run.parameters}
-    </Table.Td>
+    {plants && <Table.Td>{plantOf(run)}</Table.Td>}
     <Table.Td>
       <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
+      <Missing samples={run.missing_samples} />
     </Table.Td>
-    <Table.Td className={page.number}>
-      {run.missing_samples === null ? "not known" : fixed(run.missing_samples, 0)}
+    <Table.Td className={styles.verdict ?? ""}>
+      <RunVerdict run={run} />
+    </Table.Td>
+    <Table.Td className={styles.figure ?? ""}>
+      <KeyFigure headline={run.headline} />
     </Table.Td>
     <Table.Td>
       <span className={styles.tags}>
@@ -92,10 +113,20 @@ const Cells = memo(({ run, stations }: { run: Run; stations: boolean }) => (
         ))}
       </span>
     </Table.Td>
-    <Table.Td maw={260}>
+    <Table.Td maw={260} className={styles.note ?? ""}>
       <Shown value={run.note || null} why="no note">
         {(note) => note}
       </Shown>
     </Table.Td>
   </>
 ));
+
+/** Told only where the recording lacks something, or where that is not known. */
+function Missing({ samples }: { samples: number | null }) {
+  if (samples === 0) return null;
+  return (
+    <div className={styles.missing}>
+      {samples === null ? "missing samples not known" : `${fixed(samples, 0)} samples missing`}
+    </div>
+  );
+}

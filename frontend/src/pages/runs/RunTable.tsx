@@ -11,7 +11,7 @@ import page from "../Page.module.css";
 import { addressOf, MOST_COMPARED } from "./address";
 import { type Filters, NO_FILTERS, whereOf } from "./filters";
 import { NoRuns } from "./NoRuns";
-import { RunRows } from "./RunRows";
+import { commonPlant, RunRows } from "./RunRows";
 import { RunSearch } from "./RunSearch";
 
 const PAGE = 50;
@@ -29,11 +29,20 @@ export function RunTable() {
   const total = runs.data?.total ?? 0;
   const rows = runs.data?.runs ?? [];
   const [first, ...others] = chosen;
+  const plant = commonPlant(rows);
 
   return (
     <div className={page.page}>
       <h1 className={page.title}>Runs</h1>
-      <Card title="Runs" aside={<Link href="/runs/metrics">Metrics over time</Link>}>
+      <Card
+        title="Recorded runs"
+        aside={
+          <span className={page.actions}>
+            {plant !== null && <span className={page.dim}>all on {plant}</span>}
+            <Link href="/runs/metrics">Metrics over time</Link>
+          </span>
+        }
+      >
         <RunSearch
           typed={typed}
           filters={filters}
