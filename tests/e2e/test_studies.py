@@ -40,11 +40,11 @@ def test_a_study_is_begun_stopped_resumed_and_drawn(browser: Browser, service: S
     expect(least).to_contain_text("λ_q [s]")
     expect(least).to_contain_text("λ_S [s]")
     expect(main).to_contain_text("left")
-    main.get_by_role("button", name="Stop", exact=True).click()
+    main.get_by_role("button", name="Stop study", exact=True).click()
     expect(main).to_contain_text("Stopped,", timeout=PATIENCE_MS)
     main.get_by_role("button", name="Resume", exact=True).click()
     expect(main).to_contain_text("Running,", timeout=PATIENCE_MS)
-    main.get_by_role("button", name="Stop", exact=True).click()
+    main.get_by_role("button", name="Stop study", exact=True).click()
     expect(main).to_contain_text("Stopped,", timeout=PATIENCE_MS)
     assert page.get_by_role("table", name="Rows", exact=True).get_by_role("row").count() > 1
     maps.get_by_role("combobox", name="Figure").select_option("peak_voltage_V")

@@ -105,8 +105,11 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
           {step.at !== null && <span className={styles.when}> {dateTime(step.at)}</span>}
         </p>
         <div className={styles.ways}>
-          {step.state !== "done" && (
-            <Link href={about.path} onClick={onFollowed}>
+          {step.state !== "done" && !(step.name === "report" && step.run === null) && (
+            <Link
+              href={step.run !== null && step.name === "report" ? `/runs/${step.run}` : about.path}
+              onClick={onFollowed}
+            >
               {about.action}
             </Link>
           )}

@@ -5,13 +5,14 @@ import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
-import { SignalName } from "../../components/SignalName";
+import { SignalName, Written } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { bankDetailQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
+import styles from "./Banks.module.css";
 import { nameOf } from "./BankTable";
 import { entryName, LOOPS, percent } from "./difference";
 
@@ -29,7 +30,7 @@ export function BankEntries({ bank }: { bank: Bank }) {
     <Card title={`Entries of ${nameOf(bank)}`} aside={<span className={page.dim}>{shownAt}</span>}>
       {bank.note !== "" && <p className={page.lead}>{bank.note}</p>}
       <div className={page.tableScroll}>
-        <Table aria-label="Entries">
+        <Table aria-label="Entries" className={page.cards ?? ""}>
           <Table.Thead>
             <Table.Tr>
               <Table.Th>Entry</Table.Th>
@@ -65,10 +66,11 @@ export function BankEntries({ bank }: { bank: Bank }) {
                 <Table.Tr key={`${entry.S_nominal} ${loop}`}>
                   {loop === "position" && (
                     <>
-                      <Table.Td rowSpan={2} style={{ whiteSpace: "nowrap" }}>
+                      <Table.Td rowSpan={2} className={page.cardTitle ?? ""} style={{ whiteSpace: "nowrap" }}>
                         {entryName(entry)}
                       </Table.Td>
                       <Table.Td rowSpan={2} className={page.number}>
+                        <Label name="S" />
                         {fixed(entry.S_nominal, 2)}
                       </Table.Td>
                     </>
@@ -77,7 +79,7 @@ export function BankEntries({ bank }: { bank: Bank }) {
                     <SignalName name={loop === "position" ? "G_q" : "G_S"} />
                   </Table.Td>
                   <Figures figures={{ ...models[loop], ...figures?.[loop] }} why={shownAt} />
-                  <Table.Td>
+                  <Table.Td className={styles.fit ?? ""}>
                     <Fit fit={detail.data?.entries[index]?.lineage?.[loop]} />
                   </Table.Td>
                   {loop === "position" && (
@@ -105,12 +107,14 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
     <>
       {FIGURES.map((name) => (
         <Table.Td key={name} className={page.number}>
+          <Label name={name} />
           <Shown value={figures[name]} why={why}>
             {(value) => significant(value, 4)}
           </Shown>
         </Table.Td>
       ))}
       <Table.Td className={page.number}>
+        <Label name="M_s" />
         {unstable ? (
           "unstable"
         ) : (
@@ -123,6 +127,15 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
   );
 }
 
+/** On a phone, where the head of the column is not there. */
+function Label({ name }: { name: string }) {
+  return (
+    <span className={page.cardLabel} aria-hidden="true">
+      <Written name={name} />{" "}
+    </span>
+  );
+}
+
 /** How good one model of an entry is: of its own identification, not of the bank. */
 function Fit({ fit }: { fit: ChannelFit | undefined }) {
   if (fit === undefined) return <span className={page.dim}>not known</span>;
@@ -130,7 +143,7 @@ function Fit({ fit }: { fit: ChannelFit | undefined }) {
   return (
     <Verdict good={fit.grade === "usable"} of={`grade:${fit.grade}`}>
       {percent(fit.fit_percent)}, {fit.grade ?? "grade not recorded"}
-      <div className={page.dim}>{errors}</div>
+      <div className={styles.errors}>{errors}</div>
     </Verdict>
   );
 }

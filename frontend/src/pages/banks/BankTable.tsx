@@ -23,7 +23,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
   return (
     <>
       <div className={page.tableScroll} style={{ marginBottom: 0 }}>
-        <Table aria-label="Banks" highlightOnHover>
+        <Table aria-label="Banks" highlightOnHover className={page.cards ?? ""}>
           <Table.Thead>
             <Table.Tr>
               <Table.Th>Bank</Table.Th>
@@ -38,14 +38,17 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
           <Table.Tbody>
             {banks.map((bank) => (
               <Table.Tr key={bank.id} bg={bank.id === selected ? "var(--accent-soft)" : undefined}>
-                <Table.Td>
+                <Table.Td className={page.cardTitle ?? ""}>
                   <Link href={`/banks/${bank.id}`} style={{ whiteSpace: "nowrap" }}>
                     {nameOf(bank)}
                   </Link>
                 </Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(bank.created)}</Table.Td>
                 <Table.Td>{bank.who}</Table.Td>
-                <Table.Td className={page.number}>{bank.entries.length}</Table.Td>
+                <Table.Td className={page.number}>
+                  <span className={page.cardLabel}>Entries </span>
+                  {bank.entries.length}
+                </Table.Td>
                 <Table.Td>{bank.entries.map(entryName).join(" · ")}</Table.Td>
                 <Table.Td>
                   {bank.active ? (

@@ -22,7 +22,7 @@ export default function BanksPage() {
     <div className={page.page}>
       <h1 className={page.title}>Banks</h1>
       <Card
-        title="Banks"
+        title="Versions"
         aside={
           <OperatorsOnly>
             <BankImport />

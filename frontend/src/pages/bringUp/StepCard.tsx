@@ -95,7 +95,8 @@ interface StartProps {
 }
 
 function Start({ step, prominent, changed, onChange }: StartProps) {
-  const { id, title, inputs, blocked } = step;
+  const { id, title, inputs, blocked, state } = step;
+  const word = state === "current" ? "Repeat" : "Start";
   const angles = useAngles();
   const command = useStepCommand();
   const values = Object.fromEntries(inputs.map(({ name, default: usual }) => [name, changed[name] ?? usual]));
@@ -131,12 +132,12 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
               type="submit"
               size="sm"
               variant={prominent ? "filled" : "default"}
-              aria-label={`Start ${title.toLowerCase()}`}
+              aria-label={`${word} ${title.toLowerCase()}`}
               aria-disabled={reason !== null}
               data-disabled={reason !== null || undefined}
               loading={command.isPending}
             >
-              Start
+              {word}
             </Button>
           </div>
         </OperatorsOnly>

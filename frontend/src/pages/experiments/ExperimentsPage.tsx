@@ -68,13 +68,13 @@ export default function ExperimentsPage() {
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
-          <OwnExperiments
-            asRun={asRun === undefined ? null : Number(asRun)}
-            kinds={kinds.data ?? []}
-            onKept={choose}
-          />
         </div>
       </div>
+      <OwnExperiments
+        asRun={asRun === undefined ? null : Number(asRun)}
+        kinds={kinds.data ?? []}
+        onKept={choose}
+      />
     </div>
   );
 }

@@ -93,6 +93,7 @@ export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
       aside={
         <SegmentedControl
           size="xs"
+          p={3}
           aria-label="Shown as"
           data={[
             { value: "sequence", label: "Sequence" },

@@ -21,9 +21,12 @@ interface IdentificationListProps {
   readonly selected: number | undefined;
   readonly chosen: ReadonlySet<number>;
   onChoose(id: number): void;
+  /** A row was pressed: its result is to be shown. */
+  onShow(id: number): void;
 }
 
-export function IdentificationList({ identifications, selected, chosen, onChoose }: IdentificationListProps) {
+export function IdentificationList(props: IdentificationListProps) {
+  const { identifications, selected, chosen, onChoose, onShow } = props;
   const may = useMayCommand();
   const session = sessionOf(identifications ?? []);
   return (
@@ -36,7 +39,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
       {identifications === undefined && <p className={page.empty}>Loading …</p>}
       {identifications !== undefined && identifications.length > 0 && (
         <div className={page.tableScroll}>
-          <Table aria-label="Identification runs" highlightOnHover>
+          <Table aria-label="Identification runs" highlightOnHover className={page.cards ?? ""}>
             <Table.Thead>
               <Table.Tr>
                 <Table.Th>{may === false ? "" : "Bank"}</Table.Th>
@@ -62,7 +65,14 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
             </Table.Thead>
             <Table.Tbody>
               {identifications.map((row) => (
-                <Table.Tr key={row.id} bg={row.id === selected ? "var(--accent-soft)" : undefined}>
+                <Table.Tr
+                  key={row.id}
+                  bg={row.id === selected ? "var(--accent-soft)" : undefined}
+                  className={styles.pressed ?? ""}
+                  onClick={(event) => {
+                    if ((event.target as Element).closest("a, input, button") === null) onShow(row.id);
+                  }}
+                >
                   <Table.Td>
                     {may !== false && (
                       <Checkbox

@@ -1,4 +1,4 @@
-/** Identify actuator, motors or springs, watch, judge, and build a bank from chosen runs. */
+/** Identify actuator, motors or springs, watch, build a bank from ticked runs, activate it, and judge each result. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
@@ -67,23 +67,29 @@ export default function IdentifyPage() {
           <OperatorsOnly>
             <PredictionView {...told} />
           </OperatorsOnly>
-          {table && <SpringTableResult key={table.id} table={table} />}
-          {selected !== undefined && !table && <IdentificationResult key={selected} id={selected} />}
           <IdentificationList
             identifications={identifications.data}
             selected={selected}
             chosen={chosen}
             onChoose={choose}
+            onShow={(run) => {
+              setTable(null);
+              go(`/identify/${run}`);
+            }}
           />
+          <OperatorsOnly>
+            <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
+          </OperatorsOnly>
+          {table && <SpringTableResult key={table.id} table={table} />}
+          {selected !== undefined && !table && <IdentificationResult key={selected} id={selected} />}
           {shown && (
             <UnseenCard key={`unseen ${shown.run}`} identification={shown} all={identifications.data ?? []} />
           )}
           <TrendCard identifications={identifications.data ?? []} />
-          <ParametersCard />
-          <SpringTableList tables={tables.data ?? []} selected={tableId} onSelect={setTable} />
-          <OperatorsOnly>
-            <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
-          </OperatorsOnly>
+          <div className={styles.halves}>
+            <ParametersCard />
+            <SpringTableList tables={tables.data ?? []} selected={tableId} onSelect={setTable} />
+          </div>
         </div>
       </div>
     </div>

@@ -64,8 +64,8 @@ export function ModelView({
         <Table.Thead>
           <Table.Tr>
             <Table.Th>{structureInWords(model.structure)}</Table.Th>
-            <Table.Th className={page.number}>value</Table.Th>
-            <Table.Th className={page.number}>standard error</Table.Th>
+            <Table.Th className={page.number}>Value</Table.Th>
+            <Table.Th className={page.number}>Standard error</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>

@@ -69,7 +69,7 @@ function Estimates({ motor }: { motor: Motor }) {
           u={significant(motor.u_c, 3)}
         />
         <Line
-          title="standard error"
+          title="Standard error"
           K={significant(std_errors.K_m, 2)}
           T={significant(std_errors.T_m, 2)}
           u={significant(motor.u_c_std, 2)}
@@ -81,7 +81,7 @@ function Estimates({ motor }: { motor: Motor }) {
           u={BY_THE_RULE}
         />
         <Line
-          title="spread"
+          title="Spread"
           K={significant(rule_spread.K_m, 2)}
           T={significant(rule_spread.T_m, 2)}
           u={BY_THE_RULE}
@@ -93,7 +93,7 @@ function Estimates({ motor }: { motor: Motor }) {
           u={NOT_IN_FORCE}
         />
         <Line
-          title="least squares against it"
+          title="Least squares against it"
           K={change(fitted.K_m, before.K_m)}
           T={change(fitted.T_m, before.T_m)}
           u={NOT_IN_FORCE}

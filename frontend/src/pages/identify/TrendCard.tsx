@@ -119,10 +119,10 @@ function Rows({ channel, rows }: { channel: "G_q" | "G_S"; rows: readonly TrendR
                 <SignalName name={figure} /> {unit !== "" && `[${unit}]`}
               </Table.Th>,
               <Table.Th key={`${figure} predicted`} className={page.number}>
-                predicted
+                Predicted
               </Table.Th>,
               <Table.Th key={`${figure} off`} className={page.number}>
-                difference [%]
+                Difference [%]
               </Table.Th>,
             ];
           })}

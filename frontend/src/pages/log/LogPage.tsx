@@ -42,7 +42,7 @@ export default function LogPage() {
   return (
     <div className={page.page}>
       <h1 className={page.title}>Log</h1>
-      <Card title="What happened">
+      <Card title="Entries">
         <LogSearch filters={filters} onFilter={setFilters} />
         {log.error && <p role="alert">{log.error.message}</p>}
         {log.data === undefined && !log.error && <p className={page.empty}>Loading …</p>}

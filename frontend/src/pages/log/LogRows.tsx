@@ -56,7 +56,9 @@ const Row = memo(({ entry }: { entry: LogEntry }) => {
       <Table.Td className={styles.text ?? ""}>
         <Told text={entry.text} />
       </Table.Td>
-      <Table.Td>{entry.who || <span className={page.dim}>by itself</span>}</Table.Td>
+      <Table.Td className={styles.when ?? ""}>
+        {entry.who || <span className={page.dim}>by itself</span>}
+      </Table.Td>
       <Table.Td className={styles.when ?? ""}>
         <Recording entry={entry} />
       </Table.Td>

@@ -13,9 +13,9 @@ export function CardJumps() {
     "Mode",
     "References",
     "Tuning",
+    ...(known ? ["Touch"] : []),
     ...(pushes ? ["Push"] : []),
     ...(walls ? ["Wall"] : []),
-    ...(known ? ["Touch"] : []),
   ];
 
   function jump(title: string): void {

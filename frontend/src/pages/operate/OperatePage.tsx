@@ -31,9 +31,9 @@ export function OperatePage() {
           <ModeCard />
           <ReferencesCard />
           <TuningCard />
+          <TouchCard />
           <PushCard />
           <WallCard />
-          <TouchCard />
         </OperatorsOnly>
       </div>
     </div>

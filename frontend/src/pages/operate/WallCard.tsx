@@ -56,6 +56,7 @@ function WallControls({ limits }: { limits: Limits }) {
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
         <div className={styles.wallRow} role="group" aria-label="Wall">
+          <span className={styles.wallLabel}>Side, at</span>
           <NativeSelect
             aria-label="Side of the wall"
             value={side}
@@ -77,6 +78,7 @@ function WallControls({ limits }: { limits: Limits }) {
             onCommit={setAngle}
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
+          <span className={styles.wallLabel}>Stiffness, damping</span>
           <ValueBox
             isInForm
             label="Stiffness of the wall [N/m]"

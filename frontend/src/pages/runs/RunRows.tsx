@@ -32,14 +32,14 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
             </Table.Th>
             <Table.Th>Run</Table.Th>
             <Table.Th>Kind</Table.Th>
+            <Table.Th>Verdict</Table.Th>
+            <Table.Th>Key figure</Table.Th>
             <Table.Th>Started</Table.Th>
             <Table.Th className={page.number}>Length</Table.Th>
             <Table.Th>Who</Table.Th>
             {stations && <Table.Th>Station</Table.Th>}
             {plants && <Table.Th>Plant</Table.Th>}
             <Table.Th>End</Table.Th>
-            <Table.Th>Verdict</Table.Th>
-            <Table.Th>Key figure</Table.Th>
             <Table.Th>Tags</Table.Th>
             <Table.Th>Note</Table.Th>
           </Table.Tr>
@@ -89,6 +89,12 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
       </Link>
     </Table.Td>
     <Table.Td className={styles.kind ?? ""}>{run.title}</Table.Td>
+    <Table.Td className={styles.verdict ?? ""}>
+      <RunVerdict run={run} />
+    </Table.Td>
+    <Table.Td className={styles.figure ?? ""}>
+      <KeyFigure headline={run.headline} />
+    </Table.Td>
     <Table.Td className={styles.when ?? ""}>{dateTime(run.started)}</Table.Td>
     <Table.Td className={page.number}>{duration(run.duration_s)}</Table.Td>
     <Table.Td className={styles.who ?? ""}>{run.who}</Table.Td>
@@ -97,12 +103,6 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
     <Table.Td>
       <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
       <Missing samples={run.missing_samples} />
-    </Table.Td>
-    <Table.Td className={styles.verdict ?? ""}>
-      <RunVerdict run={run} />
-    </Table.Td>
-    <Table.Td className={styles.figure ?? ""}>
-      <KeyFigure headline={run.headline} />
     </Table.Td>
     <Table.Td>
       <span className={styles.tags}>

@@ -19,7 +19,7 @@ function AllStudies() {
   return (
     <div className={page.page}>
       <h1 className={page.title}>Studies</h1>
-      <Card title="Studies" aside={<span className={page.dim}>many simulated runs each</span>}>
+      <Card title="All studies" aside={<span className={page.dim}>many simulated runs each</span>}>
         {studies.data === undefined && <p className={page.empty}>{studies.error?.message ?? "Loading …"}</p>}
         {studies.data?.length === 0 && <p className={page.empty}>No study yet. Write one below.</p>}
         {studies.data !== undefined && studies.data.length > 0 && <StudyRows studies={studies.data} />}

@@ -60,7 +60,7 @@ function ProgressCard({ study }: { study: Study }) {
               loading={stop.isPending}
               onClick={() => stop.mutate(study.id)}
             >
-              Stop
+              Stop study
             </Button>
             <Button
               size="sm"
