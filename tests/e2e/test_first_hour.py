@@ -140,9 +140,9 @@ def build_a_bank(operator: Operator, keys: Keys, run: int) -> None:
     operator.wait(lambda: len(get(operator, "/api/banks")["banks"]) == 1)
     (bank,) = get(operator, "/api/banks")["banks"]
     assert (bank["name"], [entry["identification"] for entry in bank["entries"]]) == ("first", [run])
-    keys.shortcut("b", "Banks")
     keys.use("Activate first v1")
     operator.wait(lambda: (operator.state()["tuning"]["bank"] or {}).get("id") == bank["id"])
+    keys.shortcut("b", "Banks")
     expect(operator.page.get_by_role("status", name="In force")).to_contain_text("bank first v1")
 
 

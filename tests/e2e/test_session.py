@@ -95,8 +95,9 @@ def build_and_activate_a_bank(operator: Operator, run: str) -> None:
         model = found[f"G_{channel}"]
         assert (entry[f"K_{channel}"], entry[f"T_{channel}"]) == (model["K"], model["T"])
     expect(page.get_by_role("link", name="bench v1", exact=True)).to_be_visible()
-    operator.go("Banks")
     operator.press("Activate bench v1")
+    expect(page.get_by_role("region", name="Bank from runs", exact=True)).to_contain_text("It is active")
+    operator.go("Banks")
     row = page.get_by_role("table", name="Banks", exact=True).get_by_role("row").filter(has_text="bench v1")
     expect(row).to_contain_text("active")
     entries = page.get_by_role("table", name="Entries", exact=True)

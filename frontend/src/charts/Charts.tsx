@@ -9,7 +9,7 @@ import type { Panel } from "../theme/signals";
 import styles from "./Charts.module.css";
 import { ChartTools } from "./ChartTools";
 import type { LimitLine, PlacedMark } from "./decorations";
-import { type GestureTarget, listen, steer } from "./gestures";
+import { type GestureTarget, inside, listen, steer } from "./gestures";
 import { LayoutTools } from "./LayoutTools";
 import { Legend } from "./Legend";
 import { MeasureCursors } from "./MeasureCursors";
@@ -25,6 +25,7 @@ import { ChartStack } from "./stack";
 import type { StoredData } from "./stored";
 import { timeText } from "./timeAxis";
 import { useEnlarged } from "./useEnlarged";
+import { useEpoch } from "./useEpoch";
 import { useSaving } from "./useSaving";
 import type { SpectrumOrder } from "./useSpectra";
 import type { ViewControl } from "./useViewport";
@@ -295,14 +296,4 @@ export function Charts(props: ChartsProps) {
 
 function heightOf(panels: readonly Panel[]): number {
   return panels.reduce((sum, { share = 1 }) => sum + share, 0);
-}
-
-/** The same function as long as the axis tells the same: time of day where there is one, else null. */
-function useEpoch(epoch_s: (() => number) | undefined): () => number | null {
-  return useCallback(() => epoch_s?.() ?? null, [epoch_s]);
-}
-
-function inside(element: HTMLElement, clientY: number): boolean {
-  const box = element.getBoundingClientRect();
-  return clientY >= box.top && clientY <= box.bottom;
 }

@@ -128,3 +128,9 @@ export function steer(key: string, target: GestureTarget): boolean {
   action?.();
   return action !== undefined;
 }
+
+/** Whether a pointer at this height is over the element. */
+export function inside(element: HTMLElement, clientY: number): boolean {
+  const box = element.getBoundingClientRect();
+  return clientY >= box.top && clientY <= box.bottom;
+}

@@ -15,6 +15,7 @@ const KEYS: Keys = [
   [["M"], "Operate: measuring cursors"],
   [["Ctrl", "Wheel"], "Charts: zoom time; hold V for the value axis, B for both"],
   [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
+  [["Enter"], "Chart in focus: show it alone; Esc shows all"],
   [["G"], "Glossary: what every symbol, figure, verdict and fault means"],
   [["D"], "Docs: the first hour, and everything else that is written, with a search"],
   [["?"], "This list"],

@@ -17,7 +17,7 @@ const STEPS = [
   },
   {
     target: "Charts",
-    text: "The wheel with Ctrl zooms time (hold V for values), dragging pans, a double click resets, Live returns to now.",
+    text: "The wheel with Ctrl zooms time (hold V for values), dragging pans, a double click resets, Live returns to now. The arrows beside a title show that panel alone; Esc shows all.",
   },
   {
     target: "Reachable map",

@@ -7,6 +7,7 @@ import { sceneAddress } from "../../components/cameras";
 import { SceneFrame } from "../../components/SceneFrame";
 import { paintsInSoftware } from "../../drawing/canvas";
 import { useSceneView } from "../../service/useSceneView";
+import { HUES, paintOf } from "../../theme/signals";
 import { ActuatorDrawing } from "./ActuatorDrawing";
 import styles from "./Operate.module.css";
 
@@ -38,7 +39,12 @@ export function SceneCard() {
       {solid ? (
         <SceneFrame address={sceneAddress("./scene/", camera)} title="3D view" />
       ) : (
-        <ActuatorDrawing />
+        <>
+          <ActuatorDrawing />
+          <p className={styles.fanKey}>
+            <span style={{ background: paintOf(HUES.S) }} aria-hidden="true" /> deflection by ±2 N·m
+          </p>
+        </>
       )}
     </Card>
   );

@@ -5,9 +5,11 @@ import { Fragment } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
+import { parametersQuery } from "../../service/comparedModels";
 import { lineageQuery } from "../../service/queries";
 import type { Lineage } from "../../wire/types";
 import page from "../Page.module.css";
+import { appliedRuns, digestOfParameters } from "./appliedRuns";
 import { LineagePicture } from "./LineagePicture";
 
 export function LineageCard({ run }: { run: number }) {
@@ -37,6 +39,7 @@ function Origins({ lineage }: { lineage: Lineage }) {
         <Verdict good={parameters_as_now}>
           {parameters_as_now ? `${parameters}, as now` : `${parameters}, changed since`}
         </Verdict>
+        <AppliedFrom lineage={lineage} />
       </dd>
       <dt>Gains</dt>
       <dd>
@@ -73,6 +76,24 @@ function Origins({ lineage }: { lineage: Lineage }) {
         </>
       )}
     </dl>
+  );
+}
+
+/** The identifications that the run's parameters have their values from. */
+function AppliedFrom({ lineage }: { lineage: Lineage }) {
+  const { data } = useQuery(parametersQuery(null));
+  const runs = appliedRuns(data?.versions ?? [], digestOfParameters(lineage.nodes));
+  if (runs.length === 0) return null;
+  return (
+    <span className={page.dim}>
+      {" with values of "}
+      {runs.map((id, index) => (
+        <Fragment key={id}>
+          {index > 0 && ", "}
+          <RunLink run={id}>run</RunLink>
+        </Fragment>
+      ))}
+    </span>
   );
 }
 
