@@ -74,7 +74,7 @@ def test_a_division_by_zero_is_a_gap(operator: httpx.Client, run: int) -> None:
 
 def test_its_statistics_are_those_of_every_sample(operator: httpx.Client, run: int) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
-    asked = {"signals": "F_mean", "from": 1.0, "to": 1.5}
+    asked: dict[str, Any] = {"signals": "F_mean", "from": 1.0, "to": 1.5}
     lines = operator.get(f"/api/runs/{run}/statistics", params=asked).raise_for_status().text.splitlines()
     told = json.loads(lines[-1])["result"]["signals"]["F_mean"]
     raw = column(samples(operator, run, "F_mean", **{"from": 1.0, "to": 1.501, "points": 2000}), "F_mean")
@@ -85,7 +85,7 @@ def test_its_statistics_are_those_of_every_sample(operator: httpx.Client, run: i
 
 def test_runs_are_compared_by_it(operator: httpx.Client, run: int, another: int) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
-    asked = {"run": [run, another], "signal": "F_mean"}
+    asked: dict[str, Any] = {"run": [run, another], "signal": "F_mean"}
     told = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
     assert (told["unit"], told["signal"]) == ("N", "F_mean")
     assert told["runs"][0]["compared_s"] > 1.0
