@@ -196,6 +196,8 @@ COSTS: dict[str, Cost] = {
     "GET /api/runs/{id}/bundle.zip": DOWNLOAD,
     "POST /api/chart-sheet.pdf": SHEET,
     "GET /api/studies": ROWS,
+    "POST /api/studies/check": TEXT,
+    "GET /api/studies/numbers": AT_HAND,
     "POST /api/studies": ORDERED_TEXT,
     "GET /api/studies/{id}": REPORT,
     "POST /api/studies/{id}/stop": ROWS,
