@@ -61,7 +61,7 @@ def test_a_text_is_read_and_looked_over_before_it_is_begun(viewer: httpx.Client)
         return dict(viewer.post("/api/studies/check", json={"text": text}).raise_for_status().json())
 
     before = viewer.get("/api/studies").json()
-    good = checked(HEAD + GRID + "draws: 2\nspread: [{of: motor.c0, relative: 0.1}]\n")
+    good = checked(HEAD + GRID + "draws: 2\nspread: [{of: motor.K_m, relative: 0.1}]\n")
     assert (good["points"], good["problem"], good["path"]) == (12, "", [])
     assert good["document"]["axes"][1] == {"over": "lam_S", "values": [0.5, 0.7, 0.9]}
     refused = checked(HEAD + GRID.replace("0.8]", "9.0]"))
@@ -72,7 +72,7 @@ def test_a_text_is_read_and_looked_over_before_it_is_begun(viewer: httpx.Client)
     assert checked("- 1")["document"] is None
     assert viewer.get("/api/studies").json() == before
     numbers = {one["name"]: one for one in viewer.get("/api/studies/numbers").raise_for_status().json()["numbers"]}
-    assert numbers["motor.c0"]["value"] > 0.0
+    assert numbers["motor.K_m"]["value"] > 0.0
 
 
 def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator: httpx.Client) -> None:
