@@ -154,7 +154,7 @@ COSTS: dict[str, Cost] = {
     "GET /api/experiments/as-run/{run_id}": TEXT,
     "GET /api/experiments": TEXT,
     "POST /api/experiments": ORDERED_TEXT,
-    "GET /api/experiments/dry-run": AT_HAND,
+    "GET /api/experiments/dry-run/progress": AT_HAND,
     "POST /api/experiments/dry-run": DRY_RUN,
     "GET /api/experiments/queue": AT_HAND,
     "POST /api/experiments/queue": ORDERED_TEXT,

@@ -1457,17 +1457,33 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /**
-         * Get Dry Run Progress
-         * @description Return how far one's own dry run is; closing the connection that asked for it ends it.
-         */
-        get: operations["get_dry_run_progress"];
+        get?: never;
         put?: never;
         /**
          * Dry Run Experiment
          * @description Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands.
          */
         post: operations["dry_run_experiment"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/experiments/dry-run/progress": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Dry Run Progress
+         * @description Return how far one's own dry run is; closing the connection that asked for it ends it.
+         */
+        get: operations["get_dry_run_progress"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -18160,14 +18176,18 @@ export interface operations {
             };
         };
     };
-    get_dry_run_progress: {
+    dry_run_experiment: {
         parameters: {
             query?: never;
             header?: never;
             path?: never;
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExperimentRequest"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             200: {
@@ -18175,7 +18195,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["DryRunProgress"];
+                    "application/json": components["schemas"]["DryRunView"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -18270,18 +18290,14 @@ export interface operations {
             };
         };
     };
-    dry_run_experiment: {
+    get_dry_run_progress: {
         parameters: {
             query?: never;
             header?: never;
             path?: never;
             cookie?: never;
         };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["ExperimentRequest"];
-            };
-        };
+        requestBody?: never;
         responses: {
             /** @description Successful Response */
             200: {
@@ -18289,7 +18305,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["DryRunView"];
+                    "application/json": components["schemas"]["DryRunProgress"];
                 };
             };
             /** @description the body cannot be parsed */
