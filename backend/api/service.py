@@ -88,6 +88,7 @@ class Service:
             SHEETS: self.sheets.places,
             "/api/experiments/check": self.texts.places,
             "/api/experiments/own": self.texts.places,
+            "/api/studies/check": self.texts.places,
             "/api/spring-tables": self.texts.places,
             "/api/identifications/prediction": self.texts.previews,
             "/api/experiments/dry-run": self.dry_runs.places,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any
 
 from backend.archive.own_experiments import OwnExperiments
 from backend.documents.run_settings import Value
@@ -9,8 +10,18 @@ from backend.experiments.composing import text
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
 from backend.experiments.settings import describe
-from backend.messages.study import StudyAxis, StudyDetail, StudyFigure, StudyMap, StudyPoint, StudyShare, StudyView
+from backend.messages.study import (
+    CheckedStudy,
+    StudyAxis,
+    StudyDetail,
+    StudyFigure,
+    StudyMap,
+    StudyPoint,
+    StudyShare,
+    StudyView,
+)
 from backend.plain_text import as_line
+from backend.refusal import RefusedValueError
 from backend.storage import Database, studies
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies import maps
@@ -41,6 +52,18 @@ class Studies:
         with self._database.session() as session:
             kept = studies.add(session, new)
         return self.view(kept.id)
+
+    def check(self, written: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> CheckedStudy:
+        """Return what a text says, and whether it is a study that could be begun. Nothing is kept."""
+        document: dict[str, Any] | None = None
+        try:
+            said = text.document_of(written)[0]
+            document = said if isinstance(said, dict) else None
+            own = OwnExperiments(self._database)
+            new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), "")
+        except RefusedValueError as error:
+            return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
+        return CheckedStudy(document=document, points=new.points, problem="", path=[])
 
     def all(self) -> list[StudyView]:
         """Return the newest studies, newest first."""

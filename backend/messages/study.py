@@ -1,7 +1,7 @@
 """Studies as the page and the command line show them."""
 
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -19,6 +19,29 @@ class StudyText(Schema):
     """A study as YAML or JSON, see docs/studies.md."""
 
     text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
+
+
+class CheckedStudy(Schema):
+    """What a text says, and whether it is a study that could be begun now."""
+
+    document: dict[str, Any] | None = Field(description="what the text says as plain data, null where it says none")
+    points: int | None = Field(description="runs that it has, null where it is refused")
+    problem: str = Field(description="why it is refused, with its line; empty where it is not")
+    path: list[int | str] = Field(description="where in the document it is refused")
+
+
+class PlantNumber(Schema):
+    """A number of the plant that a study can vary."""
+
+    name: str = Field(description='by section and entry, such as "motor.c0"')
+    value: float
+    unit: str
+
+
+class PlantNumbers(Schema):
+    """All of them, by section."""
+
+    numbers: list[PlantNumber]
 
 
 class StudyView(Schema):

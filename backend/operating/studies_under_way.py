@@ -8,14 +8,17 @@ import logging
 import time
 from collections.abc import Callable
 
+from backend.access.people import Person
 from backend.archive.studies import Studies
+from backend.departure import HasLeft
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.messages.study import StudyDetail, StudyList, StudyView
+from backend.messages.study import CheckedStudy, PlantNumber, PlantNumbers, StudyDetail, StudyList, StudyView
 from backend.offload import Offload, WorkerDiedError
 from backend.operating.text_work import TextWork
 from backend.refusal import Because, RefusalError
 from backend.storage import Database
 from backend.studies.crew import cores
+from backend.studies.point import numbers_of
 from backend.studies.runner import local, run_study
 from plant.parameters import PlantParameters
 
@@ -77,6 +80,14 @@ class StudiesUnderWay:
             self._looked_at = resting | {(study_id, pick): (ended + REST * (ended - begun), found)}
         return found.model_copy(update={"study": self._told(study)})
 
+    async def check(self, text: str, person: Person, has_left: HasLeft) -> CheckedStudy:
+        """Return what a text says and whether it could be begun. Raises RefusalError where there is no place."""
+        return await self._texts.run(person, has_left, _check, self._database, text, self._parameters, self._tuning())
+
+    def numbers(self) -> PlantNumbers:
+        """Return the numbers of the plant that a study can vary."""
+        return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in numbers_of(self._parameters)])
+
     async def begin(self, text: str, who: str) -> StudyView:
         """Keep a study and have it computed. Raises ExperimentError, SettingError, RefusalError for one too many."""
         async with self._door:
@@ -137,6 +148,10 @@ class StudiesUnderWay:
         """Return a study that nobody computes yet as one that waits, where that is so."""
         under_way = study.id in self._waiting or study.id in self._present
         return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
+
+
+def _check(database: Database, text: str, parameters: PlantParameters, tuning: TuningChoice) -> CheckedStudy:
+    return Studies(database).check(text, parameters, tuning.document())
 
 
 def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StudyView:

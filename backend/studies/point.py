@@ -152,6 +152,29 @@ def number_of(value: Any, place: list[str]) -> float:
     return float(number)
 
 
+@dataclass(frozen=True)
+class Numbered:
+    """A number of the plant by its name in a study."""
+
+    name: str
+    value: float
+    unit: str
+
+
+def numbers_of(parameters: PlantParameters) -> list[Numbered]:
+    """Return every number of a plant that a study can vary, by section and entry, of a row each."""
+    found: list[Numbered] = []
+    for section, entries in parameters.document().items():
+        for entry, said in entries.items() if isinstance(entries, Mapping) else ():
+            value, unit = said.get("value"), str(said.get("unit", ""))
+            row = value if isinstance(value, list) else [value]
+            places = [f".{place}" for place in range(len(row))] if isinstance(value, list) else [""]
+            for place, number in zip(places, row, strict=True):
+                if isinstance(number, int | float) and not isinstance(number, bool):
+                    found.append(Numbered(f"{section}.{entry}{place}", float(number), unit))
+    return found
+
+
 def _computed(base: Base, point: Point, figures: dict[str, float | None]) -> PointResult:
     """Simulate a point, and put into ``figures`` what is known before that as soon as it is."""
     parameters, plan, loop = planned(base, point)

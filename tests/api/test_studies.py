@@ -56,6 +56,25 @@ def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, v
     assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q_true"]
 
 
+def test_a_text_is_read_and_looked_over_before_it_is_begun(viewer: httpx.Client) -> None:
+    def checked(text: str) -> dict[str, Any]:
+        return dict(viewer.post("/api/studies/check", json={"text": text}).raise_for_status().json())
+
+    before = viewer.get("/api/studies").json()
+    good = checked(HEAD + GRID + "draws: 2\nspread: [{of: motor.K_m, relative: 0.1}]\n")
+    assert (good["points"], good["problem"], good["path"]) == (12, "", [])
+    assert good["document"]["axes"][1] == {"over": "lam_S", "values": [0.5, 0.7, 0.9]}
+    refused = checked(HEAD + GRID.replace("0.8]", "9.0]"))
+    assert (refused["points"], refused["path"]) == (None, ["axes", 0, "over"])
+    assert "line 6" in refused["problem"]
+    assert refused["document"]["axes"][0]["values"] == [0.5, 9.0]  # a form can show it, and mend it
+    assert checked("format: [")["document"] is None
+    assert checked("- 1")["document"] is None
+    assert viewer.get("/api/studies").json() == before
+    numbers = {one["name"]: one for one in viewer.get("/api/studies/numbers").raise_for_status().json()["numbers"]}
+    assert numbers["motor.K_m"]["value"] > 0.0
+
+
 def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator: httpx.Client) -> None:
     first, second = begin(operator, HEAD + LONG)["id"], begin(operator, HEAD + LONG)["id"]
     until(reached(operator, first, "running", 2))

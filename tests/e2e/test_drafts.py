@@ -26,8 +26,15 @@ def nothing(_page: Page) -> None:
 
 FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
     ("Experiments", "e", begun_with_the_sample, in_region("Own experiments", "Name"), "typed", "experiment"),
-    ("Experiments", "e", nothing, in_region("New experiment", "time of each joint position [s]"), "7.5", "settings of"),
-    ("Studies", "u", nothing, in_region("New study", "Text of the study"), "format: 1\nname: typed\n", "study"),
+    (
+        "Experiments",
+        "e",
+        nothing,
+        in_region("New experiment", "Time each position reference is held [s]"),
+        "7.5",
+        "settings of",
+    ),
+    ("Studies", "t", nothing, in_region("New study", "Text of the study"), "format: 1\nname: typed\n", "study"),
     ("Identify", "i", nothing, in_region("New identification", "Periods"), "5", "identification"),
     ("Operate", "o", nothing, in_region("Push", "Push [N]"), "7.5", None),
     ("Operate", "o", nothing, in_region("Wall", "Stiffness of the wall [N/m]"), "7000", None),
@@ -54,8 +61,7 @@ def test_what_is_typed_survives_leaving_and_a_reload(
     box(page).fill(typed)
     if draft is None:
         box(page).press("Enter")  # boxes that act at once take what Enter confirms
-    heading = page.get_by_role("main").get_by_role("heading", level=1)
-    heading.click()  # the keys are those of the page, not of the box
+    box(page).blur()  # the keys are those of the page, not of the box
     page.keyboard.press("l" if name == "Operate" else "o")
     same_operator.go("Log")
     page.keyboard.press(key)

@@ -14,6 +14,7 @@ from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from backend.storage.studies import StoredStudy
 from backend.studies.design import Design
+from backend.studies.point import numbers_of
 from backend.studies.stored import Surroundings, design_of, new_study
 from plant.parameters import load_parameters
 
@@ -129,3 +130,16 @@ def test_a_study_may_hold_its_own_experiment() -> None:
     assert len(design(written)) == 2
     with pytest.raises(ExperimentError, match="line 14: written, phases 1, parts 1, q_ref"):
         design(written.replace("q_ref: depth", "q_ref: width"))
+
+
+def test_every_number_that_is_offered_can_be_varied() -> None:
+    parameters = load_parameters("lab")
+    offered = numbers_of(parameters)
+    assert {"motor.c0", "spring.k.1", "asymmetry.spring_A", "sensors.force_delay"} <= {one.name for one in offered}
+    document = parameters.document()
+    for one in offered:
+        section, entry, *place = one.name.split(".")
+        said = document[section][entry]
+        assert one.value == (said["value"][int(place[0])] if place else said["value"])
+        assert one.unit == said["unit"]
+        assert len(design(f"axes: [{{over: {one.name}, values: [{one.value!r}]}}]")) == 1

@@ -38,7 +38,7 @@ async def dry_run_experiment(
     return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
 
 
-@router.get("/dry-run")
+@router.get("/dry-run/progress")
 async def get_dry_run_progress(service: ServiceInUse, person: SignedIn) -> DryRunProgress:
     """Return how far one's own dry run is; closing the connection that asked for it ends it."""
     return await service.dry_runs.progress(person)

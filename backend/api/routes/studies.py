@@ -1,10 +1,10 @@
 """Studies: begun from a text, followed, stopped and resumed."""
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
-from backend.messages.study import MapPick, StudyDetail, StudyList, StudyText, StudyView
+from backend.messages.study import CheckedStudy, MapPick, PlantNumbers, StudyDetail, StudyList, StudyText, StudyView
 
 router = APIRouter(prefix="/api/studies", tags=["studies"])
 
@@ -19,6 +19,18 @@ async def list_studies(service: ServiceInUse, _person: SignedIn) -> StudyList:
 async def begin_study(body: StudyText, service: ServiceInUse, person: Operator) -> StudyView:
     """Keep a study and have it computed beside the loop, on the simulator; it moves nothing."""
     return await service.studies.begin(body.text, person.name)
+
+
+@router.post("/check")
+async def check_study(request: Request, body: StudyText, service: ServiceInUse, person: SignedIn) -> CheckedStudy:
+    """Return what a text says as plain data, how many runs it has and whether it would be refused; nothing is kept."""
+    return await service.studies.check(body.text, person, request.is_disconnected)
+
+
+@router.get("/numbers")
+async def list_plant_numbers(service: ServiceInUse, _person: SignedIn) -> PlantNumbers:
+    """List the numbers of the plant that a study can vary."""
+    return service.studies.numbers()
 
 
 @router.get("/{id}")

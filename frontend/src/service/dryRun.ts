@@ -8,7 +8,7 @@ import type { SettingValues } from "./commands";
 /** How far one's own dry run is; asked for while the page shows it. */
 export const dryRunProgressQuery = queryOptions({
   queryKey: ["dry-run-progress"],
-  queryFn: () => answered(api.GET("/api/experiments/dry-run")),
+  queryFn: () => answered(api.GET("/api/experiments/dry-run/progress")),
   refetchInterval: 500,
   gcTime: 0,
 });

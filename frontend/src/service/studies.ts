@@ -32,6 +32,23 @@ export function studyQuery(id: number, pick: MapPick = "worst") {
   });
 }
 
+/** A text looked over: what it says as plain data, how many runs it has, why it would be refused. */
+export function checkedStudyQuery(text: string) {
+  return queryOptions({
+    queryKey: ["checked-study", text],
+    queryFn: () => answered(api.POST("/api/studies/check", { body: { text } })),
+    retry: false,
+    refetchOnWindowFocus: false,
+    gcTime: 60_000,
+  });
+}
+
+/** The numbers of the plant that a study can vary. */
+export const plantNumbersQuery = queryOptions({
+  queryKey: ["plant-numbers"],
+  queryFn: async () => (await answered(api.GET("/api/studies/numbers"))).numbers,
+});
+
 export function useBeginStudy() {
   const queries = useQueryClient();
   return useMutation({

@@ -1457,17 +1457,33 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /**
-         * Get Dry Run Progress
-         * @description Return how far one's own dry run is; closing the connection that asked for it ends it.
-         */
-        get: operations["get_dry_run_progress"];
+        get?: never;
         put?: never;
         /**
          * Dry Run Experiment
          * @description Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands.
          */
         post: operations["dry_run_experiment"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/experiments/dry-run/progress": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Dry Run Progress
+         * @description Return how far one's own dry run is; closing the connection that asked for it ends it.
+         */
+        get: operations["get_dry_run_progress"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -2271,6 +2287,46 @@ export interface paths {
          * @description Keep a study and have it computed beside the loop, on the simulator; it moves nothing.
          */
         post: operations["begin_study"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/studies/check": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Check Study
+         * @description Return what a text says as plain data, how many runs it has and whether it would be refused; nothing is kept.
+         */
+        post: operations["check_study"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/studies/numbers": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Plant Numbers
+         * @description List the numbers of the plant that a study can vary.
+         */
+        get: operations["list_plant_numbers"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -3081,6 +3137,34 @@ export interface components {
             parts: components["schemas"]["PartPlayed"][];
             /** @description how it went on the simulator, None where it was not played */
             dry_run: components["schemas"]["DryRunView"] | null;
+        };
+        /**
+         * CheckedStudy
+         * @description What a text says, and whether it is a study that could be begun now.
+         */
+        CheckedStudy: {
+            /**
+             * Document
+             * @description what the text says as plain data, null where it says none
+             */
+            document: {
+                [key: string]: unknown;
+            } | null;
+            /**
+             * Points
+             * @description runs that it has, null where it is refused
+             */
+            points: number | null;
+            /**
+             * Problem
+             * @description why it is refused, with its line; empty where it is not
+             */
+            problem: string;
+            /**
+             * Path
+             * @description where in the document it is refused
+             */
+            path: (number | string)[];
         };
         /**
          * Checklist
@@ -5355,6 +5439,29 @@ export interface components {
          * @enum {string}
          */
         PlantKind: "simulator" | "rig" | "virtual_card" | "replay" | "package";
+        /**
+         * PlantNumber
+         * @description A number of the plant that a study can vary.
+         */
+        PlantNumber: {
+            /**
+             * Name
+             * @description by section and entry, such as "motor.c0"
+             */
+            name: string;
+            /** Value */
+            value: number;
+            /** Unit */
+            unit: string;
+        };
+        /**
+         * PlantNumbers
+         * @description All of them, by section.
+         */
+        PlantNumbers: {
+            /** Numbers */
+            numbers: components["schemas"]["PlantNumber"][];
+        };
         /**
          * PlantView
          * @description What is driven: its kind, its name as runs keep it, and in words how it is connected and timed.
@@ -18069,14 +18176,18 @@ export interface operations {
             };
         };
     };
-    get_dry_run_progress: {
+    dry_run_experiment: {
         parameters: {
             query?: never;
             header?: never;
             path?: never;
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExperimentRequest"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             200: {
@@ -18084,7 +18195,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["DryRunProgress"];
+                    "application/json": components["schemas"]["DryRunView"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -18179,18 +18290,14 @@ export interface operations {
             };
         };
     };
-    dry_run_experiment: {
+    get_dry_run_progress: {
         parameters: {
             query?: never;
             header?: never;
             path?: never;
             cookie?: never;
         };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["ExperimentRequest"];
-            };
-        };
+        requestBody?: never;
         responses: {
             /** @description Successful Response */
             200: {
@@ -18198,7 +18305,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["DryRunView"];
+                    "application/json": components["schemas"]["DryRunProgress"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -23300,6 +23407,230 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["StudyView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    check_study: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["StudyText"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CheckedStudy"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    list_plant_numbers: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlantNumbers"];
                 };
             };
             /** @description the body cannot be parsed */

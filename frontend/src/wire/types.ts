@@ -55,6 +55,7 @@ export type ChosenTuning = Schemas["ChosenTuning"];
 export type LoopFigures = Schemas["LoopFigures"];
 export type ExperimentKind = Schemas["ExperimentKind"];
 export type Experiment = Schemas["ExperimentView"];
+export type CheckedStudy = Schemas["CheckedStudy"];
 export type DryRunProgress = Schemas["DryRunProgress"];
 export type CheckedExperiment = Schemas["CheckedExperiment"];
 export type OwnExperiment = Schemas["OwnExperiment"];

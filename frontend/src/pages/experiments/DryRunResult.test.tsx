@@ -43,7 +43,7 @@ beforeEach(() => {
   answers = [];
   aborted = 0;
   fetched.mockReset().mockImplementation(({ url, method, signal }) =>
-    new URL(url).pathname.endsWith("/dry-run")
+    new URL(url).pathname.includes("/dry-run")
       ? method === "GET"
         ? Promise.resolve(Response.json(PROGRESS))
         : new Promise((resolve, reject) => {

@@ -1,16 +1,22 @@
-/** A study as a text: begun with an example or a file, refused in its line, computed. */
+/** A study as a form and as its text, either of which edits the other: refused in its line, computed. */
 
 import { Button, FileButton, Textarea } from "@mantine/core";
+import { useState } from "react";
 import { useLocation } from "wouter";
 import { Card } from "../../components/Card";
 import { DraftMark } from "../../components/DraftMark";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useReplaceDraft } from "../../components/ReplaceDraft";
+import { counted } from "../../samples/words";
 import { useBeginStudy } from "../../service/studies";
 import { isText, useDraft } from "../../service/useDraft";
 import page from "../Page.module.css";
+import { StudyForm } from "./StudyForm";
+import { asStudy, EMPTY_STUDY, type StudyDocument, writeStudy } from "./studyDocument";
+import { useCheckedStudy } from "./useCheckedStudy";
 
+const HINT = "Computed on the simulator, beside the loop and behind it: nothing moves.";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 const EXAMPLE = `format: 1
 name: lambda_map
@@ -30,11 +36,22 @@ export function NewStudy() {
   const text = draft.value;
   const [guard, question] = useReplaceDraft(draft.since !== null);
   const begin = useBeginStudy();
+  const checked = useCheckedStudy(text);
+  // what the form has written needs no reading; what is typed is shown as it was until it is read
+  const [shown, show] = useState<{ readonly text: string; readonly document: StudyDocument } | null>(null);
+  const said = asStudy(checked?.document);
+  const document = shown?.text === text ? shown.document : said;
   const [, go] = useLocation();
 
   function change(next: string): void {
     draft.set(next);
     begin.reset();
+  }
+
+  function edit(next: StudyDocument): void {
+    const written = writeStudy(next);
+    show({ text: written, document: next });
+    change(written);
   }
 
   async function read(file: File | null): Promise<void> {
@@ -47,6 +64,9 @@ export function NewStudy() {
     <Card title="New study" aside={<span className={page.dim}>YAML or JSON, docs/studies.md</span>}>
       <div className={page.fields}>
         <div className={page.actions}>
+          <Button size="sm" variant="default" onClick={() => guard(() => edit(EMPTY_STUDY))}>
+            New study
+          </Button>
           <Button size="sm" variant="default" onClick={() => guard(() => change(EXAMPLE))}>
             Begin with an example
           </Button>
@@ -69,6 +89,14 @@ export function NewStudy() {
             begin.reset();
           }}
         />
+        {document !== null && <StudyForm document={document} onChange={edit} />}
+        {document === null && text.trim() !== "" && (
+          <span className={page.dim}>
+            {checked === null
+              ? "The text is being read …"
+              : "The form shows the study once the text can be read."}
+          </span>
+        )}
         <Textarea
           aria-label="Text of the study"
           placeholder="What is varied: settings, numbers of the plant, seeds of the noise."
@@ -104,7 +132,8 @@ export function NewStudy() {
           <Refusal
             error={begin.error}
             about={text}
-            hint="Computed on the simulator, beside the loop and behind it: nothing moves."
+            text={checked?.problem || null}
+            hint={checked?.points == null ? HINT : `${counted(checked.points, "run")}. ${HINT}`}
           />
         </div>
       </div>

@@ -1,0 +1,158 @@
+// @vitest-environment jsdom
+/** The form and the text of a study say the same, whichever is edited; both are a draft. */
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import { NewStudy } from "./NewStudy";
+
+const TEXT = "format: 1\nname: a\ntitle: A\naxes: [{over: lam_q, first: 0.4, last: 1.0, count: 5}]\n";
+const DOCUMENT = {
+  format: 1,
+  name: "a",
+  title: "A",
+  axes: [{ over: "lam_q", first: 0.4, last: 1, count: 5 }],
+};
+const setting = (name: string, symbol: string, unit: string, value: unknown) => ({
+  ...{
+    name,
+    symbol,
+    unit,
+    meaning: `what ${name} is`,
+    default: value,
+    minimum: null,
+    maximum: null,
+    choices: null,
+  },
+});
+const KINDS = [
+  {
+    name: "tracking",
+    title: "Tracking",
+    run_kind: "tracking",
+    settings: [
+      setting("q_hold", "q_hold", "rad", 0),
+      setting("lam_q", "λ_q", "s", 0.5),
+      setting("lam_S", "λ_S", "s", 0.42),
+      setting("motion", "motion", "1", "lambda"),
+    ],
+  },
+];
+
+async function answer(request: Request): Promise<Response> {
+  const path = new URL(request.url).pathname;
+  if (path === "/api/session") return Response.json({ name: "Mara", role: "operator" });
+  if (path === "/api/experiments") return Response.json({ experiments: KINDS });
+  if (path === "/api/studies/numbers")
+    return Response.json({ numbers: [{ name: "motor.c0", value: 0.05, unit: "V" }] });
+  if (path === "/api/studies/check") {
+    const { text } = await request.json();
+    return Response.json(
+      text === TEXT
+        ? { document: DOCUMENT, points: 5, problem: "", path: [] }
+        : { document: null, points: null, problem: "line 1: it is neither YAML nor JSON", path: [] },
+    );
+  }
+  return Response.json({});
+}
+
+function open(): void {
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient({ defaultOptions: { queries: { retry: false } } })}>
+        <LiveProvider store={new LiveStore(0)}>
+          <NewStudy />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  fetched.mockReset().mockImplementation(answer);
+});
+afterEach(() => {
+  cleanup();
+  localStorage.clear();
+});
+
+const text = () => screen.getByRole<HTMLTextAreaElement>("textbox", { name: "Text of the study" });
+const box = (name: string) => screen.getByRole<HTMLInputElement>("textbox", { name });
+const change = (element: HTMLElement, value: string) => fireEvent.change(element, { target: { value } });
+
+it("shows in the form what the text says, and how many runs it has", async () => {
+  open();
+  change(text(), TEXT);
+  await waitFor(() => expect(box("To [s] of axis 1").value).toBe("1"));
+  expect(box("From [s] of axis 1").value).toBe("0.4");
+  expect(box("Number of axis 1").value).toBe("5");
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("5 runs.");
+});
+
+it("writes into the text what is edited in the form, in SI", async () => {
+  open();
+  change(text(), TEXT);
+  await waitFor(() => expect(box("To [s] of axis 1").value).toBe("1"));
+  change(box("To [s] of axis 1"), "0.8");
+  expect(text().value).toContain("- {over: lam_q, first: 0.4, last: 0.8, count: 5}");
+  fireEvent.click(screen.getByRole("button", { name: "Add axis" }));
+  expect(text().value).toContain("- {over: lam_S, first: 0.4, last: 1, count: 5}");
+  fireEvent.click(screen.getByRole("button", { name: "Add spread" }));
+  expect(text().value).toContain("spread:\n  - {of: motor.c0, relative: 0.1}");
+  change(box("Plants that are drawn"), "4");
+  expect(text().value).toContain("draws: 4");
+  fireEvent.click(screen.getByRole("button", { name: "Add setting" }));
+  change(box("Value [deg] of setting 1"), "90");
+  expect(text().value).toMatch(/settings: \{q_hold: 1\.57079632\d+\}/);
+  const axis = within(screen.getByRole("group", { name: "Axis 1" }));
+  change(axis.getByRole("combobox", { name: "Given as of axis 1" }), "values");
+  change(axis.getByRole("textbox", { name: "Values [s] of axis 1" }), "0.4, 0.6,");
+  expect(text().value).toContain("- {over: lam_q, values: [0.4, 0.6]}");
+  expect(box("Values [s] of axis 1").value).toBe("0.4, 0.6,"); // what is typed stays as it is
+  fireEvent.click(screen.getByRole("button", { name: "Remove axis 1" }));
+  expect(text().value).not.toContain("lam_q");
+});
+
+it("says why a text is no study, and shows no form of it", async () => {
+  open();
+  change(text(), "[");
+  await screen.findByText(/neither YAML nor JSON/);
+  expect(screen.queryByRole("group", { name: "Form of the study" })).toBeNull();
+});
+
+it("is a draft that survives leaving, begun anew after a question only", async () => {
+  open();
+  await waitFor(() =>
+    expect(fetched.mock.calls.some(([{ url }]) => url.endsWith("/api/session"))).toBe(true),
+  );
+  fireEvent.click(screen.getByRole("button", { name: "New study" }));
+  await waitFor(() => expect(localStorage).toHaveLength(1));
+  change(box("Title"), "My title");
+  cleanup();
+  open();
+  await waitFor(() => expect(text().value).toContain('title: "My title"'));
+  fireEvent.click(screen.getByRole("button", { name: "Begin with an example" }));
+  expect(text().value).toContain("My title");
+  fireEvent.click(screen.getByRole("button", { name: "Replace draft" }));
+  expect(text().value).toContain("lambda_map");
+});
