@@ -116,6 +116,7 @@ it.each([
   [0.342, 0.0996, "0.34 ± 0.10"],
   [350.2, 4.96, "350.2 ± 5.0"],
   [3.357e-6, 2.1e-8, "(3.357 ± 0.021)·10⁻⁶"],
+  [0.05, 0.0001, "0.05000 ± 0.00010"],
   [7, Number.NaN, "7.000"],
   [7, 0, "7.000"],
 ])("writes %d with its standard error %d to the place that it tells", (value, error, text) => {

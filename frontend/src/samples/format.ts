@@ -41,7 +41,7 @@ export function withError(value: number, error: number): string {
   if (!(error > 0) || !Number.isFinite(error) || !Number.isFinite(value)) return significant(value, 4);
   const place = Math.floor(Math.log10(Number(error.toPrecision(2)))) - 1;
   const size = Math.floor(Math.log10(Math.max(Math.abs(value), error)));
-  if (size < 5 && place > -5) {
+  if (size < 5 && size > -4) {
     const rounded = (number: number) =>
       fixed(Math.round(number / 10 ** place) * 10 ** place, Math.max(0, -place));
     return `${rounded(value)} ± ${rounded(error)}`;

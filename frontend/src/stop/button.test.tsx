@@ -65,6 +65,13 @@ it("says that it could not confirm, and still lets STOP be pressed again", async
   await becomes("confirmed");
 });
 
+it.each(["", "{", "null", "{}"])("asks again for an answer without a proof: %j", async (body) => {
+  fetched.mockImplementationOnce(async () => new Response(body, { status: 200 }));
+  pressPointer();
+  await becomes("confirmed");
+  expect(fetched).toHaveBeenCalledTimes(2);
+});
+
 it("gives the service's reason for a refusal", async () => {
   const refusal = { error: { message: "Not signed in." } };
   fetched.mockImplementation(async () => new Response(JSON.stringify(refusal), { status: 401 }));

@@ -170,6 +170,8 @@ async function post(): Promise<StopProof> {
   }
   const answer = await response.json().catch(() => null);
   if (!response.ok) throw new Error(answer?.error?.message ?? `The service answered ${response.status}.`);
+  // cut off on its way, or of a proxy: no proof, so the stop is asked for again
+  if (typeof answer?.zero_tick !== "number") throw new Error("The answer of the service has no proof.");
   return answer;
 }
 
