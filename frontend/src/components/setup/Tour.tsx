@@ -1,9 +1,11 @@
 /** First steps for somebody new, in a line of their own so that nothing is covered; what is meant is outlined. */
 
 import { Button } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useLocation } from "wouter";
 import { usePreferences } from "../../service/preferences";
+import { sessionQuery } from "../../service/queries";
 import styles from "./Tour.module.css";
 
 const STEPS = [
@@ -37,7 +39,11 @@ export function Tour() {
   const { preferences, known, change } = usePreferences();
   const [at, setAt] = useState(0);
   const [, go] = useLocation();
-  const shown = known && !preferences.toured;
+  const name = useQuery(sessionQuery).data?.name;
+  // whoever ends the tour and takes a name afterwards has new preferences, and has seen the tour
+  const [endedAs, setEndedAs] = useState<string>();
+  const isRenamed = endedAs !== undefined && name !== undefined && name !== endedAs;
+  const shown = known && !preferences.toured && !isRenamed;
   const step = STEPS[at] ?? STEPS[0];
 
   useEffect(() => {
@@ -50,10 +56,17 @@ export function Tour() {
     };
   }, [shown, step]);
 
+  useEffect(() => {
+    if (!isRenamed || !known || preferences.toured) return;
+    change({ toured: true });
+    setEndedAs(name);
+  }, [isRenamed, known, preferences.toured, name, change]);
+
   if (!shown) return null;
   const last = at === STEPS.length - 1;
   const end = () => {
     setAt(0);
+    setEndedAs(name);
     change({ toured: true });
   };
   return (
