@@ -163,6 +163,7 @@ class TaskView(Schema):
     """The identification or experiment that is running."""
 
     kind: str
+    title: str = Field(default="", description="title of an experiment that is data; empty where the kind says it")
     run: int
     elapsed_s: float = quantity("s", "time since the task began")
     duration_s: float = quantity("s", "expected length of the task")

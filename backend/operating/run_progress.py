@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 from backend.experiments.forecasts.forecast import Expected
 from backend.experiments.forecasts.stretches import Stage
+from backend.experiments.plans.composed_plan import KIND, ComposedPlan
 from backend.experiments.plans.plan import Plan
 from backend.experiments.playing.progress import Doing, Notify
 from backend.messages.state import PartView, TaskView
 from backend.operating.pause import Pause
 from backend.operating.present_state import PresentState
+from backend.plain_text import as_line
 from plant.interface import T_s
 
 
@@ -59,6 +61,8 @@ def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notif
     plays, the way to it took as long as it took.
     """
     before_s, expected_s, parts = 0.0, ordered.expected.duration_s, ordered.parts
+    plan = ordered.plan
+    title = as_line(plan.experiment.title) if isinstance(plan, ComposedPlan) and plan.kind == KIND else ""
 
     def show(doing: Doing, elapsed_s: float) -> None:
         nonlocal before_s, expected_s
@@ -74,7 +78,8 @@ def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notif
             Doing.EVALUATION: expected_s,
         }[doing]
         present.task = TaskView(
-            kind=ordered.plan.kind,
+            kind=plan.kind,
+            title=title,
             run=ordered.run,
             elapsed_s=passed_s,
             duration_s=expected_s,

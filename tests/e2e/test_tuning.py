@@ -128,7 +128,7 @@ def lose_ten_links(tuning: Operator, relay: Relay) -> None:
     assert sent == []
     tuning.expect_mode("run")
     tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
-    assert cells(tuning, "λq")[2] == "0.660"
+    assert cells(tuning, "λq")[2] == "0.660 s"
     # each loss was told, however short, and led to one connection; on a busy machine one more may be lost by itself
     losses, connections = page.evaluate(COUNTED)
     assert losses == connections >= DISCONNECTIONS
@@ -163,16 +163,16 @@ def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Op
     page = tuning.page
     page.get_by_role("switch", name="Stage changes").check()
     tuning.enter("λ_q value [s]", 0.7)
-    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "0.700"])
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.500 s", "0.700 s"])
     page.reload()
     expect(table(tuning)).to_contain_text("0.700", timeout=MOTION_TIMEOUT_MS)
-    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "0.700"])
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.500 s", "0.700 s"])
 
     page.get_by_role("button", name="Apply", exact=True).click()
-    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.700", "–"])
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.700 s", "–"])
     page.get_by_role("switch", name="Stage changes").uncheck()
     page.get_by_role("button", name="Revert to saved", exact=True).click()
-    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "–"])
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.500 s", "–"])
 
 
 def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning: Operator) -> None:
@@ -201,14 +201,14 @@ def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning:
     expect(margins).to_contain_text("phase margin")
     assert switch.bounding_box() == before
     tuning.enter("λ_q value [s]", 0.7)
-    tuning.wait(lambda: cells(tuning, "λq")[2] == "0.700")
+    tuning.wait(lambda: cells(tuning, "λq")[2] == "0.700 s")
     of_motors: list[str] = []
     page.on("request", lambda request: of_motors.append(request.url) if "/tuning/motor" in request.url else None)
     apply = page.get_by_role("button", name="Apply", exact=True)
     apply.scroll_into_view_if_needed()
     before = switch.bounding_box()
     apply.click()  # what was previewed as staged is previewed as active
-    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.700", "–"])
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.700 s", "–"])
     assert of_motors == []  # their margins are those of another λ: they stand
     assert switch.bounding_box() == before
     page.unroute(FIGURES)

@@ -30,6 +30,7 @@ const FAULT = {
 } as const;
 const TASK = {
   kind: "tracking",
+  title: "",
   run: 12,
   elapsed_s: 6,
   duration_s: 24,
@@ -141,6 +142,7 @@ describe("currentStatus", () => {
 
   it("says which set point an identification is at, what is done there, and counts over all runs of the order", () => {
     const part = { title: "20 N", number: 2, of: 4, doing: "exciting", left_s: 12.04, t: 20 } as const;
+    expect(taskTitle({ ...TASK, kind: "experiment", title: "Hold at rest" })).toBe("Hold at rest, run 12");
     const task = { ...TASK, kind: "actuator_identification", number: 2, following: 2 };
     expect(taskTitle(task)).toBe("Actuator identification, run 12, 2 of 4");
     expect(taskTitle({ ...task, part })).toBe("Actuator identification, run 12");

@@ -117,9 +117,9 @@ export function taskName(task: Task): string {
  * Which run it is, of an order of several too: "Motor identification, run 12, 2 of 4". Set points are counted over all
  * runs of their order, and tell it by themselves. Results are computed of all runs together, and none follows any more.
  */
-export function taskTitle({ kind, run, number, following, part, phase }: Task): string {
+export function taskTitle({ kind, title, run, number, following, part, phase }: Task): string {
   const several = (following > 0 || number > 1) && part?.doing == null && phase !== "evaluation";
-  return `${capital(inWordsOf(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
+  return `${title || capital(inWordsOf(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
 }
 
 /** What is being done for it: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */

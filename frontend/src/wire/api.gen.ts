@@ -7673,6 +7673,12 @@ export interface components {
         TaskView: {
             /** Kind */
             kind: string;
+            /**
+             * Title
+             * @description title of an experiment that is data; empty where the kind says it
+             * @default
+             */
+            title: string;
             /** Run */
             run: number;
             /**

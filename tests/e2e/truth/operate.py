@@ -164,13 +164,13 @@ def _changes(found: Findings, moment: Moment) -> None:
         for column, told in ((1, saved), (2, tuning)):
             _part(found, f"{name} {'saved' if column == 1 else 'in force'}", row[column], name, told[name])
     staged = {name: row[3] for row, name in zip(table, _PARTS, strict=False) if row[3] != "–"}
-    found.same("staged λ", staged, {name: f"{value:.3f}" for name, value in _staged(moment).items()})
+    found.same("staged λ", staged, {name: f"{value:.3f} s" for name, value in _staged(moment).items()})
     for symbol, name in (("λ_q", "lam_q"), ("λ_S", "lam_S")):
         box, slider = shown.box(f"{symbol} value [s]"), shown.slider(symbol)
         texts = {"box": box.value if box else None, "slider": slider.value if slider else None}
         for what, text in ((what, (said or "").removesuffix(" s")) for what, said in texts.items()):
             if name in staged:
-                found.same(f"{what} of {symbol}, staged", text, staged[name])
+                found.same(f"{what} of {symbol}, staged", text, staged[name].removesuffix(" s"))
             else:
                 found.figure(f"{what} of {symbol} [s]", text, tuning[name])
     found.same("whether a trial is told", "Trial" in shown.told, trial is not None)
@@ -188,6 +188,8 @@ def _part(found: Findings, what: str, text: str, name: str, told: float | bool |
         found.same(what, text, "interpolating" if told else "switching")
     elif name == "u_plan":
         found.sentence(what, text, "{n} V", float(told))
+    elif name.startswith("lam_"):
+        found.sentence(what, text, "{n} s", float(told))
     elif name == "motion":
         found.same(what, text, told)
     elif name == "k_ext" and told == 0:

@@ -1,0 +1,23 @@
+"""What the state says of a run that goes: an experiment that is data by its title, the paper's by their kind."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from backend.experiments.forecasts.forecast import Expected
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.playing.progress import Doing
+from backend.operating.run_progress import Ordered, run_progress
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "title"), [("hold_at_rest", "experiment", "Hold at rest"), ("tracking", "tracking", "")]
+)
+def test_an_experiment_that_is_data_is_named_by_its_title(name: str, kind: str, title: str) -> None:
+    plan = experiment(name).usual
+    present: Any = SimpleNamespace(task=None)
+    order = Ordered(plan, run=14, expected=Expected(before_s=2.0, program_s=30.0))
+    run_progress(present, order, cast(Any, SimpleNamespace(following=0, wanted=False)))(Doing.PRETENSION, 1.5)
+    task = present.task
+    assert (task.kind, task.title, task.run, task.elapsed_s, task.duration_s) == (kind, title, 14, 1.5, 32.0)
