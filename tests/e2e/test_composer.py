@@ -129,6 +129,7 @@ def test_a_sequence_is_composed_previewed_kept_run_and_made_again(browser: Brows
     expect(own.get_by_role("textbox", name="Name", exact=True)).to_have_value(f"as_run_{run}")
     words = [row.inner_text() for row in own.get_by_role("listitem", name=re.compile(r"^Part ")).all()]
     told = [
+        "from the next motion on λ_q",
         "jumps q to 0 deg",
         *["ramps q to −10 deg in 2 s", "ramps q to 20 deg in 2 s", "holds the references for"] * 2,
     ]

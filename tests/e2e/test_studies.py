@@ -26,11 +26,11 @@ def test_a_study_is_begun_stopped_resumed_and_drawn(browser: Browser, service: S
     sign_in_at(page, service, "studies")
     expect(page.get_by_role("main")).to_contain_text("No study yet")
     new = page.get_by_role("region", name="New study", exact=True)
-    new.get_by_role("textbox").fill(STUDY.replace("0.8]", "9.0]"))
+    new.get_by_role("textbox", name="Text of the study").fill(STUDY.replace("0.8]", "9.0]"))
     new.get_by_role("button", name="Compute", exact=True).click()
     expect(new.get_by_role("status", name="Refusal")).to_contain_text("line 6: axes 1, over", timeout=PATIENCE_MS)
 
-    new.get_by_role("textbox").fill(STUDY + "seeds: 500\n")
+    new.get_by_role("textbox", name="Text of the study").fill(STUDY + "seeds: 500\n")
     new.get_by_role("button", name="Compute", exact=True).click()
     main = page.get_by_role("region", name="Small map", exact=True)
     expect(main).to_contain_text("of 3000 runs", timeout=PATIENCE_MS)
