@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "where.md").read_text(encoding="utf-8")
 LARGEST_SHARE = 0.12
 """No room has more of the lines of backend, plant and migrations: a larger one is two rooms."""
-LARGEST_API = 2_600
+LARGEST_API = 2_700
 
 
 def lines(folder: Path) -> int:
