@@ -68,6 +68,12 @@ describe("currentStatus", () => {
     expect(currentStatus(state({ mode: "off", holder }), "live", 10).text).toBe("Motors off.");
   });
 
+  it("calls what identifies without a task a step of the bring-up", () => {
+    expect(currentStatus(state({ mode: "identify" }), "live", 10).text).toBe(
+      "A step of the bring-up is running.",
+    );
+  });
+
   it("names the force of a contact that the joint gives way to", () => {
     const touch = { felt: { F_ext_hat: -6.24 } } as State["touch"];
     const status = currentStatus(state({ mode: "compliance", touch }), "live", 10);
