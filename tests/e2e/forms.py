@@ -174,6 +174,15 @@ _LEFT_OUT = {"shape": "step", "F_push": 0.0}
 """What a segment means that says nothing of them."""
 
 
+SETTLED = {"seed": 0}
+"""Settings with one possible value on a service that runs: a form offers no field for them, and sends the value."""
+
+
+def as_sent(shown: Mapping[str, object], sent: Mapping[str, object]) -> dict[str, object]:
+    """Return what a form shows, with the settled settings that it sends without showing them."""
+    return {**{name: value for name, value in SETTLED.items() if name in sent}, **shown}
+
+
 def differences(one: Mapping[str, object], other: Mapping[str, object], relative: float = 1e-9) -> list[str]:
     """Name what is not the same in two sets of values, one that lacks a part included."""
     return [

@@ -273,7 +273,7 @@ def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str
     sent, answer = forms.pressed(stage.page, button, path)
     sent = sent["settings"] if "settings" in sent else {name: value for name, value in sent.items() if name != "kind"}
     shown = {name: value for name, value in shown.items() if value != ""}
-    return int(answer["id"]), sent, differences(shown, sent, ROUNDED)
+    return int(answer["id"]), sent, differences(forms.as_sent(shown, sent), sent, ROUNDED)
 
 
 def let_go(stage: Stage, kind: str) -> None:
