@@ -58,6 +58,7 @@ def test_words_explain_themselves_to_pointer_and_keyboard(operator: Operator) ->
     operator.go("Operate")
     tuning = page.get_by_role("region", name="Tuning", exact=True)
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    term(page, "GM", tuning).scroll_into_view_if_needed()
     before = tuning.bounding_box()
 
     term(page, "Ms", tuning).hover()

@@ -114,5 +114,5 @@ def not_queued(stage: Stage, form: Locator) -> list[str]:
     sent, queue = forms.pressed(stage.page, form.get_by_role("button", name="Add to queue"), "/queue")
     waiting = queue["items"][-1]
     stage.page.get_by_role("button", name=f"Remove experiment {waiting['id']} from the queue").click()
-    shown = forms.as_sent(shown, sent["settings"])
-    return [*differences(shown, sent["settings"], ROUNDED), *differences(waiting["settings"], sent["settings"])]
+    meant = forms.as_sent(shown, sent["settings"])
+    return [*differences(meant, sent["settings"], ROUNDED), *differences(waiting["settings"], sent["settings"])]
