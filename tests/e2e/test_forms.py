@@ -122,7 +122,7 @@ def a_trial(stage: Stage) -> None:
     expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text(
         f"back to {before['lam_q']:.3f}, {before['lam_S']:.3f} s"
     )
-    assert differences(stage.stored(stage.session()), {**before, "lam_q": 0.83}) == []
+    assert differences(stage.in_force(), {**before, "lam_q": 0.83}) == []
     page.get_by_role("button", name="Revert now").click()
     stage.operator.wait(lambda: stage.in_force() == before)
     page.get_by_role("switch", name="Stage changes").uncheck()
