@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.following import lengths_of, sum_of
+from backend.recording.following import computed, lengths_of
 from backend.recording.reader import read_samples
 from backend.refusal import OutOfRangeError, require_within
 from backend.sample import COMBINED_BY_NAME
@@ -104,9 +104,6 @@ def _read(session: Session, stretch: Stretch, names: Sequence[str], begin: int, 
     samples = read_samples(session, stretch.run_id, read, begin * stretch.period_s, end * stretch.period_s)
     columns = {name: samples.columns[name].astype(np.float64) for name in read}
     lengths = lengths_of(session, stretch.run_id, combined)
-    nothing = np.full(samples.t.size, np.nan)
-    columns |= {
-        one.name: sum_of(((columns.get(term.column, nothing), term) for term in one.terms), lengths) for one in combined
-    }
+    columns |= {one.name: computed(one, columns, lengths, samples.t.size) for one in combined}
     ticks = np.rint(samples.t / stretch.period_s).astype(np.int64)
     return Slab(ticks, {name: columns[name] for name in names})

@@ -96,7 +96,7 @@ class _Capture:
         self.have += len(rows)
 
     def lack(self, count: int) -> None:
-        """Stand nan in for samples that cannot be read any more."""
+        """Add nan in place of samples that cannot be read any more."""
         self.blocks.append(np.full((count, len(STORED_NAMES)), np.nan, np.float32))
         self.have += count
         self.lost += count
