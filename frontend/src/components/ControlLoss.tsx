@@ -1,21 +1,17 @@
 /** Says that this page has lost control, until it has control again or a person has read it. */
 
 import { Button } from "@mantine/core";
-import { useMutation } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { TbAlertTriangle } from "react-icons/tb";
 import { useLive } from "../live/react";
 import { afterTold, lossSentence, NO_CONTROL } from "../service/controlLoss";
-import { useStanding } from "../service/useStanding";
-import { answeredBy } from "../wire/client";
-import { givenUpEpoch, heldEpoch, takeControl } from "../wire/control";
+import { givenUpEpoch, heldEpoch } from "../wire/control";
 import styles from "./ControlLoss.module.css";
+import { TakeControl } from "./TakeControl";
 
 export function ControlLoss() {
   const state = useLive((live) => live.state);
   const [kept, keep] = useState(NO_CONTROL);
-  const take = useMutation({ mutationFn: () => answeredBy(takeControl(true)) });
-  const refused = useStanding(take.error);
   useEffect(() => {
     if (state === null) return;
     const handed = state.wishes.some(({ epoch }) => epoch !== null && epoch === state.holder?.epoch);
@@ -30,17 +26,9 @@ export function ControlLoss() {
     <div className={styles.loss} role="alert" aria-label="Control lost">
       <TbAlertTriangle size={18} aria-hidden="true" />
       <span className={styles.message}>
-        <strong>{at}</strong> {lossSentence(kept.lost)} {refused?.message}
+        <strong>{at}</strong> {lossSentence(kept.lost)}
       </span>
-      <Button
-        size="compact-xs"
-        variant="white"
-        color="dark"
-        loading={take.isPending}
-        onClick={() => take.mutate()}
-      >
-        Take control
-      </Button>
+      <TakeControl variant="white" color="dark" />
       <Button size="compact-xs" variant="subtle" color="dark" onClick={() => keep(NO_CONTROL)}>
         Stay an observer
       </Button>

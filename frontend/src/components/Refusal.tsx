@@ -3,7 +3,8 @@
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useToldAtField } from "../service/refusedFields";
-import { isAboutControl, useNoControl } from "../service/useNoControl";
+import { isAboutControl } from "../service/standing";
+import { useNoControl } from "../service/useNoControl";
 import { useStanding } from "../service/useStanding";
 import styles from "./Refusal.module.css";
 import { TakeControl } from "./TakeControl";

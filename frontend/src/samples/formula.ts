@@ -110,10 +110,6 @@ export function setDerived(signals: readonly DerivedSignal[]): void {
   known = new Map(signals.map((one) => [one.name, one]));
 }
 
-export function derivedSignals(): readonly DerivedSignal[] {
-  return [...known.values()];
-}
-
 export function derivedSignal(name: string): DerivedSignal | undefined {
   return known.get(name);
 }

@@ -19,10 +19,15 @@ export const NOTHING: Standing = { error: null, circumstances: "", since_ms: 0, 
 /** The state that belongs to a refusal may come after it; what changes by then is no end. */
 const SETTLE_MS = 600;
 
+/** Whether a request was refused for who holds control: taking control is the remedy. */
+export function isAboutControl(error: Error | null): boolean {
+  return error instanceof RequestError && error.problem?.code.startsWith("control_") === true;
+}
+
 function causeOf(error: Error): Cause {
   if (!(error instanceof RequestError)) return "value";
   if (error.status === 0) return "link";
-  if (error.problem?.code.startsWith("control_")) return "control";
+  if (isAboutControl(error)) return "control";
   return error.status === 409 || error.status === 503 ? "moment" : "value";
 }
 

@@ -2,16 +2,20 @@
 
 import { useSyncExternalStore } from "react";
 import { useLive } from "../live/react";
-import { RequestError } from "../wire/client";
 import { heldEpoch, watchHeld } from "../wire/control";
 import type { State } from "../wire/types";
-
-const CODES: readonly (string | undefined)[] = ["control_held", "control_lost", "control_needed"];
+import { whyNoRetuning } from "./retuning";
 
 /** Why this page cannot command; null where it can, or would take control with its first command. */
 export function useNoControl(): string | null {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   return useLive((live) => whyNoControl(live.state?.holder ?? null, epoch));
+}
+
+/** Why the tuning cannot be changed from this page; null where it can. */
+export function useNoRetuning(): string | null {
+  const noControl = useNoControl();
+  return useLive((live) => whyNoRetuning(live.state, noControl));
 }
 
 /** `epoch` is the control that this page holds; null for none. Pure. */
@@ -20,9 +24,4 @@ export function whyNoControl(holder: State["holder"], epoch: number | null): str
   // a newer control than the state's holder has: the state that names this page is on its way
   if (epoch !== null && epoch >= holder.epoch) return null;
   return `${holder.name} holds control${holder.page ? "" : " by a script"}.`;
-}
-
-/** Whether a request was refused for who holds control: taking control is the remedy. */
-export function isAboutControl(error: Error | null): boolean {
-  return error instanceof RequestError && CODES.includes(error.problem?.code);
 }

@@ -4,19 +4,16 @@ import { Button, Table } from "@mantine/core";
 import { Link } from "wouter";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
-import { useLive } from "../../live/react";
 import { dateTime } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
-import { whyNoRetuning } from "../../service/retuning";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoRetuning } from "../../service/useNoControl";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
 import { entryName } from "./difference";
 
 export function BankTable({ banks, selected }: { banks: readonly Bank[]; selected: number | undefined }) {
   const activate = useActivateBank();
-  const noControl = useNoControl();
-  const locked = useLive((live) => whyNoRetuning(live.state, noControl));
+  const locked = useNoRetuning();
   if (banks.length === 0) {
     return <p className={page.empty}>No bank yet: gains come from geometry.</p>;
   }

@@ -9,8 +9,7 @@ import { TextField } from "../../components/TextField";
 import { useLive } from "../../live/react";
 import { useActivateBank, useBuildBank } from "../../service/commands";
 import { RefusedFields } from "../../service/refusedFields";
-import { whyNoRetuning } from "../../service/retuning";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoRetuning } from "../../service/useNoControl";
 import type { Bank } from "../../wire/types";
 import { nameOf } from "../banks/BankTable";
 import page from "../Page.module.css";
@@ -53,8 +52,7 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
 function Built({ bank }: { bank: Bank }) {
   const activate = useActivateBank();
   const active = useLive((live) => live.state?.tuning.bank?.id === bank.id);
-  const noControl = useNoControl();
-  const locked = useLive((live) => whyNoRetuning(live.state, noControl));
+  const locked = useNoRetuning();
   const name = nameOf(bank);
   return (
     <div className={styles.built}>

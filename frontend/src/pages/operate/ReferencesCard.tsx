@@ -14,8 +14,7 @@ import { FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import type { Entry } from "../../service/glossary";
-import { whyNoRetuning } from "../../service/retuning";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoControl, useNoRetuning } from "../../service/useNoControl";
 import { useReferenceOrders } from "../../service/useReferenceOrders";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
@@ -31,7 +30,7 @@ export function ReferencesCard() {
   const noControl = useNoControl();
   const locked = useLive((live) => whyNoReferences(live.state, noControl));
   const tuning = useLive((live) => live.state?.tuning);
-  const fixedTuning = useLive((live) => whyNoRetuning(live.state, noControl));
+  const fixedTuning = useNoRetuning();
   return (
     <Card title="References">
       {references && limits ? (

@@ -11,8 +11,7 @@ import { fixed } from "../../samples/format";
 import { type Angles, told } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
-import { whyNoRetuning } from "../../service/retuning";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoRetuning } from "../../service/useNoControl";
 import { type Previewed, usePreview, usePreviewedStiffness } from "../../service/usePreview";
 import { type LambdaName, useStaged } from "../../service/useStaged";
 import { HUES } from "../../theme/signals";
@@ -39,8 +38,7 @@ export function TuningCard() {
 
 function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const setTuning = useSetTuning();
-  const noControl = useNoControl();
-  const locked = useLive((live) => whyNoRetuning(live.state, noControl));
+  const locked = useNoRetuning();
   const staged = useStaged();
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
