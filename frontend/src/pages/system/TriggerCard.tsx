@@ -181,7 +181,7 @@ function ArmForm() {
           about={about}
           forFields
           text={ready ? null : "Each box needs a number."}
-          hint="Recorded from the first sample that meets the condition; nothing moves."
+          hint="Keeps what is before and after the first sample that meets the condition; nothing moves."
         />
       </form>
     </RefusedFields>
