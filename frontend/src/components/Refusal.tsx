@@ -1,5 +1,6 @@
 /** Room kept free for the reason why a value was refused, so that nothing moves when there is one. */
 
+import type { ReactNode } from "react";
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useToldAtField } from "../service/refusedFields";
@@ -22,9 +23,11 @@ interface RefusalProps {
   readonly forFields?: boolean;
   /** Shown while nothing is refused. */
   readonly hint?: string;
+  /** What removes the cause of `text`, one press away; an answer of the service has its own. */
+  readonly children?: ReactNode;
 }
 
-export function Refusal({ error, about, id, text, forFields = false, hint = "" }: RefusalProps) {
+export function Refusal({ error, about, id, text, forFields = false, hint = "", children }: RefusalProps) {
   const standing = useStanding(error, about);
   const angles = useAngles();
   const elsewhere = useToldAtField(standing) && !forFields;
@@ -48,6 +51,7 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "" }
           <TakeControl />
         </>
       )}
+      {refused && standing === null && !offersControl && children !== undefined && <> {children}</>}
     </output>
   );
 }

@@ -23,6 +23,7 @@ import { useMayCommand } from "../../service/useMayCommand";
 import { useNoControl } from "../../service/useNoControl";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
+import { NextMode } from "../operate/NextMode";
 import page from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
 import {
@@ -145,7 +146,9 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
           {dryRun.isPending && dryRun.variables?.name === kind.name && (
             <DryRunProgress onCancel={dryRun.cancel} />
           )}
-          <Refusal error={failure} about={changed} text={may === false ? problem : reason} />
+          <Refusal error={failure} about={changed} text={may === false ? problem : reason}>
+            {may !== false && problem === null && beyond === null && <NextMode need="start" />}
+          </Refusal>
         </div>
       </form>
     </RefusedFields>

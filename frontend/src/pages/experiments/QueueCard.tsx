@@ -12,6 +12,7 @@ import { queueQuery } from "../../service/queries";
 import { useNoControl } from "../../service/useNoControl";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
+import { NextMode } from "../operate/NextMode";
 import page from "../Page.module.css";
 import { OrderWords } from "./OrderWords";
 import { tuningOf } from "./order";
@@ -96,8 +97,12 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
         <Refusal
           error={command.error}
           about={queue}
-          text={queue?.problem ? queue.problem : items.length > 0 ? noControl : null}
-        />
+          text={
+            queue?.problem ? queue.problem : items.length > 0 ? (queue?.running ? noControl : reason) : null
+          }
+        >
+          {!queue?.problem && <NextMode need="start" />}
+        </Refusal>
       </div>
     </Card>
   );

@@ -8,6 +8,7 @@ import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
 import { parametersQuery, useApplyParameters } from "../../service/comparedModels";
 import type { ParameterChange } from "../../wire/types";
+import { NextMode } from "../operate/NextMode";
 import page from "../Page.module.css";
 import { ChangeButton } from "./ChangeButton";
 import styles from "./Identify.module.css";
@@ -23,6 +24,11 @@ export function ApplyParameters({ estimate }: { estimate: number }) {
       {asked.error && <p className={page.empty}>{asked.error.message}</p>}
       {asked.isPending && <p className={page.empty}>Comparing …</p>}
       {proposal && proposal.problem !== "" && <p className={page.empty}>{proposal.problem}.</p>}
+      {apply.data && (
+        <output className={page.dim}>
+          Version {apply.data.versions[0]?.number} is in force. <NextMode need="start" />
+        </output>
+      )}
       {proposal && proposal.problem === "" && (
         <>
           <ChangeTable label="Parameters that would change" changes={proposal.changes} />

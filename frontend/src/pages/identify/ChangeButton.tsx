@@ -6,6 +6,7 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { useMayCommand } from "../../service/useMayCommand";
 import { useNoControl } from "../../service/useNoControl";
+import { NextMode } from "../operate/NextMode";
 import styles from "./Identify.module.css";
 
 interface ChangeButtonProps {
@@ -42,7 +43,9 @@ export function ChangeButton({ children, error, pending, about, onPress }: Chang
       >
         {children}
       </Button>
-      <Refusal id={id} error={error} about={`${mode} ${about}`} text={reason} />
+      <Refusal id={id} error={error} about={`${mode} ${about}`} text={reason}>
+        <NextMode need="off" />
+      </Refusal>
     </>
   );
 }

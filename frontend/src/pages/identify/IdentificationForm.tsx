@@ -25,6 +25,7 @@ import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
 import { whyNoStart } from "../operate/allowed";
+import { NextMode } from "../operate/NextMode";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 import { type Kind, labelOf, originOf, requestOf, type Values, valuesOf } from "./order";
@@ -173,7 +174,9 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
           >
             Start identification
           </Button>
-          <Refusal error={start.error} about={[changed, tensions]} text={reason} />
+          <Refusal error={start.error} about={[changed, tensions]} text={reason}>
+            {asked.problem === null && <NextMode need="start" />}
+          </Refusal>
         </div>
       </form>
     </RefusedFields>
