@@ -121,6 +121,24 @@ def address_of_service(data: Path) -> str | None:
     return next(iter(addresses_of_service(data)), None)
 
 
+def why_no_address(data: Path) -> str:
+    """Return in words why ``addresses_of_service`` is empty: none works there, or one has not begun to answer."""
+    if _is_held(data / LOCK):
+        return f"the service on the folder {data} is still starting: try again once it has printed where it answers"
+    return f"no service works on the folder {data}: start it with `sinew serve`, or choose --data"
+
+
+def _is_held(lock: Path) -> bool:
+    try:
+        with lock.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
 def addresses_of_service(data: Path) -> list[str]:
     """Return where the service of a data folder answers, behind it its public URL where it has one.
 

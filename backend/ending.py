@@ -8,6 +8,9 @@ from types import FrameType
 
 import uvicorn
 
+KILLED_BY = 128
+"""Exit status of what a signal ended, less the number of the signal."""
+
 
 class Ending:
     """Why the service ends, for those parts that put it on record."""
@@ -26,8 +29,10 @@ class EndingServer(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         """End in order on SIGHUP too: a terminal that is closed, or a connection that is cut, sends it.
 
-        Whoever started the service with nohup has it ignored, and that stays.
+        Whoever started the service with nohup has it ignored, and that stays. Uvicorn raises the signal once more at
+        the end: by default that kills, and what is released at the end of an interpreter would be told as leaked.
         """
+        _leave_in_order_by(signal.SIGTERM, signal.SIGHUP)
         with super().capture_signals():
             before = signal.getsignal(signal.SIGHUP)
             if before is signal.SIG_IGN or threading.current_thread() is not threading.main_thread():
@@ -44,6 +49,19 @@ class EndingServer(uvicorn.Server):
         if not self.should_exit:
             self._ending.cause = f"service ended by {signal.Signals(sig).name}"
         super().handle_exit(sig, frame)
+
+
+def _leave_in_order_by(*numbers: signal.Signals) -> None:
+    """Let signals that would kill this process end its interpreter, with the status that a shell gives for them."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in numbers:
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _leave)
+
+
+def _leave(number: int, _frame: FrameType | None) -> None:
+    raise SystemExit(KILLED_BY + number)
 
 
 def address_on(host: str, port: int) -> str:

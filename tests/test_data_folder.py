@@ -11,9 +11,11 @@ from backend.data_folder import (
     AlreadyRunningError,
     HeldFolder,
     address_of_service,
+    addresses_of_service,
     held_by_nobody,
     only_service_on,
     playing_in,
+    why_no_address,
 )
 
 
@@ -100,3 +102,13 @@ def test_a_folder_is_held_by_services_and_by_commands_that_play(data: Path) -> N
     with playing_in(data), playing_in(data):
         assert not is_free()
     assert is_free()
+
+
+def test_a_service_that_has_not_begun_to_answer_is_told_from_none(data: Path) -> None:
+    assert "no service works on the folder" in why_no_address(data)
+    with only_service_on(data) as held:
+        assert addresses_of_service(data) == []
+        assert "still starting" in why_no_address(data)
+        held.say_address("http://127.0.0.1:8000")
+        assert addresses_of_service(data) == ["http://127.0.0.1:8000"]
+    assert "no service works on the folder" in why_no_address(data)

@@ -59,9 +59,9 @@ class RunningService:
 def running_service(settings: Settings) -> RunningService:
     """Return the service of a data folder; without one the command ends."""
     from backend.access.tokens import load_tokens
-    from backend.data_folder import address_of_service
+    from backend.data_folder import address_of_service, why_no_address
 
     address = address_of_service(settings.data)
     if address is None:
-        fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
+        fail(why_no_address(settings.data))
     return RunningService(address, load_tokens(settings.data).operator if settings.require_token else "")

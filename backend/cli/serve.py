@@ -1,6 +1,7 @@
 """``sinew serve`` and ``sinew link``."""
 
 import sys
+import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +23,9 @@ from backend.cli.place import (
 
 if TYPE_CHECKING:
     from backend.access.tokens import Tokens
+
+SAID_AFTER_S = 3.0
+STILL_STARTING = "Sinew is starting. The first start after an installation compiles: that takes up to a minute."
 
 
 def serve(
@@ -71,7 +75,11 @@ def serve(
     require_available(settings.plant_choice)
     shown = sys.stdout.isatty() if settings.show_link is None else settings.show_link
 
+    slow = threading.Timer(SAID_AFTER_S, print, (STILL_STARTING,), {"flush": True})
+    slow.daemon = True
+
     def tell(address: str, tokens: "Tokens | None") -> None:
+        slow.cancel()
         addresses = [address, *([settings.public_url] if settings.public_url else [])]
         if tokens is not None and not shown:
             answers = " and ".join(_bases(addresses))
@@ -82,18 +90,22 @@ def serve(
             print(served, flush=True)
 
     look_as_usual()
-    run_service(settings, tell)
+    slow.start()
+    try:
+        run_service(settings, tell)
+    finally:
+        slow.cancel()
 
 
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
     from backend.access.tokens import load_tokens
-    from backend.data_folder import addresses_of_service
+    from backend.data_folder import addresses_of_service, why_no_address
 
     settings = settings_with(data=data)
     addresses = addresses_of_service(settings.data)
     if not addresses:
-        fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
+        fail(why_no_address(settings.data))
     _print_links(addresses, load_tokens(settings.data) if settings.require_token else None)
 
 

@@ -1,10 +1,15 @@
 """What answers where a service is expected may be anything: a command says so in one line."""
 
 import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
 from threading import Thread
 
 import pytest
 
+from backend import main
+from backend.cli import serve
 from backend.cli.running_service import RunningService
 from backend.messages.experiment import QueuePlace
 
@@ -55,3 +60,21 @@ def test_whatever_answers_a_command_ends_in_a_sentence(
 
 def test_an_answer_is_read() -> None:
     assert answer(OK + b'{"place": 3}') == QueuePlace(place=3)
+
+
+def test_a_slow_start_says_so_and_a_quick_one_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    starts = iter((0.3, 0.0))
+
+    def start(_settings: object, ready: Callable[[str, None], None]) -> None:
+        time.sleep(next(starts))
+        ready("http://127.0.0.1:8000", None)
+
+    monkeypatch.setattr(main, "serve", start)
+    monkeypatch.setattr(serve, "SAID_AFTER_S", 0.05)
+    told = []
+    for _ in range(2):
+        serve.serve(plant="simulator", data=tmp_path)
+        told.append(serve.STILL_STARTING in capsys.readouterr().out)
+    assert told == [True, False]

@@ -145,8 +145,11 @@ def test_a_trial_reverts_although_its_page_is_gone(operator: Operator, browser: 
     page.get_by_role("switch", name="Stage changes").check()
     operator.enter("λ_S value [s]", 0.8)
     page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("12")
+    below = page.get_by_role("region", name="Touch", exact=True)
+    before = below.bounding_box()
     page.get_by_role("button", name="Try for", exact=True).click()
     expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text("back to 0.500, 0.420 s")
+    assert below.bounding_box() == before
     page.close()
     with client_with(service, "token") as script:
         until_state(script, lambda told: told["trial"] is None, "the trial does not end")

@@ -36,8 +36,8 @@ def laid_out(same_operator: Operator) -> Operator:
         page.get_by_role("combobox", name="Layout", exact=True).select_option(old.inner_text())
         page.get_by_role("button", name="Remove layout", exact=True).click()
     editor = page.get_by_role("region", name="Layout editor", exact=True)
-    editor.get_by_role("combobox", name="Add panel", exact=True).select_option("q - q_ref")
-    editor.get_by_role("combobox", name="Add panel", exact=True).select_option("S")
+    editor.get_by_role("button", name="New panel with q - q_ref", exact=True).click()
+    editor.get_by_role("button", name="New panel with S", exact=True).click()
     editor.get_by_role("combobox", name="Axis of Joint stiffness 2", exact=True).select_option("q")
     for title in ("Tendon force", "Motor voltage", "Outside force"):
         editor.get_by_role("button", name=f"Remove {title}", exact=True).click()
@@ -83,6 +83,23 @@ def test_what_cannot_be_drawn_is_refused_in_words_and_changes_nothing(laid_out: 
         "u_A is in V, “Joint position” shows rad: one panel has one unit. Add a panel for it."
     )
     assert page.request.get(f"{laid_out.service.url}/api/preferences").json() == before
+
+
+def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) -> None:
+    page = laid_out.page
+    editor = page.get_by_role("region", name="Layout editor", exact=True)
+    editor.get_by_role("textbox", name="Search signals", exact=True).fill("deviation")
+    tree = editor.get_by_role("region", name="Signals", exact=True)
+    expect(tree.get_by_role("button", name="New panel with F_A", exact=True)).to_have_count(0)
+    editor.get_by_role("textbox", name="Search signals", exact=True).fill("S_")
+    figure = page.get_by_role("figure", name="Joint stiffness", exact=True)
+    shown = tree.get_by_role("button", name="New panel with S_true", exact=True)
+    with page.expect_response(kept("layout", "Mine")):
+        shown.drag_to(figure, force=True)  # what takes the gestures lies over it
+    expect(figure.get_by_role("button", name="S_true", exact=True)).to_be_visible()
+
+    shown.drag_to(editor.get_by_role("listitem", name="Joint position", exact=True))
+    expect(editor.get_by_role("alert")).to_contain_text("one panel has one unit")
 
 
 def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:

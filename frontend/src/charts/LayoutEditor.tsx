@@ -1,28 +1,34 @@
 /** The panels of the layout in use, one row each; every change is drawn and kept at once. */
 
-import { Button, NativeSelect } from "@mantine/core";
-import { useState } from "react";
+import { Button } from "@mantine/core";
+import { useRef, useState } from "react";
 import { TbTrash } from "react-icons/tb";
-import { useDerived } from "../service/formulas";
-import { type Edited, moved, renamed, withPanel } from "../theme/editing";
+import { type Edited, moved, renamed, withPanel, withSignal } from "../theme/editing";
 import { useLayouts } from "../theme/useLayouts";
 import type { ChartLayout } from "../wire/types";
 import { EditedText } from "./EditedText";
 import { FormulaEditor } from "./FormulaEditor";
 import styles from "./LayoutEditor.module.css";
 import { PanelRow } from "./PanelRow";
-import { signalChoices } from "./signalChoices";
+import { SignalTree } from "./SignalTree";
+import { useSignalDrop } from "./useSignalDrop";
 
 export function LayoutEditor() {
   const { used, own, edit, remove } = useLayouts();
   const [refusal, refuse] = useState<string | null>(null);
   const isOwn = own.includes(used);
-  const derived = useDerived();
+  const frame = useRef<HTMLElement>(null);
 
   const take = (how: (layout: ChartLayout) => Edited) => refuse(edit(how));
+  useSignalDrop(frame, (name, title) =>
+    take((layout) => {
+      const place = layout.panels.findIndex((panel) => panel.title === title);
+      return place < 0 ? `The layout has no panel “${title}” any more.` : withSignal(layout, place, name);
+    }),
+  );
 
   return (
-    <section className={styles.editor} aria-label="Layout editor">
+    <section ref={frame} className={styles.editor} aria-label="Layout editor">
       <div className={styles.head}>
         <span className={styles.name}>
           Layout
@@ -50,6 +56,7 @@ export function LayoutEditor() {
           {refusal}
         </output>
       </div>
+      <SignalTree onPress={(name) => take((layout) => withPanel(layout, name))} />
       <ol className={styles.panels}>
         {used.panels.map((panel, place) => (
           <PanelRow
@@ -63,13 +70,6 @@ export function LayoutEditor() {
           />
         ))}
       </ol>
-      <NativeSelect
-        aria-label="Add panel"
-        value=""
-        onChange={({ currentTarget: { value } }) => take((layout) => withPanel(layout, value))}
-        data={[{ value: "", label: "Add a panel with …", disabled: true }, ...signalChoices(null, derived)]}
-        w={200}
-      />
       <FormulaEditor />
     </section>
   );

@@ -56,7 +56,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
   }
 
   return (
-    <li ref={row} className={styles.panel} aria-label={title}>
+    <li ref={row} className={styles.panel} aria-label={title} data-panel-row={place}>
       <EditedText
         label={`Title of panel ${place + 1}`}
         text={title}

@@ -25,3 +25,17 @@ export function signalChoices(first: string | null, derived: readonly DerivedSig
       })),
   }));
 }
+
+/** Those whose name, meaning or unit holds every word that is searched for. */
+export function found(choices: readonly Choices[], words: string): Choices[] {
+  const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
+  return choices
+    .map(({ group, items }) => ({
+      group,
+      items: items.filter(({ label }) => {
+        const text = `${label} ${group}`.toLowerCase();
+        return wanted.every((word) => text.includes(word));
+      }),
+    }))
+    .filter(({ items }) => items.length > 0);
+}

@@ -14,7 +14,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Angles } from "../../samples/quantity";
 import { AnglesContext } from "../../service/angles";
-import type { BringUp, BringUpStep } from "../../wire/types";
+import type { BringUp, BringUpStep, State } from "../../wire/types";
 import BringUpPage from "./BringUpPage";
 
 const WEIGHT = { name: "weight_1", words: "first weight", unit: "N", default: 10, minimum: 1, maximum: 50 };
@@ -45,11 +45,13 @@ function step(id: BringUpStep["id"], title: string, more: Partial<BringUpStep> =
 
 let role = "operator";
 let view: BringUp;
+let store: LiveStore;
 let answerOf: (path: string) => Response | null;
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   role = "operator";
+  store = new LiveStore(0);
   answerOf = () => null;
   fetched.mockReset().mockImplementation(async (request) => {
     const path = new URL(request.url).pathname;
@@ -80,7 +82,7 @@ function show(angles: Angles = "deg"): void {
   render(
     <MantineProvider>
       <QueryClientProvider client={client}>
-        <LiveProvider store={new LiveStore(0)}>
+        <LiveProvider store={store}>
           <AnglesContext value={angles}>
             <BringUpPage />
           </AnglesContext>
@@ -180,6 +182,14 @@ it("shows a refusal at the box of the value that was refused", async () => {
   const box = screen.getByLabelText("First weight [N]");
   await waitFor(() => expect(box.getAttribute("aria-invalid")).toBe("true"));
   expect(document.body.textContent).toContain(message);
+});
+
+it.each(["rig", "virtual_card"] as const)("says who does what is asked: %s", async (kind) => {
+  store.setState({ link: { starts: 1 }, plant: { kind } } as unknown as State);
+  const running = { phase: "wiring", elapsed_s: 1, confirm: "Turn the joint by hand, and confirm" };
+  await open([step("wiring_test", "Wiring test", { running })]);
+  const asked = await screen.findByRole("status", { name: "What to do now" });
+  expect(asked.textContent?.includes("Confirm does it")).toBe(kind === "virtual_card");
 });
 
 it("shows the step under way with what a person is asked, and confirms or cancels it", async () => {

@@ -12,6 +12,7 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
+import { useLive } from "../../live/react";
 import { dateTime, duration, NOT_MEASURED, significant } from "../../samples/format";
 import { type Angles, labelWith, rangeText, readingOf } from "../../samples/quantity";
 import { capital } from "../../samples/words";
@@ -160,6 +161,7 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
   const { phase, elapsed_s, confirm } = running;
   const command = useStepCommand();
   const asked = confirm !== "";
+  const virtual = useLive((live) => live.state?.plant.kind === "virtual_card");
   return (
     // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
     <div className={styles.running} role="group" aria-label={`${title} under way`}>
@@ -172,6 +174,7 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
       </div>
       <output aria-label="What to do now" className={styles.asked} data-asked={asked}>
         {asked && <Told text={confirm} />}
+        {asked && virtual && <span className={page.dim}> On this virtual card, Confirm does it.</span>}
       </output>
       <OperatorsOnly>
         <div className={page.actions}>

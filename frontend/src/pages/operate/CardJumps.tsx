@@ -4,6 +4,9 @@ import { useRef } from "react";
 import { useLive } from "../../live/react";
 import styles from "./Operate.module.css";
 
+/** Titles that are too long for the bar. */
+const SHORT: Readonly<Record<string, string>> = { "Trigger capture": "Trigger" };
+
 export function CardJumps() {
   const bar = useRef<HTMLElement>(null);
   const pushes = useLive((live) => (live.state?.limits.F_push_max ?? 0) > 0);
@@ -16,6 +19,7 @@ export function CardJumps() {
     ...(known ? ["Touch"] : []),
     ...(pushes ? ["Push"] : []),
     ...(walls ? ["Wall"] : []),
+    "Trigger capture",
   ];
 
   function jump(title: string): void {
@@ -30,7 +34,7 @@ export function CardJumps() {
     <nav ref={bar} className={styles.jumps} aria-label="Controls">
       {titles.map((title) => (
         <button key={title} type="button" aria-label={`Go to ${title}`} onClick={() => jump(title)}>
-          {title}
+          {SHORT[title] ?? title}
         </button>
       ))}
     </nav>

@@ -12,7 +12,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import type { Tuning } from "../../wire/types";
+import type { State, Tuning } from "../../wire/types";
 import { TuningChanges } from "./TuningChanges";
 
 const SAVED = {
@@ -39,11 +39,13 @@ type Part = keyof typeof SAVED;
 
 const NOTHING = { staging: false, values: {}, turn() {}, stage() {}, discard() {} };
 
-function open(tuning: typeof SAVED): void {
+function open(tuning: typeof SAVED, state: object | null = null): void {
+  const store = new LiveStore(0);
+  if (state !== null) store.setState({ link: { starts: 1 }, ...state } as unknown as State);
   render(
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
-        <LiveProvider store={new LiveStore(0)}>
+        <LiveProvider store={store}>
           <TuningChanges tuning={{ ...tuning, bank: null } as Tuning} staged={NOTHING} locked={null} />
         </LiveProvider>
       </QueryClientProvider>
@@ -97,4 +99,20 @@ it("has nothing to walk back where all is as saved", async () => {
   await screen.findAllByText("0.500 s");
   await waitFor(() => expect(screen.getAllByText("switching").length).toBe(2));
   expect(revert().disabled).toBe(true);
+});
+
+it("keeps its row of buttons in its place on trial, disabled", async () => {
+  const trial = { ...SAVED, remaining_s: 8, until: 0 };
+  const state = {
+    trial,
+    earlier: { ...SAVED, bank: null },
+    touch: { learned: [] },
+    holder: null,
+    own_tuning: null,
+  };
+  open(OTHER, state);
+  expect(screen.getByRole("button", { name: "Keep" })).toBeDefined();
+  for (const name of ["Revert to saved", "Save", "Undo change"])
+    expect((screen.getByRole("button", { name }) as HTMLButtonElement).disabled).toBe(true);
+  expect((screen.getByRole("switch", { name: "Stage changes" }) as HTMLInputElement).disabled).toBe(true);
 });

@@ -16,7 +16,7 @@ import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from 
 import { fieldEntry } from "../../service/fieldHelp";
 import { savedTuningQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
-import { whyNoRejection } from "../../service/retuning";
+import { ON_TRIAL, whyNoRejection } from "../../service/retuning";
 import type { LambdaName, Staging } from "../../service/useStaged";
 import type { SavedTuning, Trial, Tuning } from "../../wire/types";
 import styles from "./TuningChanges.module.css";
@@ -102,36 +102,37 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
       </table>
       <RefusedFields error={odd === null ? failure : null} about={about}>
         <div className={styles.decide}>
-          {trial === null ? (
-            <div className={styles.actions}>
-              <Button
-                variant="default"
-                size="compact-xs"
-                disabled={!changed || busy || locked !== null || unlearned !== null}
-                title={unlearned ?? origin(saved)}
-                onClick={() =>
-                  saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
-                }
-              >
-                Revert to saved
-              </Button>
-              <Button
-                variant="default"
-                size="compact-xs"
-                disabled={!changed || busy}
-                onClick={() => save.mutate()}
-              >
-                Save
-              </Button>
-              <UndoTuning undo={undo} size="compact-xs" />
-              <Switch
-                size="xs"
-                label="Stage changes"
-                checked={staged.staging}
-                onChange={(event) => staged.turn(event.currentTarget.checked)}
-              />
-            </div>
-          ) : (
+          <div className={styles.actions}>
+            <Button
+              variant="default"
+              size="compact-xs"
+              disabled={!changed || busy || locked !== null || unlearned !== null || trial !== null}
+              title={trial === null ? (unlearned ?? origin(saved)) : ON_TRIAL}
+              onClick={() =>
+                saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
+              }
+            >
+              Revert to saved
+            </Button>
+            <Button
+              variant="default"
+              size="compact-xs"
+              disabled={!changed || busy || trial !== null}
+              {...(trial === null ? {} : { title: ON_TRIAL })}
+              onClick={() => save.mutate()}
+            >
+              Save
+            </Button>
+            <UndoTuning undo={undo} size="compact-xs" />
+            <Switch
+              size="xs"
+              label="Stage changes"
+              checked={staged.staging}
+              disabled={trial !== null}
+              onChange={(event) => staged.turn(event.currentTarget.checked)}
+            />
+          </div>
+          {trial !== null && (
             <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
           )}
           {offersTrial && (

@@ -9,7 +9,8 @@ import { useAngles } from "../../service/angles";
 import page from "../Page.module.css";
 import styles from "./StudyForm.module.css";
 import { type Axis, type Value, valuesIn } from "./studyDocument";
-import { type Choices, groupsOf, variedOf } from "./varied";
+import { VariedSelect } from "./VariedSelect";
+import { type Choices, variedOf } from "./varied";
 
 interface AxisRowsProps {
   readonly axes: readonly Axis[];
@@ -85,11 +86,12 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
 
   return (
     <fieldset className={styles.row} aria-label={`Axis ${number}`}>
-      <NativeSelect
-        aria-label={`Varied by axis ${number}`}
-        data={groupsOf(choices, axis.over, ["experiment", "loop", "plant"])}
+      <VariedSelect
+        label={`Varied by axis ${number}`}
         value={axis.over}
-        onChange={(event) => choose(event.currentTarget.value)}
+        choices={choices}
+        only={["experiment", "loop", "plant"]}
+        onChange={choose}
       />
       <NativeSelect
         aria-label={`Given as ${of}`}

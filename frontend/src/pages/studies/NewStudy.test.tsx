@@ -106,6 +106,8 @@ it("shows in the form what the text says, and how many runs it has", async () =>
   await waitFor(() => expect(box("To [s] of axis 1").value).toBe("1"));
   expect(box("From [s] of axis 1").value).toBe("0.4");
   expect(box("Number of axis 1").value).toBe("5");
+  const varied = screen.getByRole("combobox", { name: "Varied by axis 1" }) as HTMLSelectElement;
+  expect(varied.title).toBe(varied.selectedOptions[0]?.textContent); // in full where the box cuts it
   expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("5 runs.");
 });
 

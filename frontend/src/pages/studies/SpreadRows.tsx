@@ -6,7 +6,8 @@ import page from "../Page.module.css";
 import { NumberBox } from "./AxisRows";
 import styles from "./StudyForm.module.css";
 import type { Spread } from "./studyDocument";
-import { type Choices, groupsOf, variedOf } from "./varied";
+import { VariedSelect } from "./VariedSelect";
+import { type Choices, variedOf } from "./varied";
 
 interface SpreadRowsProps {
   readonly spread: readonly Spread[];
@@ -29,11 +30,12 @@ export function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
         return (
           // biome-ignore lint/suspicious/noArrayIndexKey: a spread is its place in the list
           <fieldset key={index} className={styles.row} aria-label={`Spread ${index + 1}`}>
-            <NativeSelect
-              aria-label={`Number ${of}`}
-              data={groupsOf(choices, one.of, ["plant"])}
+            <VariedSelect
+              label={`Number ${of}`}
               value={one.of}
-              onChange={(event) => set({ of: event.currentTarget.value })}
+              choices={choices}
+              only={["plant"]}
+              onChange={(name) => set({ of: name })}
             />
             <NativeSelect
               aria-label={`Distribution ${of}`}

@@ -9,7 +9,8 @@ import { AxisRows, NumberBox } from "./AxisRows";
 import { SpreadRows } from "./SpreadRows";
 import styles from "./StudyForm.module.css";
 import type { StudyDocument, Value } from "./studyDocument";
-import { type Choices, groupsOf, useVaried, variedOf } from "./varied";
+import { VariedSelect } from "./VariedSelect";
+import { type Choices, useVaried, variedOf } from "./varied";
 
 interface StudyFormProps {
   readonly document: StudyDocument;
@@ -101,14 +102,12 @@ function FixedSettings({ settings, choices, onChange }: FixedProps) {
       <legend>Settings: the same in each run; others are as they are in force</legend>
       {entries.map(([name, value], index) => (
         <fieldset key={name} className={styles.row} aria-label={`Setting ${index + 1}`}>
-          <NativeSelect
-            aria-label={`Name of setting ${index + 1}`}
-            data={groupsOf(choices, name, ["experiment", "loop"])}
+          <VariedSelect
+            label={`Name of setting ${index + 1}`}
             value={name}
-            onChange={(event) => {
-              const next = event.currentTarget.value;
-              replace(index, [next, variedOf(choices, next).value]);
-            }}
+            choices={choices}
+            only={["experiment", "loop"]}
+            onChange={(next) => replace(index, [next, variedOf(choices, next).value])}
           />
           <SettingBox
             of={`of setting ${index + 1}`}

@@ -1,0 +1,32 @@
+import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { afterEach, expect, it } from "vitest";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { State } from "../../wire/types";
+import { CardJumps } from "./CardJumps";
+
+afterEach(cleanup);
+
+it("leads to each card of the controls, the trigger's too", () => {
+  const store = new LiveStore(0);
+  const state = { link: { starts: 1 }, limits: { F_push_max: 20 }, plant: { simulated: true } };
+  store.setState(state as unknown as State);
+  const titles = ["Mode", "References", "Tuning", "Touch", "Push", "Wall", "Trigger capture"];
+  render(
+    <LiveProvider store={store}>
+      <div>
+        <CardJumps />
+        {titles.map((title) => (
+          <section key={title} aria-label={title} />
+        ))}
+      </div>
+    </LiveProvider>,
+  );
+  for (const title of titles) {
+    const card = screen.getByRole("region", { name: title });
+    card.scrollIntoView = () => undefined;
+    fireEvent.click(screen.getByRole("button", { name: `Go to ${title}` }));
+    expect(document.activeElement).toBe(card);
+  }
+  expect(screen.getAllByRole("button")).toHaveLength(titles.length);
+});
