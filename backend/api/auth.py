@@ -59,8 +59,10 @@ async def _may_stop(
 MayStop = Annotated[Person, Depends(_may_stop)]
 
 
-async def _operator(person: SignedIn) -> Person:
+async def _operator(request: Request, person: SignedIn) -> Person:
     if person.role is not Role.OPERATOR:
+        if request.method not in ("GET", "HEAD"):
+            request.state.commanding = person, b""  # the log tells who asked for what; a viewer's values are not read
         raise RefusalError(
             Because.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
         )

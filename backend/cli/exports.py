@@ -13,6 +13,9 @@ from backend.cli.place import DataFolder, StationName, database_of, settings_wit
 def export(
     run: Annotated[int, typer.Argument(help="Number of the run.")],
     file: Annotated[Path, typer.Argument(help="File to write; .csv, .parquet, .mat or .mcap says the format.")],
+    formula: Annotated[
+        list[str] | None, typer.Option(help="Derived signal as a further column, once for each.")
+    ] = None,
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
@@ -27,7 +30,7 @@ def export(
         fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
     with database_of(settings_with(data=data, station=station), reading=True) as database:
         try:
-            write_file(of_run(database, run), DataFormat(kind), file)
+            write_file(of_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
     out.print(f"wrote {file}", highlight=False, markup=False)

@@ -19,7 +19,7 @@ _Value = Annotated[float, Field(ge=-HUGE, le=HUGE)]
 class TriggerOrder(Schema):
     """A condition on one signal, and how much is kept around it."""
 
-    signal: str = Field(max_length=40, description="name of a signal of the sample, or of a combined one")
+    signal: str = Field(max_length=40, description="name of a signal of the sample, of a combined one, or of a formula")
     condition: ConditionKind = Field(description="a level, an edge through a level, or a window")
     level: _Value = Field(description="level, or lower end of the window, in the SI unit of the signal")
     upper: _Value | None = Field(default=None, description="upper end of the window; null without a window")

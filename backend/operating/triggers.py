@@ -8,10 +8,12 @@ from backend.messages.trigger import TriggerOrder, TriggerView
 from backend.operating.actuator import Actuator
 from backend.operating.journal import Journal
 from backend.recording.condition import WINDOWS, Condition
+from backend.recording.following import derived_from
+from backend.recording.formula import Derived
 from backend.recording.trigger import Armed, Trigger, left_armed
 from backend.refusal import Because, RefusalError
 from backend.sample import UNIT_OF, nearest
-from backend.storage import Database, StorageError
+from backend.storage import Database, StorageError, formulas
 from backend.storage.events import EventKind
 from plant.interface import T_s
 
@@ -20,14 +22,13 @@ class Triggers:
     """Arms and disarms the one ``trigger`` of the station."""
 
     def __init__(self, trigger: Trigger, actuator: Actuator, journal: Journal, database: Database) -> None:
-        self._trigger, self._actuator, self._journal = trigger, actuator, journal
+        self._trigger, self._actuator, self._journal, self._database = trigger, actuator, journal, database
         self._turn = asyncio.Lock()
         left = left_armed(database)
         if left is not None:
-            condition = Condition(left["signal"], left["kind"], left["level"], left["upper"])
+            says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).told()
             journal.record(
-                EventKind.NOTE,
-                f"trigger disarmed, as the service was started anew: {condition.told()}, armed by {left['who']}",
+                EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {left['who']}"
             )
 
     def view(self) -> TriggerView | None:
@@ -44,7 +45,7 @@ class Triggers:
             before_s=armed.before * T_s,
             after_s=armed.after * T_s,
             captures=armed.captures,
-            unit=UNIT_OF[condition.signal],
+            unit=condition.unit,
             says=condition.told(),
             who=armed.who,
             at=armed.at,
@@ -56,7 +57,7 @@ class Triggers:
 
     async def arm(self, order: TriggerOrder, who: str) -> TriggerView:
         """Wait for a condition. Raises RefusalError while another is waited for, or where the order makes no sense."""
-        condition = _possible(order)
+        condition = _possible(order, await asyncio.to_thread(self._derived))
         async with self._turn:
             standing = self._trigger.standing
             if standing is not None and self._trigger.is_armed:
@@ -85,14 +86,18 @@ class Triggers:
             await asyncio.to_thread(self._trigger.keep_armed, who)
         self._note("trigger disarmed", who)
 
+    def _derived(self) -> dict[str, Derived]:
+        with self._database.reading() as session:
+            return {one.name: derived_from(one) for one in formulas.find(session)}
+
     def _note(self, text: str, who: str) -> None:
         self._journal.note(MarkKind.NOTE, text, self._actuator.present.tick, who)
 
 
-def _possible(order: TriggerOrder) -> Condition:
-    if order.signal not in UNIT_OF:
+def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
+    if order.signal not in UNIT_OF and order.signal not in derived:
         message = f"there is no signal {order.signal!r}: the nearest is {nearest(order.signal)}"
-        raise RefusalError(Because.BAD_VALUE, message, code="unknown_signal", legal=UNIT_OF)
+        raise RefusalError(Because.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_OF, *derived])
     is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):
         message = "the upper end of the window has to be above its lower end"
@@ -100,4 +105,5 @@ def _possible(order: TriggerOrder) -> Condition:
     if not is_window and order.upper is not None:
         message = f"a condition {order.condition} has one level: leave the upper end out"
         raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
-    return Condition(order.signal, order.condition, order.level, order.upper)
+    formula = None if order.signal in UNIT_OF else derived[order.signal]
+    return Condition(order.signal, order.condition, order.level, order.upper, formula)

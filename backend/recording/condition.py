@@ -6,7 +6,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.following import computed
+from backend.recording.following import columns_of, computed
+from backend.recording.formula import Derived
 from backend.sample import COMBINED_BY_NAME, INDEX, UNIT_OF
 
 
@@ -27,15 +28,30 @@ EDGES = (ConditionKind.RISING, ConditionKind.FALLING)
 
 @dataclass(frozen=True)
 class Condition:
-    """A signal of the sample, or a combined one, against ``level``; a window reaches from ``level`` to ``upper``.
+    """A signal against ``level``; a window reaches from ``level`` to ``upper``.
 
-    An edge is a sample beyond the level after one that is not: it takes two neighbouring samples that are numbers.
+    The signal is one of the sample, a combined one, or ``derived``: a formula as it was when the condition was made. An
+    edge is a sample beyond the level after one that is not: it takes two neighbouring samples that are numbers.
     """
 
     signal: str
     kind: ConditionKind
     level: float
     upper: float | None = None
+    derived: Derived | None = None
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return UNIT_OF[self.signal] if self.derived is None else self.derived.unit
+
+    def values(self, rows: NDArray[np.float64], lengths: dict[str, float]) -> NDArray[np.float64]:
+        """Return the signal of rows of the ring [n, WIDTH]; ``lengths`` are those of the geometry [m], by name."""
+        following = COMBINED_BY_NAME.get(self.signal) if self.derived is None else self.derived
+        if following is None:
+            return rows[:, INDEX[self.signal]]
+        columns = {name: rows[:, INDEX[name]] for name in columns_of([following])}
+        return computed(following, columns, lengths, len(rows))
 
     def met(self, values: NDArray[np.float64], previous: float) -> NDArray[np.bool_]:
         """Tell for each of ``values`` whether it meets the condition; ``previous`` is the sample before the first."""
@@ -65,18 +81,8 @@ class Condition:
 
     def told(self) -> str:
         """Return the condition in words, in SI."""
-        unit = UNIT_OF[self.signal]
-        shown = "" if unit == "1" else f" {unit}"
+        shown = "" if self.unit == "1" else f" {self.unit}"
         if self.kind in WINDOWS:
             return f"{self.signal} {self.kind} {self.level:.6g} to {self._upper:.6g}{shown}"
         through = " through" if self.kind in EDGES else ""
         return f"{self.signal} {self.kind}{through} {self.level:.6g}{shown}"
-
-
-def values_of(signal: str, rows: NDArray[np.float64], lengths: dict[str, float]) -> NDArray[np.float64]:
-    """Return a signal of rows of the ring [n, WIDTH]; ``lengths`` are those of the geometry [m], by name."""
-    combined = COMBINED_BY_NAME.get(signal)
-    if combined is None:
-        return rows[:, INDEX[signal]]
-    columns = {term.column: rows[:, INDEX[term.column]] for term in combined.terms}
-    return computed(combined, columns, lengths, len(rows))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from backend.loop.ring import Ring
 from backend.recording.codec import pack
-from backend.recording.condition import Condition, values_of
+from backend.recording.condition import Condition
 from backend.recording.flight import Quota, make_room, run_of, time_of
 from backend.sample import STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, StorageError, events, flights, settings
@@ -52,7 +52,12 @@ class Armed:
 
     def document(self) -> Document:
         """Return what is kept of it with a capture."""
-        return asdict(self.condition) | {"before": self.before, "after": self.after, "captures": self.captures}
+        return asdict(self.condition) | {
+            "says": self.condition.told(),
+            "before": self.before,
+            "after": self.after,
+            "captures": self.captures,
+        }
 
 
 @dataclass(eq=False)
@@ -231,7 +236,7 @@ class Trigger:
         while len(rows) and self.standing is not None and self.is_armed:
             condition = self.standing.armed.condition
             if self._capture is None:
-                at = condition.first(values_of(condition.signal, rows, self._lengths()), self._previous)
+                at = condition.first(condition.values(rows, self._lengths()), self._previous)
                 if at is None:
                     break
                 self._begin(ring, first + at, rows[at:])
@@ -268,7 +273,7 @@ class Trigger:
         self.heard.changed()
 
     def _last_of(self, rows: NDArray[np.float64], condition: Condition) -> float:
-        return float(values_of(condition.signal, rows[-1:], self._lengths())[0]) if len(rows) else np.nan
+        return float(condition.values(rows[-1:], self._lengths())[0]) if len(rows) else np.nan
 
     def drain(self) -> None:
         """Store what is complete. Never raises for the database's sake: see ``problem``."""

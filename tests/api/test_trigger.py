@@ -70,6 +70,20 @@ def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_refere
     disarmed.delete("/api/trigger").raise_for_status()  # again: nothing is armed
 
 
+def test_a_trigger_waits_on_a_formula_as_it_was_when_it_was_armed(disarmed: httpx.Client, viewer: httpx.Client) -> None:
+    body = {"expression": "(q_ref + 1) * 2", "unit": "rad"}
+    disarmed.put("/api/formulas/shifted", json=body).raise_for_status()
+    disarmed.put("/api/references", json={"q_ref": 0.0, "S_ref": 10.0}).raise_for_status()
+    wait_for(disarmed, "references", {"q_ref": 0.0, "S_ref": 10.0, "in_force": True})
+    told = arm(disarmed, signal="shifted", level=2.2, before_s=0.1, after_s=0.1).raise_for_status().json()
+    assert (told["says"], told["unit"]) == ("shifted rising through 2.2 rad", "rad")
+    disarmed.delete("/api/formulas/shifted").raise_for_status()
+    disarmed.put("/api/references", json={"q_ref": 0.2, "S_ref": 10.0}).raise_for_status()
+    until_state(viewer, lambda state: state["trigger"]["captured"] == 1, "nothing was captured")
+    refused = arm(disarmed, signal="shifted")
+    assert (refused.status_code, problem(refused)["code"]) == (422, "unknown_signal")
+
+
 @pytest.mark.parametrize(
     ("order", "code"),
     [

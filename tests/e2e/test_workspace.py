@@ -93,7 +93,8 @@ def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) ->
     expect(tree.get_by_role("button", name="New panel with F_A", exact=True)).to_have_count(0)
     editor.get_by_role("textbox", name="Search signals", exact=True).fill("S_")
     figure = page.get_by_role("figure", name="Joint stiffness", exact=True)
-    shown = tree.get_by_role("button", name="New panel with S_true", exact=True)
+    own = tree.get_by_role("button", name="New panel with S_true", exact=True)
+    shown = tree.locator("[draggable]", has=own).locator(".symbol")
     with page.expect_response(kept("layout", "Mine")):
         shown.drag_to(figure, force=True)  # what takes the gestures lies over it
     expect(figure.get_by_role("button", name="S_true", exact=True)).to_be_visible()

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from backend.recording.condition import Condition, ConditionKind, values_of
+from backend.experiments.composing.formula import derived_of
+from backend.recording.condition import Condition, ConditionKind
 from backend.sample import INDEX, NAMES
 
 T_s = 1e-3
@@ -87,10 +89,23 @@ def test_blocks_meet_it_where_the_whole_does(values: list[float], cut: int, kind
 def test_combined_signals_are_sums_of_columns_with_the_lengths_of_the_joint() -> None:
     rows = np.arange(2.0 * len(NAMES)).reshape(2, -1)
     lengths = {"r_m": 0.01, "r_j": 0.1}
-    np.testing.assert_array_equal(values_of("F_A - F_B", rows, lengths), rows[:, INDEX["F_A"]] - rows[:, INDEX["F_B"]])
-    np.testing.assert_allclose(
-        values_of("x_B", rows, lengths), 0.01 * rows[:, INDEX["theta_B"]] + 0.1 * rows[:, INDEX["q"]]
-    )
+
+    def values(signal: str) -> NDArray[np.float64]:
+        return Condition(signal, ConditionKind.ABOVE, 0.0).values(rows, lengths)
+
+    np.testing.assert_array_equal(values("F_A - F_B"), rows[:, INDEX["F_A"]] - rows[:, INDEX["F_B"]])
+    np.testing.assert_allclose(values("x_B"), 0.01 * rows[:, INDEX["theta_B"]] + 0.1 * rows[:, INDEX["q"]])
+
+
+def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
+    rows = np.arange(2.0 * len(NAMES)).reshape(2, -1)
+    derived = derived_of("F_sum", "N", "F_A + 2 * F_B")
+    asked = Condition("F_sum", ConditionKind.RISING, 3.0, derived=derived)
+    expected = rows[:, INDEX["F_A"]] + 2.0 * rows[:, INDEX["F_B"]]
+    np.testing.assert_array_equal(asked.values(rows, {"r_m": 0.01, "r_j": 0.1}), expected)
+    assert asked.told() == "F_sum rising through 3 N"
+    rows[0, INDEX["F_A"]] = np.nan
+    assert np.isnan(asked.values(rows, {})[0])  # a gap meets nothing
 
 
 def test_it_is_told_with_its_unit() -> None:

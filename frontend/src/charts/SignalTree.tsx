@@ -1,7 +1,8 @@
-/** All signals by unit with a search: drag one onto a panel to add it, press it for a panel of its own. */
+/** All signals by unit with a search: drag one onto a panel to add it, press + for a panel of its own. */
 
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
+import { TbPlus } from "react-icons/tb";
 import { Written } from "../components/SignalName";
 import { useDerived } from "../service/formulas";
 import styles from "./LayoutEditor.module.css";
@@ -22,7 +23,7 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
           onChange={(event) => search(event.currentTarget.value)}
           w={160}
         />
-        <span className={styles.note}>Drag a signal onto a panel, or press it for a new panel.</span>
+        <span className={styles.note}>Drag a signal onto a panel, or press + for a new one.</span>
       </span>
       {groups.length === 0 && <span className={styles.note}>No signal matches “{words}”.</span>}
       <div className={styles.groups}>
@@ -31,21 +32,28 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
           <div key={group} role="group" aria-label={`Signals in ${group}`} className={styles.group}>
             <span className={styles.note}>{group}</span>
             {items.map(({ value, label }) => (
-              <button
+              // biome-ignore lint/a11y/noStaticElementInteractions: who does not drag has the button, and the lists of the panels
+              <span
                 key={value}
-                type="button"
                 draggable
-                className={styles.signal}
+                className={styles.dragged}
                 title={label}
-                aria-label={`New panel with ${value}`}
                 onDragStart={(event) => {
                   event.dataTransfer.effectAllowed = "copy";
                   event.dataTransfer.setData(DRAGGED, value);
                 }}
-                onClick={() => onPress(value)}
               >
                 <Written name={value} />
-              </button>
+                <button
+                  type="button"
+                  className={styles.own}
+                  aria-label={`New panel with ${value}`}
+                  title={`New panel with ${value}`}
+                  onClick={() => onPress(value)}
+                >
+                  <TbPlus size={13} aria-hidden="true" />
+                </button>
+              </span>
             ))}
           </div>
         ))}

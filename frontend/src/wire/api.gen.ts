@@ -8036,7 +8036,7 @@ export interface components {
         TriggerOrder: {
             /**
              * Signal
-             * @description name of a signal of the sample, or of a combined one
+             * @description name of a signal of the sample, of a combined one, or of a formula
              */
             signal: string;
             /** @description a level, an edge through a level, or a window */
@@ -8077,7 +8077,7 @@ export interface components {
         TriggerView: {
             /**
              * Signal
-             * @description name of a signal of the sample, or of a combined one
+             * @description name of a signal of the sample, of a combined one, or of a formula
              */
             signal: string;
             /** @description a level, an edge through a level, or a window */

@@ -955,7 +955,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "trigger.signal",
     "term": "signal",
-    "meaning": "name of a signal of the sample, or of a combined one"
+    "meaning": "name of a signal of the sample, of a combined one, or of a formula"
   },
   "setting:trigger.condition": {
     "kind": "setting",

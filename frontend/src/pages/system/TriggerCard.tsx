@@ -14,6 +14,7 @@ import { useLive } from "../../live/react";
 import { inWords, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
+import { useDerived } from "../../service/formulas";
 import { RefusedFields } from "../../service/refusedFields";
 import { flightsQuery } from "../../service/system";
 import { CONDITIONS, isWindow, triggerWords, useArm, useDisarm } from "../../service/trigger";
@@ -60,6 +61,7 @@ function Disarm() {
 function ArmForm() {
   const arm = useArm();
   const angles = useAngles();
+  const derived = useDerived();
   const [signal, setSignal] = useState("F_A");
   const [condition, setCondition] = useState<TriggerOrder["condition"]>("rising");
   const [level, setLevel] = useState<Typed>(20);
@@ -98,7 +100,7 @@ function ArmForm() {
             name="signal"
             label="Signal"
             value={signal}
-            data={signalChoices(null).map(({ group, items }) => ({
+            data={signalChoices(null, derived).map(({ group, items }) => ({
               group,
               items: items.map(({ value }) => ({ value, label: value })),
             }))}
