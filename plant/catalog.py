@@ -8,7 +8,7 @@ from plant.choice import PlantChoice, PlantKind
 from plant.interface import Plant, PlantError
 from plant.packages import load_maker, plant_of_package
 from plant.parameters import PlantParameters
-from plant.recording import load_recording
+from plant.recording import load_recording, look_over
 from plant.replay import Replay
 from plant.simulator import Simulator
 from plant.wiring import Wiring, load_wiring
@@ -25,7 +25,7 @@ def require_available(choice: PlantChoice) -> None:
     if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
         raise PlantError(_NEEDS_EXTRA)
     if choice.kind is PlantKind.REPLAY:
-        load_recording(choice.recording)
+        look_over(choice.recording)
     if choice.kind is PlantKind.PACKAGE:
         load_maker(choice.package)
 
