@@ -32,8 +32,8 @@ class Checks:
             case checks.NO_NUMBER | checks.OUT_OF_BOUNDS:
                 return self.standing(heard, at_card)
             case checks.TRIPPED:
-                q = in_digits(m.q)
-                return Fault.SAFETY_MODULE, f"the loop read F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N, q = {q} rad then"
+                read = _read("F_A", m.F_A, ".1f", "N"), _read("F_B", m.F_B, ".1f", "N"), _read("q", m.q, "", "rad")
+                return Fault.SAFETY_MODULE, f"the loop read {', '.join(read)} then"
             case checks.INCREDIBLE:
                 return told(found, seen.past, seen.newest, m, command)
             case checks.SLACK:
@@ -64,9 +64,16 @@ class Checks:
         return Fault.NONE, ""
 
 
+def _read(name: str, value: float, digits: str, unit: str) -> str:
+    """Return a reading in words; one that is no number has no unit."""
+    if not math.isfinite(value):
+        return f"no number from {name}"
+    return f"{name} = {format(value, digits) if digits else in_digits(value)} {unit}"
+
+
 def _parted(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:
     """Return in words the tensions that are beyond a bound, and behind a semicolon the other one, if any."""
     tensions = {"F_A": m.F_A, "F_B": m.F_B}
     beyond = [f"{name} = {F:.2f} N" for name, F in tensions.items() if is_beyond(F)]
-    within = [f"; {name} = {F:.2f} N" for name, F in tensions.items() if not is_beyond(F)]
+    within = [f"; {_read(name, F, '.2f', 'N')}" for name, F in tensions.items() if not is_beyond(F)]
     return " and ".join(beyond), "".join(within)

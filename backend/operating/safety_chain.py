@@ -20,6 +20,8 @@ def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fau
     alive = supervisor.alive
     beat_s = supervisor.beat_age_s
     ticks = alive and link.silent_s < LOOP_SILENT_S
+    if supervisor.restarting is not None and not ticks:
+        return [_page(holder), *_restarting(supervisor, link, fault)]
     return [
         _page(holder),
         ChainLinkView(
@@ -30,6 +32,18 @@ def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fau
         ),
         ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
         *behind_loop(supervisor.setup.plant, supervisor.card.state(), supervisor.guard, alive, fault),
+    ]
+
+
+def _restarting(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[ChainLinkView]:
+    """Return the links behind the page while the loop process is replaced as planned, drives off: that is no fault."""
+    card, guard = supervisor.card.state(), supervisor.guard
+    behind = behind_loop(supervisor.setup.plant, card, guard, False, fault)
+    sound = not (card.expired or card.safety_tripped or guard.watchdog_lost or fault is Fault.SAFETY_MODULE)
+    return [
+        ChainLinkView(name="service", good=True, silent_s=None, says="waits for the loop"),
+        ChainLinkView(name="loop", good=True, silent_s=None, says=f"is restarted: {link.restarting}"),
+        *(one.model_copy(update={"good": one.good or sound}) for one in behind),
     ]
 
 

@@ -1,13 +1,16 @@
 """The end of the safety chain by what is driven: nothing is called good, or off, that nobody looks at."""
 
 import asyncio
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from backend.faults import Fault
 from backend.loop.card_guard import CardGuard
-from backend.messages.state import ChainLinkView
-from backend.operating.safety_chain import behind_loop
+from backend.loop.supervisor import Restart, Supervisor
+from backend.messages.state import ChainLinkView, LinkView
+from backend.operating.safety_chain import behind_loop, chain
 from plant.card import Card, CardState
 from plant.choice import PlantChoice, PlantKind
 
@@ -26,6 +29,21 @@ def test_the_registers_of_a_card_tell(kind: PlantKind) -> None:
     watchdog, module = behind(kind)
     assert (watchdog.good, watchdog.says) == (False, "disarmed, drive-enable off, zero volts")
     assert (module.good, module.says) == (True, "watching")
+
+
+@pytest.mark.parametrize("planned", [True, False])
+def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
+    card = Card.create()
+    restart = Restart("applying run 3", 0.0) if planned else None
+    stand_in = SimpleNamespace(
+        alive=False, beat_age_s=None, restarting=restart, card=card, guard=CardGuard(card),
+        setup=SimpleNamespace(plant=PlantChoice(PlantKind.SIMULATOR)),
+    )  # fmt: skip
+    link = LinkView(alive=False, silent_s=3.0, starts=1, restarting="applying run 3" if planned else "")
+    links = {one.name: one for one in chain(cast(Supervisor, stand_in), None, link, Fault.NONE)}
+    assert list(links) == ["page", "service", "loop", "watchdog", "safety_module"]
+    assert [one.good for one in links.values()] == [True, planned, planned, planned, True]
+    assert links["loop"].says == ("is restarted: applying run 3" if planned else "does not tick")
 
 
 def test_what_a_package_has_is_neither_good_nor_off() -> None:
