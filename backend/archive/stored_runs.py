@@ -16,7 +16,18 @@ from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import Envelope, read_envelope
 from backend.refusal import Because, RefusalError
 from backend.sample import STORED_NAMES
-from backend.storage import Database, Session, flights, origins, recordings, results, run_search, runs, tags
+from backend.storage import (
+    Database,
+    Session,
+    flights,
+    identifications,
+    origins,
+    recordings,
+    results,
+    run_search,
+    runs,
+    tags,
+)
 from backend.storage.recordings import Extent, Recording
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.storage.runs import EndState, Run, RunKind
@@ -157,13 +168,15 @@ class StoredRuns:
         """Return runs with their tags and the extent of what was recorded of them."""
         numbers = [run.id for run in found]
         newest, tagged = results.newest_of(session, numbers), tags.of_runs(session, numbers)
+        fits = identifications.fits_of_runs(session, numbers)
         recorded, imported = recordings.of_runs(session, numbers), origins.of_runs(session, numbers)
 
         def view_of(run: Run) -> RunView:
             origin = imported[run.id].sentence if run.id in imported else ""
             evaluation = self._evaluation(run, run.id in newest)
             tagged_with, result = tagged.get(run.id, []), newest.get(run.id)
-            view = partial(views.run_view, run, evaluation, tags=tagged_with, origin=origin, result=result)
+            told = partial(views.run_view, tags=tagged_with, origin=origin, result=result, fits=fits.get(run.id))
+            view = partial(told, run, evaluation)
             return _with_extent(view, recorded.get(run.id))
 
         return [view_of(run) for run in found]

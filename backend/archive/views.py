@@ -40,11 +40,15 @@ def run_view(
     tags: Sequence[str] = (),
     origin: str = "",
     result: Result | None = None,
+    fits: Mapping[str, float] | None = None,
 ) -> RunView:
-    """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so."""
+    """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so.
+
+    ``fits`` are those of the channels [%] that were identified from it.
+    """
     judged = result is not None or not (run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING)
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
-    headline = headline_of(metrics, criteria)
+    headline = headline_of(metrics, criteria, fits)
     settings, problem = [], run.evaluation_problem
     try:
         settings = [UsedSetting(**asdict(item)) for item in used_settings(run)]

@@ -70,7 +70,8 @@ class RunView(Schema):
     evaluation_problem: str = Field(description="why the run has no result, where that is known")
     outcome: Outcome | None = Field(description="how it counts; null for a session and for a run that is not over")
     headline: Headline | None = Field(
-        description="the first criterion that failed, else the first measured criterion, else the first measured figure"
+        description="the first criterion that failed, else the first measured criterion, else the lower fit of an "
+        "identified actuator, else the first measured figure"
     )
 
 

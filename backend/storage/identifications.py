@@ -1,5 +1,6 @@
 """Identifications: what was estimated from which data, how, and whether it may be used for tuning."""
 
+import math
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -146,6 +147,19 @@ def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float
         with suppress(UnreadableDocumentError):  # a bank is shown without what its identification cannot tell
             q = to_record(Identification, row).early_model.q_nominal
             found |= {} if q is None else {row.id: q}
+    return found
+
+
+def fits_of_runs(session: Session, runs: Iterable[int]) -> dict[int, dict[str, float]]:
+    """Return by run the fit [%] of each channel of its newest estimate of an actuator, where it says so."""
+    of_runs = (IdentificationRow.kind == "actuator", IdentificationRow.run_id.in_(tuple(runs)))
+    found: dict[int, dict[str, float]] = {}
+    for row in session.scalars(select(IdentificationRow).where(*of_runs).order_by(IdentificationRow.id)):
+        with suppress(UnreadableDocumentError):  # a list is shown without what an early one does not tell
+            quality = to_record(Identification, row).early_quality
+            told = {"G_q": quality.G_q, "G_S": quality.G_S}
+            fits = {name: one.fit_percent for name, one in told.items() if one is not None}
+            found[row.run_id or 0] = {name: fit for name, fit in fits.items() if fit is not None and math.isfinite(fit)}
     return found
 
 

@@ -30,3 +30,13 @@ def test_the_criterion_that_failed_comes_before_what_was_measured(
     metrics = None if figures is None else Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=figures)
     found = headline_of(metrics, criteria)
     assert (None if found is None else (found.name, found.value, found.relation, found.bound)) == shown
+
+
+def test_the_lower_fit_of_an_identification_comes_before_its_motion() -> None:
+    metrics = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(PEAK,))
+    found = headline_of(metrics, (), {"G_q": 97.2, "G_S": 91.4})
+    assert found is not None
+    assert (found.name, found.label, found.value, found.unit) == ("fit_percent", "Fit of G_S", 91.4, "%")
+    judged = headline_of(metrics, (PASSED,), {"G_q": 97.2})
+    assert judged is not None
+    assert judged.name == "settling_q_s"

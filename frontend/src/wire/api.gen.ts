@@ -6414,7 +6414,7 @@ export interface components {
             evaluation_problem: string;
             /** @description how it counts; null for a session and for a run that is not over */
             outcome: components["schemas"]["Outcome"] | null;
-            /** @description the first criterion that failed, else the first measured criterion, else the first measured figure */
+            /** @description the first criterion that failed, else the first measured criterion, else the lower fit of an identified actuator, else the first measured figure */
             headline: components["schemas"]["Headline"] | null;
         };
         /**

@@ -7,6 +7,7 @@ import { measured } from "../../samples/format";
 import { readingOf, told } from "../../samples/quantity";
 import { heading } from "../../samples/words";
 import { useAngles } from "../../service/angles";
+import { entryOf } from "../../service/glossary";
 import type { Run } from "../../wire/types";
 import styles from "./Runs.module.css";
 
@@ -41,7 +42,7 @@ export function KeyFigure({ headline }: Pick<Run, "headline">) {
         const reading = readingOf(unit, angles);
         return (
           <span className={styles.key}>
-            <Explained of={`figure:${name}`}>{label}</Explained>
+            <Explained of={entryOf(`figure:${name}`) ?? entryOf(`quantity:${name}`)}>{label}</Explained>
             <span className={styles.keyValue}>
               {measured(value * reading.factor, 3)} {reading.unit !== "1" && reading.unit}
             </span>
