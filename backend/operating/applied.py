@@ -89,7 +89,7 @@ class Applied:
             self._kept.put(tuning, who)
             present = self._actuator.present
             present.use(parameters, tuning)
-            present.earlier = self._kept.earlier(tuning)
+            present.earlier, present.undone = self._kept.earlier(tuning), False
             identified = applied_parameters.sections_of(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._use(parameters)

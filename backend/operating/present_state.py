@@ -83,6 +83,7 @@ class PresentState:
         self.on_the_way: Sequence[Chosen] = ()
         self._tuning_number = 0
         self.earlier: Chosen | None = None
+        self.undone = False
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.trigger: Callable[[], TriggerView | None] = lambda: None
@@ -264,6 +265,7 @@ class PresentState:
             wall=wall_view(self.wall),
             player=self.player(self.tick),
             earlier=None if self.earlier is None else chosen_view(self.earlier),
+            undone=self.undone,
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )

@@ -90,7 +90,7 @@ class Retuning:
             raise RefusalError(Because.NOT_NOW, "nothing is on trial: what is in force stays")
         if keep:
             self._trial.forget()
-            self._present.earlier = before
+            self._present.earlier, self._present.undone = before, False
             self._journal.note(MarkKind.TUNING, "trial kept", self._present.tick, who)
             await self._keep(who)
         else:
@@ -126,8 +126,10 @@ class Retuning:
             if earlier is None:
                 raise RefusalError(Because.NOT_NOW, "the tuning has not been changed: there is nothing to undo")
             after = await asyncio.to_thread(before.with_choice, earlier.choice, earlier.bank)
-            tick = await self._choose(after)
-            self._journal.note(MarkKind.TUNING, f"undone: {after.difference(before)}", tick, who)
+            again = self._present.undone
+            tick = await self._choose(after, undone=not again)
+            done = "done again" if again else "undone"
+            self._journal.note(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
         await self._keep(who)
         return self._present.tuning.view(self._present.entry)
 
@@ -290,12 +292,12 @@ class Retuning:
         """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
         await asyncio.to_thread(self._kept.put, self._present.tuning, who)
 
-    async def _choose(self, tuning: TuningInUse) -> int:
+    async def _choose(self, tuning: TuningInUse, *, undone: bool = False) -> int:
         """Put in force what the operator has chosen for good; one step back is remembered."""
         before = self._trial.before or self._present.tuning
         tick = await self._put_in_force(tuning)
         if tuning.choice != before.choice:
-            self._present.earlier = before
+            self._present.earlier, self._present.undone = before, undone
             self._changed()
         return tick
 

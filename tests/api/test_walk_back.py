@@ -77,13 +77,16 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
             view = await retuning.undo(WHO)
             assert TuningChoice.of({**view.model_dump(), "bank": bank.id}) == before
             assert (in_force(parts), earlier(parts)) == (before, changed)
+            assert parts.present.state().undone
             await retuning.undo(WHO)
             assert (in_force(parts), earlier(parts)) == (changed, before)
+            assert not parts.present.state().undone
 
     stepped(database, IDEAL, work)
     with database.reading() as session:
         told = [event.text for event in events.find(session, limit=100)]
     assert "undone: λ_q 0.61 → 0.5 s" in told
+    assert "done again: λ_q 0.5 → 0.61 s" in told
     assert "undone: b 0.25 → 0" in told
     assert "undone: interpolate yes → no" in told
 

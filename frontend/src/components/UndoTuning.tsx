@@ -1,4 +1,4 @@
-/** One step back of what is in force, whatever part of it was changed; pressed again, it is done again. */
+/** One step back of what is in force, whatever part of it was changed; after that the same step forward. */
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -11,6 +11,7 @@ import { useNoControl } from "../service/useNoControl";
 
 export function UndoTuning({ undo, size }: { undo: ReturnType<typeof useUndo>; size?: "compact-xs" }) {
   const earlier = useLive((live) => live.state?.earlier ?? null);
+  const undone = useLive((live) => live.state?.undone ?? false);
   const noControl = useNoControl();
   const reason = useLive((live) => whyNoUndo(live.state, noControl));
   const { data: banks = [] } = useQuery(banksQuery);
@@ -21,10 +22,10 @@ export function UndoTuning({ undo, size }: { undo: ReturnType<typeof useUndo>; s
       {...(size === undefined ? {} : { size })}
       disabled={reason !== null}
       loading={undo.isPending}
-      title={reason ?? `Back to ${words}`}
+      title={reason ?? `${undone ? "Again" : "Back to"} ${words}`}
       onClick={() => undo.mutate()}
     >
-      Undo change
+      {undone ? "Redo change" : "Undo change"}
     </Button>
   );
 }

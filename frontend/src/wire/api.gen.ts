@@ -7047,6 +7047,12 @@ export interface components {
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
             earlier: components["schemas"]["ChosenTuning"] | null;
             /**
+             * Undone
+             * @description the last change was an undo: to undo that is to do it again
+             * @default false
+             */
+            undone: boolean;
+            /**
              * Recording Run
              * @description run that the samples belong to at present
              */
@@ -7117,6 +7123,12 @@ export interface components {
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
             earlier: components["schemas"]["ChosenTuning"] | null;
+            /**
+             * Undone
+             * @description the last change was an undo: to undo that is to do it again
+             * @default false
+             */
+            undone: boolean;
             /**
              * Recording Run
              * @description run that the samples belong to at present

@@ -182,7 +182,7 @@ ON_OPERATE = (
     typing("Share of pushes that is fed forward", 1, lambda _s: 0.1, lambda _s: 0.9, 2),
     switching("Stage changes", 1),
     *(pressing(name, "operate", 2, Value) for name in ("Apply", "Try for", "Revert to saved")),
-    *(pressing(name, "operate", 1) for name in ("Save", "Undo change", "Keep", "Revert now", "Discard")),
+    *(pressing(name, "operate", 1) for name in ("Save", "Undo change", "Redo change", "Keep", "Revert now", "Discard")),
     pressing("Push", "operate", 2),
     pressing("Let go", "operate", 0.5),
     Deed("Put up", "operate", 1, lambda scene: scene.shown.offers("Put up"), _wall, Value),

@@ -191,6 +191,7 @@ ELSEWHERE = (
     Deed("activate a bank", "banks", 3, _offers("Activate "), _activate, Value),  # its models may allow other λ
     pressing("Back to geometry", "banks", 1, Value),
     pressing("Undo change", "banks", 1),
+    pressing("Redo change", "banks", 1),
     Deed("note in the log", "log", 2, _offers("Say something of: "), _note),
     Deed("go", None, 6, always, _go),
     Deed("STOP", None, 2.5, always, _stop),

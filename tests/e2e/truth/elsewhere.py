@@ -5,7 +5,7 @@ from datetime import datetime
 
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
-from tests.e2e.truth.legality import compared, legal_modes, may_retune, may_start, may_undo
+from tests.e2e.truth.legality import compared, legal_modes, may_retune, may_start, may_undo, undo_named
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
 
@@ -179,7 +179,7 @@ def banks(moment: Moment) -> Findings:
     free = may_retune(state)
     offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
                for region in ("Banks",) if not one["active"]}  # fmt: skip
-    offered |= {("Banks", "Back to geometry"): bank is not None and free, ("Banks", "Undo change"): may_undo(state)}
+    offered |= {("Banks", "Back to geometry"): bank is not None and free, ("Banks", undo_named(state)): may_undo(state)}
     compared(found, moment, offered)
     return found
 

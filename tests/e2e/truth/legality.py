@@ -70,12 +70,17 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
         brought_back = saved["k_ext"] == 0.0 or may_reject(state)
         offered[changes, "Revert to saved"] = differs and own and brought_back
         offered[changes, "Save"] = differs
-        offered[changes, "Undo change"] = may_undo(state)
+        offered[changes, undo_named(state)] = may_undo(state)
     else:
         offered |= {(changes, "Keep"): True, (changes, "Revert now"): True}
     for symbol in ("λ_q", "λ_S"):
         offered |= {("Tuning", f"{verb} {symbol}"): own for verb in ("Decrease", "Increase", "Reset")}
     return offered
+
+
+def undo_named(state: State) -> str:
+    """Return what the button is called that takes the last change back, or does it again."""
+    return "Redo change" if state["undone"] else "Undo change"
 
 
 def may_undo(state: State) -> bool:

@@ -116,3 +116,13 @@ it("keeps its row of buttons in its place on trial, disabled", async () => {
     expect((screen.getByRole("button", { name }) as HTMLButtonElement).disabled).toBe(true);
   expect((screen.getByRole("switch", { name: "Stage changes" }) as HTMLInputElement).disabled).toBe(true);
 });
+
+it.each([
+  [false, "Undo change", "Back to"],
+  [true, "Redo change", "Again"],
+])("says whether the last change is taken back or done again: undone %s", (undone, name, begin) => {
+  const earlier = { ...SAVED, bank: null };
+  open(OTHER, { trial: null, earlier, undone, touch: { learned: [] }, holder: null, own_tuning: null });
+  const button = screen.getByRole("button", { name }) as HTMLButtonElement;
+  expect(button.title.startsWith(begin)).toBe(true);
+});
