@@ -90,7 +90,7 @@ def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path
     database = open_database(tmp_path)
     own, lab = OwnExperiments(database), load_parameters("lab")
     first = text_of("step_battery").replace("name: step_battery\n", "name: mine\n", 1)
-    second = first.replace("default: 0.9", "default: 0.7")
+    second = first.replace("default: 5 * pi / 18", "default: 0.7")
     for written, version in ((first, 1), (second, 2), (second, 2), (first, 3)):
         assert own.keep(written, "A. Operator", lab, TuningChoice()).version == version
     assert own.written("mine@1").text == own.written("mine").text == first

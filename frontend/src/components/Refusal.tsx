@@ -51,7 +51,7 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "", 
           <TakeControl />
         </>
       )}
-      {refused && standing === null && !offersControl && children !== undefined && <> {children}</>}
+      {refused && standing === null && !offersControl && children}
     </output>
   );
 }

@@ -20,7 +20,13 @@ export function NextMode({ need }: { need: Need }) {
   if (mode === null || noControl !== null || may === false) return null;
   return (
     <>
-      <Button size="compact-xs" variant="default" loading={set.isPending} onClick={() => set.mutate(mode)}>
+      <Button
+        size="compact-xs"
+        ml={6}
+        variant="default"
+        loading={set.isPending}
+        onClick={() => set.mutate(mode)}
+      >
         {NAMES[mode]}
       </Button>
       {set.error !== null && <span> {set.error.message}</span>}
