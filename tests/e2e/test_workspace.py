@@ -105,7 +105,7 @@ def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) ->
     figure = page.get_by_role("figure", name="Joint stiffness", exact=True)
     own = page.get_by_role("button", name="New panel with S_true", exact=True)
     shown = tree.locator("[draggable]", has=own).locator(".symbol")
-    drag(page, shown, figure)
+    drag(page, shown, editor.get_by_role("listitem", name="Joint stiffness", exact=True))
     expect(figure.get_by_role("button", name="S_true", exact=True)).to_be_visible()
 
     drag(page, shown, editor.get_by_role("listitem", name="Joint position", exact=True))
