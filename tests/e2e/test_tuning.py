@@ -165,7 +165,7 @@ def test_a_trial_reverts_although_its_page_is_gone(operator: Operator, browser: 
     context = browser.new_context(viewport=DESKTOP)
     other = Operator(context.new_page(), service)
     other.sign_in()
-    other.wait(lambda: table(other).is_visible() and cells(other, "λS")[1] == "0.420")
+    other.wait(lambda: table(other).is_visible() and cells(other, "λS")[1] == "0.420 s")
     expect(other.page.get_by_role("status", name="Trial", exact=True)).to_be_hidden()
     context.close()
 
