@@ -75,7 +75,7 @@ it("can draw every signal, each in a unit of its own choosing by itself", () => 
 it("reads an error and the axis below it in degrees", () => {
   const panel = panelOf({ title: "e", signals: ["q - q_ref"], over: "q", share: 1 });
   const read = readIn(panel as NonNullable<typeof panel>, "deg");
-  expect([read.unit, read.decimals, read.over?.unit, read.over?.decimals]).toEqual(["deg", 3, "deg", 2]);
+  expect([read.unit, read.decimals, read.over?.unit, read.over?.decimals]).toEqual(["°", 3, "°", 2]);
   expect(read.factor).toBeCloseTo(180 / Math.PI, 12);
 });
 

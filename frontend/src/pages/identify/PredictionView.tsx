@@ -46,7 +46,7 @@ export function PredictionView({ prediction, problem }: Told) {
                 </dt>
                 <dd>
                   <strong>
-                    {angleText(prediction.q_low, 1, angles)} … {angleText(prediction.q_high, 1, angles)}
+                    {angleText(prediction.q_low, 1, angles)} to {angleText(prediction.q_high, 1, angles)}
                   </strong>
                 </dd>
                 <dt>Tendons</dt>
