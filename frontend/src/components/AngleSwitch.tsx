@@ -19,6 +19,7 @@ export function AngleSwitch() {
       onClick={() => change({ angles: other })}
       w={44}
       px={0}
+      fz={preferences.angles === "deg" ? 18 : undefined}
     >
       {SIGNS[preferences.angles]}
     </Button>

@@ -59,6 +59,11 @@ describe("what comes with the page", () => {
       ["F_B", "#CC79A7", undefined],
     ]);
     expect(PANELS[4]?.traces.map(({ dashed }) => dashed)).toEqual([true, false]);
+    const stiffness = PANELS[1]?.traces.map(({ name, dashed, broad }) => [name, dashed, broad]);
+    expect(stiffness, "a reference is seen beside the signal that lies on it").toEqual([
+      ["S_ref", true, true],
+      ["S", false, undefined],
+    ]);
   });
 });
 

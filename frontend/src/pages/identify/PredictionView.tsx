@@ -52,7 +52,7 @@ export function PredictionView({ prediction, problem }: Told) {
                 <dt>Tendons</dt>
                 <dd>
                   <strong>
-                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} …{" "}
+                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} to{" "}
                     {fixed(prediction.F_high, 1)}
                   </strong>{" "}
                   N
