@@ -30,18 +30,27 @@ class Reading:
 
 
 _IN_DEGREES = {
-    "rad": Reading("deg", 180.0 / math.pi),
-    "rad/s": Reading("deg/s", 180.0 / math.pi),
-    "mrad": Reading("deg", 0.18 / math.pi),
-    "rad·s": Reading("deg·s", 180.0 / math.pi),
+    "rad": Reading("°", 180.0 / math.pi),
+    "rad/s": Reading("°/s", 180.0 / math.pi),
+    "mrad": Reading("°", 0.18 / math.pi),
+    "rad·s": Reading("°·s", 180.0 / math.pi),
 }
+_WRITTEN = {Angles.DEGREES: "°", Angles.RADIANS: " rad"}
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PREFIXED = ("V", "N", "s", "m", "A")
+"""Units that take a prefix where a number is small."""
 
 _NUMBER = r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?"
-_ANGLE = re.compile(
-    rf"(?<![\w.])(?P<low>{_NUMBER})(?:(?P<to> to | … )(?P<high>{_NUMBER}))? "
-    r"(?P<unit>rad|deg)(?P<rate>/s)?(?![\w/(·²³⁴])"
+_QUANTITY = re.compile(
+    r"(?P<quoted>“[^”]*”)"
+    rf"|(?<![\w.·])(?P<low>{_NUMBER})(?:(?P<to> to | … )(?P<high>{_NUMBER}))?"
+    r" (?P<unit>rad|deg)(?P<rate>/s)?(?![\w/(·²³⁴])"
+    rf"|(?<![\w.·])(?P<small>[-+−]?\d+\.?\d*e[-−]\d+) (?P<of>{'|'.join(_PREFIXED)})(?![\w/(·²³⁴])"
 )
-"""An angle or an angular speed in a text, or a range of one: "1.2 rad", "-1.4 to 1.4 rad"."""
+"""What is read otherwise than it is kept: an angle, its speed or a range of one, and a small number with exponent.
+
+What somebody has written or named stands between “ and ” and stays, as does what is in ° already: it may be a phase.
+"""
 
 
 def counted(count: float, noun: str) -> str:
@@ -80,6 +89,27 @@ def in_digits(value: float, digits: int = DIGITS) -> str:
         return f"a number of {len(str(abs(int(value))))} digits"
 
 
+def with_unit(number: str, unit: str) -> str:
+    """Write a number with its unit as it is read: "60°", "12.5 N", "0.5" of what has no unit."""
+    if unit in ("1", ""):
+        return number
+    return f"{number}{unit}" if unit.startswith("°") else f"{number} {unit}"
+
+
+def reading_near(largest: float, unit: str, angles: Angles) -> Reading:
+    """Return how a quantity is read whose largest figure is this in SI: a small one with the prefix µ or n."""
+    size = abs(largest)
+    if unit not in _PREFIXED or not 0.0 < size < 1e-3:
+        return reading_of(unit, angles)
+    return Reading(f"µ{unit}", 1e6) if size >= 1e-6 else Reading(f"n{unit}", 1e9)
+
+
+def percent(value: float, decimals: int = 1) -> str:
+    """Write a share in %, with further decimals as long as less than the whole would read "100.0"."""
+    most = next((more for more in range(decimals, 13) if float(f"{value:.{more}f}") < 100.0), decimals)
+    return f"{value:.{most if value < 100.0 else decimals}f}"
+
+
 def digits_apart(values: Collection[float], least: int = 4) -> int:
     """Return how many significant digits it takes, ``least`` or more, until different numbers read differently."""
     different = len(set(values))
@@ -95,13 +125,18 @@ def digits_over(values: Collection[float], least: int = 4) -> int:
 
 
 def told(value: float, unit: str, angles: Angles) -> str:
-    """Write a quantity in SI with the unit in which it is read: "120 deg"."""
-    reading = reading_of(unit, angles)
+    """Write a quantity in SI with the unit in which it is read: "120°"."""
     try:
+        reading = reading_near(float(value), unit, angles)
         shown = value if reading.factor == 1.0 else float(value) * reading.factor
-    except OverflowError:
-        shown = value  # beyond any float in either unit
-    return in_digits(shown) if unit in ("1", "") else f"{in_digits(shown)} {reading.unit}"
+    except OverflowError:  # beyond any float in either unit
+        reading, shown = reading_of(unit, angles), value
+    return with_unit(_with_power(in_digits(shown)), reading.unit)
+
+
+def _with_power(number: str) -> str:
+    plain, e, power = number.partition("e")
+    return f"{plain}·10{str(int(power)).translate(_RAISED)}" if e and power.lstrip("+-").isdigit() else number
 
 
 def in_words(text: str, angles: Angles) -> str:
@@ -110,15 +145,24 @@ def in_words(text: str, angles: Angles) -> str:
     Texts that several people read (marks, faults, ends of runs) are kept in SI and turned here. A number keeps as many
     digits as it came with, four at least.
     """
-    return _ANGLE.sub(lambda found: _turned(found, angles), text)
+    return _QUANTITY.sub(lambda found: _turned(found, angles), text)
 
 
 def _turned(found: re.Match[str], angles: Angles) -> str:
-    if found["unit"] == angles:
+    if found["quoted"]:
         return found[0]
-    factor = 180.0 / math.pi if angles is Angles.DEGREES else math.pi / 180.0
-    numbers = [_as_fine(number, factor) for number in (found["low"], found["high"]) if number]
-    return f"{(found['to'] or '').join(numbers)} {angles}{found['rate'] or ''}"
+    if found["small"]:
+        return _prefixed(found["small"], found["of"])
+    numbers = [number for number in (found["low"], found["high"]) if number]
+    if found["unit"] != angles:
+        factor = 180.0 / math.pi if angles is Angles.DEGREES else math.pi / 180.0
+        numbers = [_as_fine(number, factor) for number in numbers]
+    return f"{(found['to'] or '').join(numbers)}{_WRITTEN[angles]}{found['rate'] or ''}"
+
+
+def _prefixed(number: str, unit: str) -> str:
+    reading = reading_near(float(number.replace("−", "-")), unit, Angles.RADIANS)
+    return with_unit(number if reading.factor == 1.0 else _as_fine(number, reading.factor), reading.unit)
 
 
 def _as_fine(number: str, factor: float) -> str:

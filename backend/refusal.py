@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any
 
-from backend.reading import Angles, in_digits, read, reading_of, told
+from backend.reading import DIGITS, Angles, in_digits, read, reading_of, told, with_unit
 
-_DIGITS_OF_BOUND = 4
-"""Significant digits of a bound that six do not hold: enough to choose by."""
+_DIGITS_OF_BOUND = 3
+"""Significant digits of a bound that is no whole number: enough to choose by."""
 
 Path = tuple[str | int, ...]
 """Where a value stands in what was asked for: names, and places in lists from 0; ("segments", 2, "q_ref")."""
@@ -127,29 +127,39 @@ def out_of_range(
     value: float, minimum: float | None, maximum: float | None, unit: str, angles: Angles
 ) -> tuple[str, str]:
     """Return in words that a value is outside its bounds, and what can be done where nothing better is known."""
-    given, unit_read = told(value, unit, angles), reading_of(unit, angles).unit
-    shown_unit = "" if unit in ("1", "") else f" {unit_read}"
-    least = None if minimum is None else bound_text(minimum, unit, angles, upper=False)
-    most = None if maximum is None else bound_text(maximum, unit, angles, upper=True)
-    if least is not None and most is not None:
-        return f"{given} is outside {least} to {most}{shown_unit}", "choose a value between the two"
-    if least is None and most is None:
-        return f"{given} is not a finite number", "choose a finite one"
-    if most is not None:
-        return f"{given} is more than {most}{shown_unit}", f"choose {most}{shown_unit} at most"
-    return f"{given} is less than {least}{shown_unit}", f"choose {least}{shown_unit} at least"
+    given, read_in = told(value, unit, angles), reading_of(unit, angles).unit
+    if minimum is not None and maximum is not None:
+        ends = " to ".join(bound_texts(minimum, maximum, unit, angles))
+        return f"{given} is outside {with_unit(ends, read_in)}", "choose a value between the two"
+    if maximum is not None:
+        most = with_unit(bound_text(maximum, unit, angles, upper=True), read_in)
+        return f"{given} is more than {most}", f"choose {most} at most"
+    if minimum is not None:
+        least = with_unit(bound_text(minimum, unit, angles, upper=False), read_in)
+        return f"{given} is less than {least}", f"choose {least} at least"
+    return f"{given} is not a finite number", "choose a finite one"
 
 
-def bound_text(bound: float, unit: str, angles: Angles, *, upper: bool) -> str:
-    """Write a bound so that the number which is read lies within it: exactly, or rounded towards the inside."""
+def bound_texts(minimum: float, maximum: float, unit: str, angles: Angles) -> tuple[str, str]:
+    """Write both ends of a range, in as many digits as it takes to leave something between them."""
+    for digits in range(_DIGITS_OF_BOUND, 17):
+        least = bound_text(minimum, unit, angles, upper=False, digits=digits)
+        most = bound_text(maximum, unit, angles, upper=True, digits=digits)
+        if float(least) < float(most):
+            break
+    return least, most
+
+
+def bound_text(bound: float, unit: str, angles: Angles, *, upper: bool, digits: int = _DIGITS_OF_BOUND) -> str:
+    """Write a bound so that the number which is read lies within it: a whole one, or rounded towards the inside."""
     if isinstance(bound, int) and reading_of(unit, angles).factor == 1.0:
         return str(bound)
     shown = read(bound, unit, angles)
-    text = in_digits(shown)
-    if abs(float(text) - shown) <= 1e-12 * abs(shown):
+    text = in_digits(shown, max(digits, DIGITS) if shown == round(shown) else digits)
+    if math.isinf(shown) or abs(float(text) - shown) <= 1e-12 * abs(shown):
         return text
-    place = 10.0 ** (math.floor(math.log10(abs(shown))) - _DIGITS_OF_BOUND + 1)
-    return in_digits((math.floor if upper else math.ceil)(shown / place) * place)
+    place = 10.0 ** (math.floor(math.log10(abs(shown))) - digits + 1)
+    return in_digits((math.floor if upper else math.ceil)(shown / place) * place, max(digits, DIGITS))
 
 
 def require_within(

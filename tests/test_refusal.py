@@ -29,7 +29,7 @@ def test_a_segment_is_named_as_the_editor_numbers_it() -> None:
         SequencePlan(str(segments).replace("'", '"'))
     assert refused.value.path == ("segments", 2, "q_ref")
     assert said(refused.value) == (
-        "segment 3, position reference: 120 deg is outside -80.21 to 80.21 deg; choose a value between the two"
+        "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value between the two"
     )
     assert said(refused.value, RAD).startswith("segment 3, position reference: 2.0944 rad is outside -1.4 to 1.4 rad; ")
     assert str(refused.value) == said(refused.value, RAD)
@@ -38,12 +38,10 @@ def test_a_segment_is_named_as_the_editor_numbers_it() -> None:
 def test_a_setting_is_named_as_its_form_labels_it() -> None:
     with pytest.raises(OutOfRangeError) as refused:
         ready_plan("tracking", **{"q_amplitude": 2.0})
-    assert said(refused.value).startswith(
-        "joint position steps between ±q_max: 114.592 deg is outside 0.573 to 80.21 deg"
-    )
+    assert said(refused.value).startswith("joint position steps between ±q_max: 114.592° is outside 0.573 to 80.2°")
     with pytest.raises(SettingError) as odd:
         ready_plan("tracking", **{"q_amplitude": "wide"})
-    assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: it needs a number in deg"
+    assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: it needs a number in °"
     assert said(odd.value, RAD).endswith("it needs a number in rad")
 
 
@@ -68,9 +66,9 @@ def test_a_bound_that_is_read_and_typed_is_accepted(bound: float) -> None:
         least, most = (float(bound_text(bound, "rad", angles, upper=upper)) for upper in (False, True))
         assert back(most) <= bound + 1e-12 * abs(bound)
         assert back(least) >= bound - 1e-12 * abs(bound)
-        assert abs(back(most) - bound) <= 1e-3 * abs(bound)
+        assert abs(back(most) - bound) <= 1e-2 * abs(bound)
         texts = [bound_text(bound, "rad", angles, upper=upper) for upper in (False, True)]
-        assert all(digits(text) <= 4 or back(float(text)) == pytest.approx(bound, rel=1e-12) for text in texts)
+        assert all(digits(text) <= 3 or back(float(text)) == pytest.approx(bound, rel=1e-12) for text in texts)
 
 
 def digits(text: str) -> int:
@@ -80,16 +78,16 @@ def digits(text: str) -> int:
 @pytest.mark.parametrize(
     ("low", "high", "unit", "texts"),
     [
-        (0.01, 2.0, "rad", ("0.573", "114.5")),
-        (-1.4, 1.4, "rad", ("-80.21", "80.21")),
-        (math.radians(0.5), math.radians(114.25), "rad", ("0.5", "114.25")),
-        (0.354416386, 3.0, "s", ("0.3545", "3")),
+        (0.01, 2.0, "rad", ("0.573", "114")),
+        (-1.4, 1.4, "rad", ("-80.2", "80.2")),
+        (math.radians(0.5), math.radians(114.25), "rad", ("0.5", "114")),
+        (0.354416386, 3.0, "s", ("0.355", "3")),
         (0, 2147483647, "1", ("0", "2147483647")),
-        (9999.6321, 123456.7, "1", ("10000", "123400")),
+        (9999.6321, 123456.7, "1", ("10000", "123000")),
     ],
 )
 def test_a_bound_has_no_more_digits_than_it_needs(low: float, high: float, unit: str, texts: tuple[str, str]) -> None:
-    """Whole where it is exact; else four digits, towards the inside. quantity.test.ts has the page's."""
+    """Whole where it is exact; else three digits, towards the inside. quantity.test.ts has the page's."""
     assert (bound_text(low, unit, DEG, upper=False), bound_text(high, unit, DEG, upper=True)) == texts
 
 

@@ -51,7 +51,7 @@ def show(name: Name, data: DataFolder = None, as_json: AsJson = False) -> None:
         return
     out.print(f"{entry.title}. {' '.join(entry.description.split())}", highlight=False, markup=False)
     rows = [
-        (s.name, f"{s.default}", ", ".join(s.choices) or f"{s.minimum} … {s.maximum}", s.unit, s.meaning)
+        (s.name, f"{s.default}", ", ".join(s.choices) or f"{s.minimum} to {s.maximum}", s.unit, s.meaning)
         for s in entry.settings
     ]
     print_table(("setting", "default", "bounds", "unit", "meaning"), rows)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backend.cli.output import AsJson, fail, out, print_json, print_table
+from backend.reading import percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -265,7 +266,7 @@ def _show_motor(record: "Record", reading: "Reading", resolution: float | None, 
     print_table(("parameter", "value", "standard error"), rows)
     results = [
         ("method", found.method),
-        ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
+        ("fit on unseen data [%]", _share(found.fit_percent)),
         *_tests(found.whiteness, found.input_correlation),
     ]
     print_table(("", "result"), results)
@@ -287,7 +288,7 @@ def _show(found: "Estimate") -> None:
         ),
         *_friction(found),
         *_input_offset(found),
-        ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
+        ("fit on unseen data [%]", _share(found.fit_percent)),
         *_tests(tests.whiteness, tests.input_correlation),
     ]
     print_table(("", "result"), rows)
@@ -317,13 +318,17 @@ def _friction(found: "Estimate") -> list[tuple[str, str]]:
         ("dry friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
         ("gain K with friction", f"{friction.K:.4g} ± {friction.K_std:.2g}"),
         ("lag T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
-        ("fit with friction [%]", f"{friction.fit_percent:.2f}"),
+        ("fit with friction [%]", percent(friction.fit_percent, 2)),
     ]
 
 
 def _input_offset(found: "Estimate") -> list[tuple[str, str]]:
     offset = found.input_offset
     return [] if offset is None else [("input offset u_0", f"{offset.u_0:.4g} ± {offset.u_0_std:.2g}")]
+
+
+def _share(value: float) -> str:
+    return percent(value, 2) if math.isfinite(value) else "not measured"
 
 
 def _measured(value: float, form: str) -> str:

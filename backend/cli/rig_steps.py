@@ -12,7 +12,7 @@ from backend.cli.asking import GivenUpError, Terminal, say
 from backend.cli.ordering import current_user
 from backend.cli.output import angles, fail, print_json, print_table
 from backend.cli.place import database_of
-from backend.reading import in_words, read, reading_of
+from backend.reading import in_words, read, reading_of, with_unit
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -253,4 +253,4 @@ def _show(bring_up: _BringUp, *, as_json: bool) -> None:
 def _read(value: float | None, unit: str) -> str:
     if value is None:
         return "not measured"
-    return f"{read(value, unit, angles()):.4g} {reading_of(unit, angles()).unit}"
+    return with_unit(f"{read(value, unit, angles()):.4g}", reading_of(unit, angles()).unit)

@@ -41,7 +41,7 @@ def _entry(form: str, name: str, field: FieldInfo) -> Entry:
     unit = str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
     meaning = str(field.description).removesuffix(f" [{unit}]")
     low, high = bounds(field)
-    accepted = () if low is None or high is None else (("Accepted", f"{low:g} … {high:g} {unit}".strip()),)
+    accepted = () if low is None or high is None else (("Accepted", f"{low:g} to {high:g} {unit}".strip()),)
     words = WORDS.get(name, name.replace("_", " "))
     return Entry(Kind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
 

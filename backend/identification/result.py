@@ -9,6 +9,7 @@ import numpy as np
 
 from backend.identification.record import Signal
 from backend.identification.structures import structure
+from backend.reading import percent
 
 Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 
@@ -178,7 +179,8 @@ class Hint:
         """What would help, with figures."""
         return (
             f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
-            f" {self.fit_percent:.1f} % of the record where this structure fits {self.fit_percent_before:.1f} %"
+            f" {percent(self.fit_percent)} % of the record where this structure fits"
+            f" {percent(self.fit_percent_before)} %"
             f" (BIC lower by {self.BIC_gain:.3g}, F = {self.F:.3g})"
         )
 

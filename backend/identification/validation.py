@@ -7,6 +7,7 @@ import numpy as np
 
 from backend.identification.record import MAX_SATURATED_PERCENT, RestAtLimit, Signal
 from backend.identification.result import DryFriction, FirstOrder, Grade, Model, Residuals, Verdict, worst
+from backend.reading import percent
 
 MIN_COUNTS = 20.0
 MAX_MISFIT_PERCENT = 20.0
@@ -147,7 +148,7 @@ def judge(evidence: Evidence) -> Verdict:
     known = f"K and T known to ±{evidence.spread:.2g} %"
     if evidence.spread_with_friction > evidence.spread:
         known += f", ±{evidence.spread_with_friction:.2g} % if there is dry friction too little to be seen here"
-    praise = [f"fit of {evidence.fit:.1f} % on unseen data", known]
+    praise = [f"fit of {percent(evidence.fit)} % on unseen data", known]
     if evidence.gain_error_percent is not None:
         praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric one")
     return Verdict(Grade.USABLE, tuple(praise))
@@ -243,7 +244,7 @@ def _fit(evidence: Evidence) -> Iterator[Finding]:
         yield (
             worst(Grade.CAUTION, graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
             "fit on unseen data not measured, as the output rests in the first two thirds of the record or in its last"
-            f" third; the fit on the record itself is {evidence.fit_all:.1f} %",
+            f" third; the fit on the record itself is {percent(evidence.fit_all)} %",
         )
         return
     if not np.isfinite(evidence.fit):
@@ -256,7 +257,7 @@ def _fit(evidence: Evidence) -> Iterator[Finding]:
     grade = graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
     if grade is not Grade.USABLE:
         bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
-        yield grade, f"fit of {evidence.fit:.1f} % on unseen data, where {bound:.0f} % are needed"
+        yield grade, f"fit of {percent(evidence.fit)} % on unseen data, where {bound:.0f} % are needed"
 
 
 def _gain(evidence: Evidence) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ class Bode(Schema):
 
     omega: list[float] = quantity("rad/s", "angular frequency")
     magnitude: list[float]
-    phase_deg: list[float] = quantity("deg", "phase, unwrapped")
+    phase_deg: list[float] = quantity("°", "phase, unwrapped")
 
 
 class MeasuredBode(Bode):

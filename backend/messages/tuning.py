@@ -104,7 +104,7 @@ class LoopPreview(Schema):
     gain_margin: float | None = Field(
         description="factor by which the gain may grow before instability; null when unstable or unlimited"
     )
-    phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unstable or unlimited")
+    phase_margin_deg: float | None = quantity("°", "phase left before instability; null when unstable or unlimited")
     printed: PrintedFormula | None = Field(description="with the printed formula; null where it was not asked for")
 
 
@@ -132,7 +132,7 @@ class MotorPreview(Schema):
     gain_reduction_margin: float | None = Field(
         description="factor to which the gain may fall before instability; null when it may fall to nothing"
     )
-    phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unlimited")
+    phase_margin_deg: float | None = quantity("°", "phase left before instability; null when unlimited")
 
 
 class RobustLambda(Schema):

@@ -28,6 +28,7 @@ from backend.reports.document import (
     Section,
     Table,
     exact,
+    share,
     shown,
 )
 from backend.reports.identification_figures import (
@@ -154,7 +155,7 @@ def _model_row(key: str, channel: Channel) -> tuple[str, ...]:
         ("+" if error is not None and error > 0 else "") + shown(error, 2),
         shown(reduced.T),
         shown(reduced.T_std, 2),
-        shown(quality.fit_percent),
+        share(quality.fit_percent),
         _residuals(quality.residuals),
     )
 
@@ -225,7 +226,7 @@ def _tried(item: Candidate | FailedCandidate) -> tuple[str, ...]:
     if isinstance(item, FailedCandidate):
         return (*4 * (NO_FIGURE,), item.problem)
     BIC = NO_FIGURE if item.BIC is None else f"{item.BIC:.0f}".replace("-", "−")
-    return (shown(item.K, 4), shown(item.T), shown(item.fit_percent), BIC, item.problem or item.grade)
+    return (shown(item.K, 4), shown(item.T), share(item.fit_percent), BIC, item.problem or item.grade)
 
 
 def _structure(name: str) -> str:

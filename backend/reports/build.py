@@ -1,6 +1,5 @@
 """Which report a run gets."""
 
-import re
 from dataclasses import replace
 
 from backend.reading import Angles, in_words
@@ -19,7 +18,6 @@ from backend.reports.timing import timing_section
 from backend.reports.tracking import tracking_report
 from backend.storage.runs import RunKind
 
-_QUOTED_OR_NOT = re.compile(r"“[^”]*”|“|[^“]+")
 _BUILDERS = {
     RunKind.TRACKING: tracking_report,
     RunKind.COMPLIANCE: compliance_report,
@@ -62,10 +60,8 @@ def told(report: Report, angles: Angles) -> Report:
     """
     return replace(
         report,
-        verdict=_told_text(report.verdict, angles),
-        facts=tuple(
-            fact if fact.quoted else replace(fact, text=_told_text(fact.text, angles)) for fact in report.facts
-        ),
+        verdict=in_words(report.verdict, angles),
+        facts=tuple(fact if fact.quoted else replace(fact, text=in_words(fact.text, angles)) for fact in report.facts),
         sections=tuple(
             replace(section, blocks=tuple(_told_block(block, angles) for block in section.blocks))
             for section in report.sections
@@ -76,23 +72,18 @@ def told(report: Report, angles: Angles) -> Report:
 def _told_block(block: Block, angles: Angles) -> Block:
     match block:
         case Paragraph(text):
-            return Paragraph(_told_text(text, angles))
+            return Paragraph(in_words(text, angles))
         case Table(caption, columns, rows):
             told = tuple(
                 tuple(
-                    cell if column.quoted else _told_text(cell, angles)
-                    for column, cell in zip(columns, row, strict=True)
+                    cell if column.quoted else in_words(cell, angles) for column, cell in zip(columns, row, strict=True)
                 )
                 for row in rows
             )
             if any(NO_FIGURE in row for row in rows):
                 caption += f" {NO_FIGURE} means: there is no such figure."
-            return Table(_told_text(caption, angles), columns, told)
+            return Table(in_words(caption, angles), columns, told)
         case Figure(name, svg, caption):
-            return Figure(name, svg, _told_text(caption, angles))
+            return Figure(name, svg, in_words(caption, angles))
         case Code(caption, text):
-            return Code(_told_text(caption, angles), text)
-
-
-def _told_text(text: str, angles: Angles) -> str:
-    return _QUOTED_OR_NOT.sub(lambda part: part[0] if part[0][0] == "“" else in_words(part[0], angles), text)
+            return Code(in_words(caption, angles), text)

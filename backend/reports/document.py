@@ -6,6 +6,8 @@ Text may hold symbols in the spelling of the notation, ``S_ref``; the renderings
 from dataclasses import dataclass
 from datetime import datetime
 
+from backend.reading import percent
+
 
 @dataclass(frozen=True)
 class Fact:
@@ -107,6 +109,11 @@ def shown(value: float | None, digits: int = 3) -> str:
     if not -4 <= int(exponent) < 5:
         return f"{mantissa}·10^{int(exponent)}".replace("-", "−")
     return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
+
+
+def share(value: float | None) -> str:
+    """Write a fit in %: never "100" of less."""
+    return shown(value) if value is None or not 99.0 < value < 100.0 else percent(value)
 
 
 def exact(value: float) -> str:

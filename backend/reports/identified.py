@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from backend.documents.actuator import CHANNELS
 from backend.documents.motor_grade import grade_of
 from backend.experiments.results.load_friction import MOTOR_B, load_friction_of
-from backend.reports.document import Column, Paragraph, Section, Table, shown
+from backend.reports.document import Column, Paragraph, Section, Table, share, shown
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
 from backend.storage.runs import RunKind
@@ -62,7 +62,7 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
             gain = quality.gain_geometry
             off = None if gain is None else 100.0 * (model.K / gain - 1.0)
             figures = _with_error(model.K, model.K_std), _with_error(model.T, model.T_std)
-            known = shown(off, 2), shown(quality.fit_percent)
+            known = shown(off, 2), share(quality.fit_percent)
             rows.append((str(one.run_id), shown(one.actuator.model.S_nominal, 4), *figures, *known, str(quality.grade)))
         if rows:
             columns = (

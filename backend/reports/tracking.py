@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from backend.documents.result import Metrics, StepFigures
-from backend.reading import Angles, read, reading_of
+from backend.reading import Angles, read, reading_of, with_unit
 from backend.reports.document import Column, Figure, Report, Section, Table, shown
 from backend.reports.drawing import axis_label
 from backend.reports.experiment import experiment_report
@@ -168,7 +168,9 @@ def _deviation(step: StepFigures, unit: str, angles: Angles) -> str:
     if not step.alone:
         return "both step"
     value = step.cross_coupling
-    return NOT_MEASURED if value is None else f"{shown(read(value, unit, angles), 2)} {reading_of(unit, angles).unit}"
+    return (
+        NOT_MEASURED if value is None else with_unit(shown(read(value, unit, angles), 2), reading_of(unit, angles).unit)
+    )
 
 
 def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:

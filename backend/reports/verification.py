@@ -21,6 +21,7 @@ from backend.reports.differences import LIKE, LIKE_ESTIMATE, MOST, Difference, V
 from backend.reports.digests import BLOCK_S, HASHED, blocks_of
 from backend.reports.evidence import (
     ACCOUNT,
+    LAYOUT,
     SINEW,
     Estimate,
     Evidence,
@@ -95,12 +96,15 @@ def _metrics_file(text: str, source: Source, evidence: Evidence) -> Iterator[Dif
         yield Difference("metrics.json", "a JSON object", type(said).__name__)
         return
     found = json.loads(json.dumps(metrics_document(source)))
-    words = () if evidence.made_with.get(SINEW) == made_with()[SINEW] else ("labels", "verdict", "problem")
+    same = all(evidence.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
+    words = () if same else ("labels", "verdict", "problem")
     for document in (said, found):
         for name in words:
             document.pop(name, None)
         if isinstance(document.get("identification"), dict):
             document["identification"].pop("estimate", None)  # its number where it is stored
+            if not same:
+                document["identification"] = _without_sentences(document["identification"])
     yield from differing("metrics.json", said, found, LIKE if source.identification is None else LIKE_ESTIMATE)
 
 
@@ -227,7 +231,18 @@ def _results(evidence: Evidence, again: _Result) -> Iterator[Difference]:
     yield from differing("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
     yield from differing("criteria", evidence.criteria, CRITERIA.write(criteria))
     said, found = _document(evidence.identification), _document(estimate)
+    if evidence.made_with.get(LAYOUT) != made_with()[LAYOUT]:  # another state of the code may say it otherwise
+        said, found = _without_sentences(said), _without_sentences(found)
     yield from differing("identification", said, found, like)
+
+
+def _without_sentences(document: Any) -> Any:
+    """Return a document without the texts that have more than one word; names and grades have one."""
+    if isinstance(document, Mapping):
+        return {name: _without_sentences(part) for name, part in document.items()}
+    if isinstance(document, list):
+        return [_without_sentences(part) for part in document]
+    return "" if isinstance(document, str) and " " in document else document
 
 
 def _document(estimate: Estimate | None) -> dict[str, Any] | None:

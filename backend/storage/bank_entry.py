@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from backend.documents.actuator import PartialChannelModel, PartialChannelQuality, PartialReduced
 from backend.identification.result import Grade, joint_method
+from backend.reading import percent
 from backend.storage import identifications
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Session
@@ -52,7 +53,7 @@ class ChannelFit:
         """
         parts = (
             "grade not recorded" if self.grade is None else str(self.grade),
-            f"fit {_percent(self.fit_percent)}",
+            f"fit {'not measured' if self.fit_percent is None else f'{percent(self.fit_percent)} %'}",
             f"standard errors: K {_percent(self.K_error_percent)}",
             f"T {_percent(self.T_error_percent)}",
         )

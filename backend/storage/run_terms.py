@@ -222,13 +222,14 @@ def _read(value: Value, term: Compare) -> float:
     if number is None:
         raise QueryError(
             value.place,
-            f"{term.name.text} is compared with a number, which {value.text!r} is not: write it in SI, or as 60deg",
+            f"{term.name.text} is compared with a number, which {value.text!r} is not: write it in SI, or as 60°",
         )
     return number
 
 
 def as_number(text: str) -> float | None:
     """Return a finite number, an angle of degrees in radians; None where a text is neither."""
+    text = text.replace("°", "deg")
     degrees = text.endswith("deg")
     try:
         number = float(text.removesuffix("deg"))

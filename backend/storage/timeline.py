@@ -25,8 +25,9 @@ NOTE_MAX = 2000
 TAGS_MAX = 20
 _AT_ONCE = 500
 _LONGEST_NUMBER = 10
-_UNITS = re.compile(r"d|de|deg(/s?)?|r|ra|rad(/s?)?|eg(/s?)?|ad(/s?)?|[ga](/s?)?|/s?|e")
-"""Parts of the units in which angles and their speeds are read: a text in rad has none of "deg" in the database."""
+_UNITS = re.compile(r"d|de|deg(/s?)?|°(/s?)?|r|ra|rad(/s?)?|eg(/s?)?|ad(/s?)?|[ga](/s?)?|/s?|e")
+"""Parts of the units in which angles and their speeds are read: in the database a text has rad."""
+_SPELLED = re.compile(r"(?<=\d)deg")
 _Query = Select[*tuple[Any, ...]]
 _Row = Row[*tuple[Any, ...]]
 _NEXT = timedelta(microseconds=1)
@@ -38,7 +39,7 @@ AFTER = timedelta(seconds=2)
 class Asked:
     """Which of it: of these kinds (none: of all), with each of these words, from ``since`` and ``before`` a time.
 
-    Words are looked for in what is read, with angles in ``angles``: "60" and "deg" of a text that is kept in rad.
+    Words are looked for in what is read, with angles in ``angles``: "60°" and "60 deg" of a text in rad.
     """
 
     kinds: Sequence[EventKind] = ()
@@ -149,6 +150,7 @@ def _found(
         one, beside = found
         turned = (in_words(text, asked.angles) for text in (one.text, beside))
         read = [_evened(place) for place in (*turned, one.who, one.note, *one.tags)]
+        read += [place.replace("°", " deg") for place in read]
         return all(word == str(one.run_id) or any(word in place for place in read) for word in words)
 
     rows = session.execute(query.execution_options(yield_per=_AT_ONCE))
@@ -164,7 +166,7 @@ def _may_be_of_angle(word: str) -> bool:
 
 
 def _evened(text: str) -> str:
-    return text.casefold().replace("−", "-")
+    return _SPELLED.sub("°", text.casefold().replace("−", "-"))
 
 
 def _with_angle(place: InstrumentedAttribute[str]) -> list[Condition]:

@@ -34,7 +34,7 @@ def test_a_session_tells_its_origin_and_what_happened_in_it(running: httpx.Clien
         return [mark for mark in marks if mark["text"].startswith("q_ref ")]
 
     [mark] = until(about_references)  # the journal writes by itself, the samples follow
-    assert in_words(mark["text"], Angles.DEGREES) == "q_ref 15 deg, S_ref 10.25 N·m/rad"
+    assert in_words(mark["text"], Angles.DEGREES) == "q_ref 15°, S_ref 10.25 N·m/rad"
     assert 0.0 <= mark["t"] < 60.0
     assert mark["who"] == "operator"
     lineage = running.get(f"/api/runs/{run}/lineage").raise_for_status().json()

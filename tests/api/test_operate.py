@@ -40,7 +40,7 @@ def test_the_joint_follows_its_references(running: httpx.Client) -> None:
 @pytest.mark.parametrize(
     ("path", "body", "quantity", "value", "unit", "said"),
     [
-        ("/api/references", {"q_ref": 1.6, "S_ref": 10.0}, "q_ref", 1.6, "rad", "position reference: 91.6732 deg "),
+        ("/api/references", {"q_ref": 1.6, "S_ref": 10.0}, "q_ref", 1.6, "rad", "position reference: 91.6732° "),
         (
             "/api/references",
             {"q_ref": 0.0, "S_ref": 20.0},

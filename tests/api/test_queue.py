@@ -128,7 +128,7 @@ def test_a_text_is_checked_by_anybody_and_nothing_is_kept_of_what_is_refused(off
 def test_what_could_not_be_started_is_refused_when_it_is_added(off: httpx.Client) -> None:
     refused = add(off, '[{"duration_s": 1, "q_ref": 9, "S_ref": 10}]')
     assert refused.status_code == 422
-    assert str(problem(refused)["message"]).startswith("segment 1, position reference: 515.662 deg is outside ")
+    assert str(problem(refused)["message"]).startswith("segment 1, position reference: 515.662° is outside ")
     assert problem(refused)["path"] == ["segments", 0, "q_ref"]
     assert off.get("/api/experiments/queue").json()["items"] == []
     assert off.post("/api/experiments/queue/run").status_code == 409

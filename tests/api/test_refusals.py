@@ -141,13 +141,13 @@ def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(
 
 
 def test_the_log_is_searched_in_the_unit_in_which_somebody_reads(off: httpx.Client) -> None:
-    off.put("/api/references", json={"q_ref": 6.6, "S_ref": 9.0})  # 378.2 deg
+    off.put("/api/references", json={"q_ref": 6.6, "S_ref": 9.0})  # 378.2°
 
     def found(words: str, angles: str) -> int:
         asked: dict[str, str | int] = {"words": words, "angles": angles, "kind": "refusal", "limit": 1}
         return int(off.get("/api/log", params=asked).raise_for_status().json()["total"])
 
-    until(lambda: found("378.2 deg", "deg"))
+    until(lambda: found("378.2°", "deg"))
     assert (found("378.2", "rad"), found("q_ref 6.6 rad", "rad"), found("6.6", "deg")) == (0, 1, 0)
 
 

@@ -43,7 +43,7 @@ def bench(console: Console) -> bool:
         operator.sign_in()
         operator.be_in_run()
         page.get_by_role("combobox", name="Window", exact=True).select_option(str(WINDOW_S))
-        operator.enter("q_ref value [deg]", 25.0)
+        operator.enter("q_ref value [°]", 25.0)
         page.wait_for_timeout(FILLED_MS)
         frames, total = measured(page)
     return print_ratios(console, "Live page, software rendering", ratios(frames, total))

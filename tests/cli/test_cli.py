@@ -127,7 +127,7 @@ def test_what_was_stored_is_listed_shown_and_exported(
     [
         (["experiment", "levitation"], "tracking"),
         (["experiment", "tracking", "--set", "lam_q=0.1"], "λ_q: 0.1 s is"),
-        (["experiment", "tracking", "--set", "q_amplitude=2"], "114.592 deg is outside 0.573 to 80.21 deg"),
+        (["experiment", "tracking", "--set", "q_amplitude=2"], "114.592° is outside 0.573 to 80.2°"),
         (["experiment", "tracking", "--set", "speed=2"], "speed"),
         (["experiment", "tracking", "--set", "lam_q"], "key=value"),
         (["experiment", "tracking", "--params", "nowhere.toml"], "nowhere.toml"),

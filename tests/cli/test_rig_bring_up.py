@@ -163,7 +163,7 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
     assert running.returncode == 0, said
     steps = {step["id"]: step for step in json.loads(printed)["steps"]}
     assert (steps["home"]["state"], steps["zero"]["state"]) == ("current", "current")
-    assert "17.19 deg" in said  # 0.3 rad
+    assert "17.19°" in said  # 0.3 rad
 
 
 @pytest.mark.live

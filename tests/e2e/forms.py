@@ -15,8 +15,8 @@ from playwright.sync_api import Browser, Locator, Page
 Values = dict[str, bool | float | str]
 
 TO_SI = {
-    **dict.fromkeys(("deg", "°"), ("rad", math.pi / 180.0)),
-    "deg/s": ("rad/s", math.pi / 180.0),
+    "°": ("rad", math.pi / 180.0),
+    "°/s": ("rad/s", math.pi / 180.0),
     "": ("1", 1.0),
 }
 """Units that a person is shown in place of the one that is sent, with the factor between both."""

@@ -28,7 +28,7 @@ def watching(same_operator: Operator) -> Operator:
 def moving(watching: Operator) -> Operator:
     """A joint that has just stepped by 10 degrees."""
     target = 10.0 if abs(watching.reading("Joint position", "q_ref")) < 5.0 else 0.0
-    watching.enter("q_ref value [deg]", target)
+    watching.enter("q_ref value [°]", target)
     watching.wait(lambda: abs(watching.reading("Joint position", "q") - target) < 0.3)
     return watching
 
@@ -107,7 +107,7 @@ def test_the_spectrum_of_a_selection(watching: Operator) -> None:
     page.get_by_role("button", name="Spectrum", exact=True).click()
     dialog = page.get_by_role("dialog", name="Spectrum", exact=True)
     expect(dialog.get_by_role("img", name="Spectrum of Joint position")).to_be_visible()
-    expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("(deg)²/Hz")
+    expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("(°)²/Hz")
     dialog.get_by_role("combobox", name="Chart").select_option("Tendon force")
     dialog.get_by_text("Amplitude", exact=True).click()
     expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("N over Hz")

@@ -206,9 +206,9 @@ def test_where_a_run_leaves_the_band_is_told_as_the_samples_have_it(
     page = show(operator, "/runs/1/2,3,4/by=step")
     table = page.get_by_role("table", name="Deviations", exact=True)
     expect(table.get_by_role("img", name="no tolerance is given")).to_have_count(6)
-    page.get_by_role("textbox", name="Tolerance [deg]").fill("1.5")
+    page.get_by_role("textbox", name="Tolerance [°]").fill("1.5")
     expect(table.get_by_role("img", name="no tolerance is given")).to_have_count(0)
-    expect(page.get_by_text("the band is ± 1.5 deg")).to_be_visible()
+    expect(page.get_by_text("the band is ± 1.5°")).to_be_visible()
     shown = {row[0]: row[1:] for row in rows_of(page, "Deviations")}
     assert shown["Run 4"] == ["not measured: run 4 has no step of q_ref, not 1"]
     for run in (2, 3):

@@ -74,15 +74,15 @@ def test_a_sequence_is_composed_previewed_kept_run_and_made_again(browser: Brows
     expect(own.get_by_role("combobox", name="Kind of part 1.2.2", exact=True)).to_have_value("hold")
     assert order(own) == ["1.1 step", "1.2 repeat", "1.2.1 ramp", "1.2.2 hold"]
     own.get_by_role("button", name="Copy part 1.2.1", exact=True).click()
-    own.get_by_role("textbox", name="q_ref [deg] of part 1.2.1", exact=True).fill("-10")
-    own.get_by_role("textbox", name="q_ref [deg] of part 1.2.2", exact=True).fill("200")
+    own.get_by_role("textbox", name="q_ref [°] of part 1.2.1", exact=True).fill("-10")
+    own.get_by_role("textbox", name="q_ref [°] of part 1.2.2", exact=True).fill("200")
     row = own.get_by_role("listitem", name="Part 1.2.2", exact=True)
-    expect(own.get_by_role("alert")).to_have_text(re.compile("200 deg is outside"))  # once: its loop says nothing of it
+    expect(own.get_by_role("alert")).to_have_text(re.compile("200° is outside"))  # once: its loop says nothing of it
     expect(row.get_by_role("alert")).to_be_visible()
-    own.get_by_role("textbox", name="q_ref [deg] of part 1.2.2", exact=True).fill("20")
-    expect(row).to_contain_text("ramps q to 20 deg in 2 s")
+    own.get_by_role("textbox", name="q_ref [°] of part 1.2.2", exact=True).fill("20")
+    expect(row).to_contain_text("ramps q to 20° in 2 s")
     sentence = previewed(own)
-    expect(row).to_contain_text("at 4 … 12 s, q from −10 deg, 15 deg/s")
+    expect(row).to_contain_text("at 4 to 12 s, q from −10°, 15°/s")
     expect(row.get_by_role("alert")).to_have_count(0)
 
     # its own criterion, in the words and the number of the preview
@@ -130,8 +130,8 @@ def test_a_sequence_is_composed_previewed_kept_run_and_made_again(browser: Brows
     words = [row.inner_text() for row in own.get_by_role("listitem", name=re.compile(r"^Part ")).all()]
     told = [
         "from the next motion on λ_q",
-        "jumps q to 0 deg",
-        *["ramps q to −10 deg in 2 s", "ramps q to 20 deg in 2 s", "holds the references for"] * 2,
+        "jumps q to 0°",
+        *["ramps q to −10° in 2 s", "ramps q to 20° in 2 s", "holds the references for"] * 2,
     ]
     assert all(part in row for part, row in zip(told, words, strict=True)), words
     previewed(own)

@@ -54,7 +54,7 @@ def test_a_sequence_is_tried_dry_then_queued_and_run(operator: Operator) -> None
     for _ in range(2):
         page.get_by_role("button", name="Remove segment 2", exact=True).click()
     operator.fill("Time [s] of segment 1", 1)
-    operator.fill("q_ref [deg] of segment 1", 12)
+    operator.fill("q_ref [°] of segment 1", 12)
     operator.fill("Time [s] of segment 2", 2)
     expect(page.get_by_role("group", name="Segments, 3.0 s")).to_be_visible()
 

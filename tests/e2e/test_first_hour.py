@@ -87,7 +87,7 @@ def pretension(operator: Operator, keys: Keys) -> None:
 
 
 def move_the_joint(operator: Operator, keys: Keys) -> None:
-    for box, value in (("q_ref value [deg]", "30"), ("S_ref value [N·m/rad]", "12")):
+    for box, value in (("q_ref value [°]", "30"), ("S_ref value [N·m/rad]", "12")):
         keys.to(box)
         keys.write(value)
         keys.press("Enter")
@@ -98,7 +98,7 @@ def move_the_joint(operator: Operator, keys: Keys) -> None:
     keys.shortcut("h", "Log")
     told = [entry["text"] for entry in get(operator, "/api/log?kind=references")["entries"]]
     assert len(told) == 2
-    expect(operator.page.get_by_role("table", name="Log")).to_contain_text("q_ref 30 deg, S_ref 12 N·m/rad")
+    expect(operator.page.get_by_role("table", name="Log")).to_contain_text("q_ref 30°, S_ref 12 N·m/rad")
 
 
 def identified(operator: Operator, keys: Keys, place: int, settings: Mapping[str, float]) -> int:

@@ -40,7 +40,7 @@ def test_lambda_dragged_to_twice_its_value_doubles_the_time_of_a_step(operator: 
         assert in_force == pytest.approx(lam, rel=0.03)
         previewed = previewed_t90(operator)
         for target in (STEP_DEG, 0.0):
-            operator.enter("q_ref value [deg]", target)
+            operator.enter("q_ref value [°]", target)
             operator.wait(partial(is_at, operator, target))
             rest(operator)
         steps.append((in_force, previewed))

@@ -156,13 +156,13 @@ def a_wall(stage: Stage) -> None:
     """It stands where its boxes say."""
     page = stage.page
     stage.operator.go("Operate")
-    stage.operator.enter("Wall at [deg]", -40.0)
+    stage.operator.enter("Wall at [°]", -40.0)
     stage.operator.enter("Stiffness of the wall [N/m]", 8000.0)
     stage.operator.enter("Damping of the wall [s/m]", 2.25)
     group = page.get_by_role("group", name="Wall", exact=True)
     group.get_by_role("combobox", name="Side of the wall").select_option("below")
     sent, _ = forms.pressed(page, group.get_by_role("button", name="Put up", exact=True), "/api/wall")
-    wanted = {"side": "below", "k_wall": 8000.0, "c_wall": 2.25, "q_wall": pytest.approx(-40.0 * TO_SI["deg"][1])}
+    wanted = {"side": "below", "k_wall": 8000.0, "c_wall": 2.25, "q_wall": pytest.approx(-40.0 * TO_SI["°"][1])}
     assert sent["wall"] == wanted
     expect(page.get_by_text("A wall stands below \u221240.0")).to_be_visible()
     assert stage.get("/api/state")["wall"] == wanted

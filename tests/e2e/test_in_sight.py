@@ -59,3 +59,20 @@ def _in_sight(page: Page, *buttons: Locator) -> None:
     for button in buttons:
         assert button.evaluate(IN_SIGHT), button
     assert covered(page, FIELDS) == []
+
+
+def test_the_whole_forecast_of_a_step_is_above_what_decides(same_operator: Operator) -> None:
+    """At 1440 × 900, where its last line used to lie under the buttons that stay in sight."""
+    page = same_operator.page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    same_operator.bring_up()
+    skip = page.get_by_role("button", name="Skip tour", exact=True)
+    if skip.is_visible():
+        skip.click()
+    forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
+    expect(forecast).to_have_text(re.compile(r"90 % after \d"))
+    told = forecast.bounding_box()
+    decides = page.get_by_role("button", name="Revert to saved", exact=True).bounding_box()
+    assert told is not None
+    assert decides is not None
+    assert told["y"] + told["height"] <= decides["y"]

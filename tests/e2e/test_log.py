@@ -40,7 +40,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
     page = operator.page
     operator.sign_in()
     operator.be_in_run()
-    operator.enter("q_ref value [deg]", 15.0)
+    operator.enter("q_ref value [°]", 15.0)
     operator.wait(lambda: abs(operator.reading("Joint position", "q") - 15.0) < 0.3)
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
@@ -63,7 +63,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
 
     box = page.get_by_role("searchbox", name="Search the log")
     box.fill("q_ref")
-    expect(row_of(page, "q_ref 15 deg")).to_be_visible()
+    expect(row_of(page, "q_ref 15°")).to_be_visible()
     operator.wait(lambda: len(lines(page)) == len(kept(page, "&words=q_ref")))
     box.fill("")
     page.get_by_label("Show").select_option("alarms")
@@ -94,7 +94,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
 def shown(text: str) -> str:
     """An order of references in degrees; other texts hold no angle here."""
     found = re.fullmatch(r"q_ref ([-\d.]+) rad(.*)", text)
-    return text if found is None else f"q_ref {math.degrees(float(found[1])):.4g} deg{found[2]}"
+    return text if found is None else f"q_ref {math.degrees(float(found[1])):.4g}°{found[2]}"
 
 
 def bearer(operator: Operator) -> dict[str, str]:

@@ -81,7 +81,7 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     q_ref = planned["lines"][0]["values"]
     now = math.degrees(q_ref[bisect(planned["t"], task["part"]["t"]) - 1])
     low, high = (math.degrees(value) for value in (min(q_ref), max(q_ref)))
-    assert shown["planned"] == f"q_ref from {low:.1f} to {high:.1f} deg, now {now:.1f}".replace("-", "−")
+    assert shown["planned"] == f"q_ref from {low:.1f} to {high:.1f}°, now {now:.1f}°".replace("-", "−")
     assert now == pytest.approx(operator.reading("Joint position", "q_ref"), abs=0.1)
     assert all(max(told) - min(told) < 0.5 for told in ends.values())  # a part ends when it was said to
 

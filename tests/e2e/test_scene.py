@@ -82,7 +82,7 @@ def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operato
         wait_for_a_picture(operator, canvas)
         operator.be_in_run()  # a first picture without a graphics processor may take so long that the page was lost
         before = canvas.screenshot()
-        operator.enter("q_ref value [deg]", 40.0)
+        operator.enter("q_ref value [°]", 40.0)
         operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01, PICTURE_TIMEOUT_MS)
         page.get_by_role("button", name="STOP", exact=True).click()
         operator.expect_mode("tripped")

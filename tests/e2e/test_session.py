@@ -48,7 +48,7 @@ def see_curves_move(operator: Operator) -> None:
 
 
 def step_the_joint(operator: Operator) -> None:
-    operator.enter("q_ref value [deg]", 20.0)
+    operator.enter("q_ref value [°]", 20.0)
     operator.wait(lambda: operator.reading("Joint position", "q") == pytest.approx(20.0, abs=0.2))
     assert operator.reading("Joint position", "q_ref") == pytest.approx(20.0, abs=0.01)
 

@@ -23,9 +23,9 @@ def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(ope
         form.get_by_label(re.compile(f"^{label}")).fill(text)
     form.get_by_role("button", name="Arm", exact=True).click()
     told = card.get_by_role("status", name="Trigger", exact=True)
-    expect(told).to_contain_text("Armed: q_ref rising through 5 deg; 0 of 1 captured (armed by operator)")
+    expect(told).to_contain_text("Armed: q_ref rising through 5°; 0 of 1 captured (armed by operator)")
     page.reload()
-    expect(told).to_contain_text("Armed: q_ref rising through 5 deg")
+    expect(told).to_contain_text("Armed: q_ref rising through 5°")
     expect(card.get_by_role("button", name="Disarm", exact=True)).to_be_visible()
 
     with client_with(service, "token") as script:
@@ -33,7 +33,7 @@ def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(ope
     expect(told).to_have_text("Not armed: all captures were made; 1 of 1 captured", timeout=MOTION_TIMEOUT_MS)
     card.get_by_role("link", name="Captures in flight records", exact=True).click()
     records = page.get_by_role("table", name="Flight records", exact=True)
-    row = records.get_by_role("row").filter(has_text="trigger: q_ref rising through 5 deg")
+    row = records.get_by_role("row").filter(has_text="trigger: q_ref rising through 5°")
     expect(row).to_contain_text("−0.2 … 0.3")
     expect(row).to_contain_text("operator")
     row.get_by_role("link").first.click()

@@ -57,7 +57,7 @@ def test_a_layout_of_ones_own_reads_what_the_loop_does_and_is_found_again(laid_o
     wanted = ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
     expect(page.get_by_role("figure", name="Joint stiffness 2", exact=True)).to_be_visible()
     assert panels(page) == wanted
-    laid_out.enter("q_ref value [deg]", 12.0)
+    laid_out.enter("q_ref value [°]", 12.0)
     laid_out.wait(lambda: abs(laid_out.reading("Joint position", "q") - 12.0) < 0.3)
 
     told = laid_out.state()["references"]
@@ -220,7 +220,7 @@ def finished_run(operator: Operator) -> int:
     run = int(operator.state()["recording_run"])
     operator.wait_for_samples(500)
     target = 10.0 if abs(operator.reading("Joint position", "q_ref")) < 5.0 else 0.0
-    operator.enter("q_ref value [deg]", target)
+    operator.enter("q_ref value [°]", target)
     operator.wait(lambda: abs(operator.reading("Joint position", "q") - target) < 0.3)
     operator.wait_for_samples(1500)
     operator.press("Pretension")

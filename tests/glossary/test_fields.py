@@ -40,7 +40,7 @@ def test_bounds_that_are_told_are_those_that_the_request_takes(form: str) -> Non
             continue
         adapter: TypeAdapter[object] = TypeAdapter(request.__pydantic_fields__[name].rebuild_annotation())
         told = next(entry for entry in fields() if entry.name == f"{form}.{name}")
-        assert dict(told.more)["Accepted"].startswith(f"{low:g} … {high:g}")
+        assert dict(told.more)["Accepted"].startswith(f"{low:g} to {high:g}")
         for value in (low, high):
             adapter.validate_python(int(value) if value.is_integer() else value)
         for value in (low - 1.0, high + 1.0):

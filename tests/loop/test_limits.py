@@ -48,8 +48,8 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     fault, seen = checks.standing(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
     told, bound = in_words(seen, Angles.DEGREES).split("; ")
-    assert bound == "the bound is 90 deg to either side"
-    assert float(told.removeprefix("q = ").removesuffix(" deg")) == pytest.approx(-91.25, abs=5e-4)
+    assert bound == "the bound is 90° to either side"
+    assert float(told.removeprefix("q = ").removesuffix("°")) == pytest.approx(-91.25, abs=5e-4)
 
 
 def test_a_clipped_voltage_is_flagged_at_its_own_motor_and_no_other_flag_with_it() -> None:

@@ -32,14 +32,14 @@ def test_a_deviation_of_a_fiftieth_fills_its_panel(
 ) -> None:
     columns = samples(PLAN)
     t = columns["t"]
-    end = 15.9  # q alone steps, by up to 120 deg
+    end = 15.9  # q alone steps, by up to 120°
     columns["S"] = columns["S_ref"] + 0.02 * np.sin(t)
     columns["q"] = columns["q"] + np.where((t > 3.5) & (t < 3.9), 0.015, 0.0)
     figure = drawn(monkeypatch, tracking_panels, columns, 0.0, end, "ABCDEF", "panels", 10.0, angles)
     q, e_q, S, e_S, u_A, u_B = figure.axes
     assert e_S.get_ylabel() == "$e_S$ [mN·m/rad]"
     assert e_S.get_ylim() == pytest.approx((-23.0, 23.0), rel=0.02)
-    assert e_q.get_ylabel() == f"$e_q$ [{angles}]"
+    assert e_q.get_ylabel() == f"$e_q$ [{'rad' if angles is Angles.RADIANS else '°'}]"
     assert 0.015 * factor < e_q.get_ylim()[1] < 0.06 * factor
     for panel, signal in ((e_q, "q"), (e_S, "S")):
         error = columns[signal] - columns[f"{signal}_ref"]

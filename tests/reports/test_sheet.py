@@ -26,7 +26,7 @@ WIDTH_MM, HEIGHT_MM = 180.0, 123.46
 FOOT = "run 12 · SIM (simulator) · λ_q 0.5 s · λ_S 0.8 s · gains from geometry"
 SPAN = "0:00.000 to 0:12.500 since the start · saved 1 March 2026"
 TICKS = ("−20", "−10", "0", "10", "0:05")
-HEADING = "Joint position [deg]"
+HEADING = "Joint position [°]"
 LINE = "q − q_ref′  −0.123 … 4.567"
 HATS = "F̂_ext & q̂ < θ_A"
 

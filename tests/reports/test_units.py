@@ -86,10 +86,10 @@ def test_no_text_of_a_report_has_another_unit_or_digits_that_nobody_reads(
         if angles is DEG:
             assert not BARE_RADIAN.search(bare), text
         else:
-            assert not re.search(r"\bdeg\b", bare), text
+            assert not re.search(r"\bdeg\b|°", bare), text
         for number in NUMBER.findall(text):
             assert significant(number) <= 6, text
-    assert f"q [{angles}]" in axes
+    assert f"q [{'°' if angles is DEG else 'rad'}]" in axes
     assert "S [N·m/rad]" in axes
 
 
@@ -97,22 +97,22 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Sourc
     """What is printed in degrees is a full turn's share of what is printed in radians."""
     degrees, radians = (build_report(replace(tripped(tracking_source), angles=angles)) for angles in (DEG, RAD))
     metrics = table(degrees, "Metrics")
-    assert [row["Unit"] for row in metrics if row["Quantity"] == "RMSE of q"] == ["deg"]
+    assert [row["Unit"] for row in metrics if row["Quantity"] == "RMSE of q"] == ["°"]
     assert tracking_source.result is not None
     stored = {item.label: item for item in tracking_source.result.metrics.figures}
     for row, plain in zip(metrics, table(radians, "Metrics"), strict=True):
         value, unit = stored[row["Quantity"]].value, stored[row["Quantity"]].unit
-        assert row["Unit"] == ("deg" if unit == "rad" else "" if unit == "1" else unit)
+        assert row["Unit"] == ("°" if unit == "rad" else "" if unit == "1" else unit)
         if unit == "rad" and value is not None:
             assert float(row["Value"]) == pytest.approx(360.0 * value / (2.0 * math.pi), rel=5e-3)
             assert float(plain["Value"]) == pytest.approx(value, rel=5e-3)
         else:
             assert row["Value"] == plain["Value"]
     amplitude = table(degrees, "Settings")[0]
-    assert (amplitude["Value"], amplitude["Unit"]) == ("60", "deg")
+    assert (amplitude["Value"], amplitude["Unit"]) == ("60", "°")
     first = next(row for row in table(degrees, "Every step") if row["Step"].startswith("q"))
-    assert (first["Step"], first["to"]) == ("q [deg]", "60.0")
-    assert any("q = 91.7918 deg; the bound is 90 deg" in fact.text for fact in degrees.facts)
+    assert (first["Step"], first["to"]) == ("q [°]", "60.0")
+    assert any("q = 91.7918°; the bound is 90°" in fact.text for fact in degrees.facts)
     assert any(TRIP in fact.text for fact in radians.facts)
 
 
@@ -125,7 +125,7 @@ def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: S
     assert f"Note: {said}" in list(texts(report))
     assert source in list(texts(report))
     assert any("parameters “bent by 0.1 rad”" in fact.text for fact in report.facts)
-    assert any("q = 91.7918 deg" in fact.text for fact in report.facts)
+    assert any("q = 91.7918°" in fact.text for fact in report.facts)
 
 
 def test_segments_are_a_table_and_not_json(tracking_source: Source) -> None:
@@ -138,6 +138,6 @@ def test_segments_are_a_table_and_not_json(tracking_source: Source) -> None:
     run = replace(tracking_source.run, kind="sequence", settings=settings)
     report = build_report(replace(tracking_source, run=run, result=None))
     rows = table(report, "Segments")
-    assert [row["q_ref [deg]"] for row in rows] == ["60", "−30"]
+    assert [row["q_ref [°]"] for row in rows] == ["60", "−30"]
     assert [row["Shape"] for row in rows] == ["step", "sine"]
     assert not any("{" in text for text in texts(report))

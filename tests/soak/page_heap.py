@@ -51,7 +51,7 @@ def _move(operator: Operator, seconds: float) -> None:
     """Step the joint to and fro for so long; the boxes and previews of the page are used as a person uses them."""
     ending, side = time.monotonic() + seconds, 1.0
     while time.monotonic() < ending:
-        operator.enter("q_ref value [deg]", 15.0 * side)
+        operator.enter("q_ref value [°]", 15.0 * side)
         operator.page.wait_for_timeout(1000.0 * min(STEP_S, max(0.0, ending - time.monotonic())))
         side = -side
 

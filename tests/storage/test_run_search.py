@@ -158,7 +158,7 @@ REFUSED = (
     ("overshoot_q_percent < nan", 23, "which 'nan' is not"),
     ("overshoot_q_percent = many", 23, "which 'many' is not"),
     ("overshoot_q_percent != 0%", 24, "which '0%' is not"),
-    ("lam_q = 0.4rad", 9, "which '0.4rad' is not: write it in SI, or as 60deg"),
+    ("lam_q = 0.4rad", 9, "which '0.4rad' is not: write it in SI, or as 60°"),
     ("lam_q = 0.4, nan", 14, "which 'nan' is not"),
     ("overshoot_q_percent ~ 0", 1, "is a number, which ~ does not look into"),
     ("controller < 5", 1, "controller is a word, which < does not compare"),

@@ -110,7 +110,7 @@ def test_words_kinds_and_times_narrow_it(database: Database) -> None:
 
 
 SHOWN = {
-    ("60", "deg"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], []),
+    **dict.fromkeys((("60", "deg"), ("60°",), ("60", "°"), ("60deg",)), (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], [])),
     ("q_ref", "60"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], []),
     ("1.0472",): ([], ["q_ref 1.0472 rad, S_ref 10 N·m/rad"]),
     ("17.19",): (["wall moved by 0.3 rad"], []),

@@ -261,7 +261,7 @@ def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert shown["pick"] == "least"
     told = sinew("map", "1", "--figure", "rmse_q", *over, "--pick", "mean", options=data[:-1]).stdout
-    assert "RMSE of q [deg], mean of the runs in a cell" in told
+    assert "RMSE of q [°], mean of the runs in a cell" in told
     assert "sensors.force_noise [N] \\ λ_q [s]" in told
     in_degrees = [math.degrees(row["figures"]["rmse_q"]) for row in rows]
     numbers = [float(number) for number in re.findall(r"(?<=│ )[0-9.]+(?= )", told)]

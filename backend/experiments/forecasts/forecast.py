@@ -62,8 +62,8 @@ class Forecast:
     def message(self) -> str:
         """Where the joint goes, in words."""
         at, low, high = (math.degrees(q) for q in (self.q_start, self.q_low, self.q_high))
-        within = f"{math.floor(low)} … {math.ceil(high)} deg".replace("-", "−")
-        words = f"the joint is at {at:.0f} deg and will move within {within}, then back to 0 deg".replace("-", "−")
+        within = f"{math.floor(low)} to {math.ceil(high)}°".replace("-", "−")
+        words = f"the joint is at {at:.0f}° and will move within {within}, then back to 0°".replace("-", "−")
         return words + ("; nothing holds it while the tendons are slack" if self.let_slack else "")
 
     def require_within_range(self, parameters: PlantParameters) -> None:

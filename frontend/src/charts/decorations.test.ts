@@ -23,6 +23,12 @@ describe("labels of marks", () => {
     expect(labels(close).map(({ text, fault }) => [text, fault])).toEqual([["trip +2", true]]);
   });
 
+  it("name a change of the mode before what came with it", () => {
+    const change: PlacedMark = { ...mark(10.5, "mode run"), mode: true };
+    expect(labels([mark(10, "control taken"), change]).map(({ text }) => text)).toEqual(["mode run +1"]);
+    expect(labels([change, mark(11, "trip", true)]).map(({ text }) => text)).toEqual(["trip +1"]);
+  });
+
   it("never run over each other or over the edge", () => {
     const marks = Array.from({ length: 40 }, (_, n) => mark(2.4 * n, "a text of some length"));
     const found = labels(marks);

@@ -18,6 +18,8 @@ export interface PlacedMark {
   readonly time_s: number;
   readonly text: string;
   readonly fault: boolean;
+  /** A change of the mode, which is named before what else happened with it. */
+  readonly mode?: boolean;
 }
 
 /** Those of the lines that belong into a panel. */
@@ -96,10 +98,10 @@ export function drawMarks(
   const inSight = marks.filter((mark) => mark.time_s >= (scale.min ?? 0) && mark.time_s <= (scale.max ?? 0));
   ctx.save();
   ctx.lineWidth = ratio;
-  ctx.setLineDash([]);
   for (const mark of inSight) {
     const x = Math.round(plot.valToPos(mark.time_s, "x", true)) + 0.5;
-    ctx.strokeStyle = mark.fault ? colours.fault : colours.limit;
+    ctx.strokeStyle = mark.fault ? colours.fault : mark.mode ? colours.axis : colours.limit;
+    ctx.setLineDash(mark.fault || mark.mode ? [] : [4 * ratio, 3 * ratio]);
     ctx.beginPath();
     ctx.moveTo(x, bbox.top);
     ctx.lineTo(x, bbox.top + bbox.height);
@@ -133,7 +135,7 @@ interface Label {
 
 /**
  * Labels that do not run over each other, from left to right: of marks with too little room between them the first
- * fault, or else the first, is named, with the number of the others: "trip +2". `right` is where the last one ends.
+ * fault, or else the first change of the mode, or else the first, is named, with the number of the others: "trip +2". `right` is where the last one ends.
  */
 export function labelsOf(
   placed: readonly { readonly mark: PlacedMark; readonly x: number }[],
@@ -150,7 +152,7 @@ export function labelsOf(
       continue;
     }
     last.count += 1;
-    if (mark.fault && !last.lead.fault) last.lead = mark;
+    if (rank(mark) > rank(last.lead)) last.lead = mark;
   }
   const more = groups.map(({ count }) => (count > 1 ? ` +${count - 1}` : ""));
   const begins = groups.map(({ x }) => x);
@@ -166,6 +168,10 @@ export function labelsOf(
     const room = (begins[index + 1] ?? right + gap) - gap - x;
     return { text: cut(lead.text, more[index] as string, room, widthOf), x, fault: lead.fault };
   });
+}
+
+function rank({ fault, mode }: PlacedMark): number {
+  return fault ? 2 : mode ? 1 : 0;
 }
 
 /** A text and what follows it within so much room: as much of the text as fits. */

@@ -49,6 +49,6 @@ function lambdas(source: PlotSource, seen: Stretch): string[] {
     if (column === undefined) return `${symbol} not recorded`;
     const { minimum, maximum } = statistics(column, t, raw);
     if (Number.isNaN(minimum)) return `${symbol} not in force`;
-    return `${symbol} ${minimum === maximum ? short(minimum) : `${short(minimum)} … ${short(maximum)}`} s`;
+    return `${symbol} ${minimum === maximum ? short(minimum) : `${short(minimum)} to ${short(maximum)}`} s`;
   });
 }

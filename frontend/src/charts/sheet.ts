@@ -180,7 +180,7 @@ function heading(panel: Panel, box: Box, columns: readonly ArrayLike<number>[]):
     const told =
       maximum < minimum
         ? "no value"
-        : `${fixed(minimum, panel.decimals)} … ${fixed(maximum, panel.decimals)}`;
+        : `${fixed(minimum, panel.decimals)} to ${fixed(maximum, panel.decimals)}`;
     const words = `${trace.name.replace(" - ", " − ")}  ${told}`;
     const signal = `data-signal="${escaped(trace.name)}"`;
     parts.push(text(right, middle, words, INK, "end", signal));

@@ -4,6 +4,7 @@ import { Button } from "@mantine/core";
 import { usePreferences } from "../service/preferences";
 
 const NAMES = { deg: "degrees", rad: "radians" } as const;
+const SIGNS = { deg: "°", rad: "rad" } as const;
 
 export function AngleSwitch() {
   const { preferences, change } = usePreferences();
@@ -13,13 +14,14 @@ export function AngleSwitch() {
       variant="subtle"
       color="gray"
       size="compact-sm"
-      aria-label={`Angles in ${preferences.angles}`}
+      aria-label={`Angles in ${NAMES[preferences.angles]} (${SIGNS[preferences.angles]})`}
       title={`Angles in ${NAMES[preferences.angles]}, for you alone: press for ${NAMES[other]}`}
       onClick={() => change({ angles: other })}
       w={44}
       px={0}
+      fz={preferences.angles === "deg" ? 18 : undefined}
     >
-      {preferences.angles}
+      {SIGNS[preferences.angles]}
     </Button>
   );
 }

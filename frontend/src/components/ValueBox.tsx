@@ -7,6 +7,7 @@
 import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useEffect, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
+import { withUnit } from "../samples/quantity";
 import { close } from "../service/explaining";
 import type { Entry } from "../service/glossary";
 import { useRefusedInput } from "../service/refusedFields";
@@ -82,8 +83,7 @@ export function ValueBox(props: ValueBoxProps) {
   function unsent(text: string | null, after: string): string | null {
     const number = text === null ? null : numberIn(text);
     if (number === null) return null;
-    const words = unit === "1" ? "" : ` ${unit}`;
-    return `${shown(number, decimals)}${words} ${after}`;
+    return `${withUnit(shown(number, decimals), unit)} ${after}`;
   }
 
   function commit(): void {

@@ -74,8 +74,8 @@ const AMPLITUDE = {
 } as Setting;
 
 it.each([
-  ["deg", "Joint position steps [deg]", "0.573 … 80.21"],
-  ["rad", "Joint position steps [rad]", "0.01 … 1.4"],
+  ["deg", "Joint position steps [°]", "0.573 to 80.2"],
+  ["rad", "Joint position steps [rad]", "0.01 to 1.4"],
 ] as const)("labels a setting and its range in %s", (angles, label, range) => {
   open(<SettingField setting={AMPLITUDE} value={SIXTH} onChange={() => undefined} />, angles);
   expect(screen.getByLabelText(label)).toBe(box());
@@ -88,12 +88,12 @@ it("converts by the unit and not by the name", () => {
     "deg",
   );
   expect(screen.getByLabelText("Joint position steps [N·m/rad]")).toBe(box());
-  expect(text()).toContain("0.01 … 1.4");
+  expect(text()).toContain("0.01 to 1.4");
   expect(box().value).toBe("10");
 });
 
 it.each([
-  ["deg", "q_ref [deg]", "60"],
+  ["deg", "q_ref [°]", "60"],
   ["rad", "q_ref [rad]", "1.0472"],
 ] as const)("edits and prints segments in %s", (angles, heading, value) => {
   const json = `[{"duration_s":4,"q_ref":${SIXTH},"S_ref":10}]`;
@@ -107,11 +107,11 @@ it.each([
   open(<SettingsCard settings={settings} />, angles);
   expect(screen.getByRole("columnheader", { name: heading })).toBeTruthy();
   const row = screen.getByRole("row", { name: /position held/ });
-  expect(row.textContent).toBe(`position heldq_0${value}${angles}`);
+  expect(row.textContent).toBe(`position heldq_0${value}${angles === "deg" ? "°" : "rad"}`);
 });
 
 it.each([
-  ["deg", "5.730deg", "< 11.4592 deg", "q stood at 91.79 deg"],
+  ["deg", "5.730°", "< 11.4592°", "q stood at 91.79°"],
   ["rad", "0.1000rad", "< 0.2 rad", "q stood at 1.602 rad"],
 ] as const)("prints figures, bounds and reasons in %s", (angles, figure, bound, reason) => {
   const of = { unit: "rad", definition: "", reason: "q stood at 1.602 rad" };
@@ -134,7 +134,7 @@ it.each([
 
 it("draws the joint's chart, its limits and its readouts in the person's unit, and no other chart", () => {
   const [degrees, radians] = [readIn(POSITION, "deg"), readIn(POSITION, "rad")];
-  expect([degrees.unit, degrees.decimals, radians.unit, radians.decimals]).toEqual(["deg", 2, "rad", 4]);
+  expect([degrees.unit, degrees.decimals, radians.unit, radians.decimals]).toEqual(["°", 2, "rad", 4]);
   expect(degrees.factor * SIXTH).toBeCloseTo(60, 12);
   expect(degrees.narrowest).toBeCloseTo(4, 12);
   expect(radians.factor).toBe(1);
@@ -153,5 +153,5 @@ it("draws the joint's chart, its limits and its readouts in the person's unit, a
 
 it("reads a text of the service in the person's unit", () => {
   open(<Told text="q = 1.602 rad, S = 10 N·m/rad" />);
-  expect(text()).toContain("q = 91.79 deg, S = 10 N·m/rad");
+  expect(text()).toContain("q = 91.79°, S = 10 N·m/rad");
 });

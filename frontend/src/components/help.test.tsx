@@ -47,7 +47,7 @@ test("pointing at a box tells its meaning and what is accepted now; it goes with
   fireEvent.pointerEnter(input, { pointerType: "mouse" });
   act(() => vi.advanceTimersByTime(500));
   expect(tooltip()?.textContent).toContain(entryOf("setting:wall.k_wall")?.meaning);
-  expect(tooltip()?.textContent).toContain("100 … 40000 N/m");
+  expect(tooltip()?.textContent).toContain("100 to 40000 N/m");
   fireEvent.pointerLeave(input);
   act(() => vi.advanceTimersByTime(500));
   expect(tooltip()).toBeNull();
@@ -73,7 +73,7 @@ test("focus tells it too, typing silences it, and what was typed is given up by 
 
 test("bounds are read as the person reads angles, and an unknown field is no entry", () => {
   const q = { minimum: -Math.PI / 2, maximum: Math.PI / 2 };
-  expect(fieldEntry("wall.q_wall", "deg", q)?.more).toEqual([["Accepted", "−90 … 90 deg"]]);
+  expect(fieldEntry("wall.q_wall", "deg", q)?.more).toEqual([["Accepted", "−90 to 90°"]]);
   expect(fieldEntry("wall.nothing", "deg", q)).toBeUndefined();
   const chip: Setting = {
     name: "chip_s",
@@ -89,7 +89,7 @@ test("bounds are read as the person reads angles, and an unknown field is no ent
     meaning: "Shortest time between two changes",
     unit: "s",
     more: [
-      ["Accepted", "0.001 … 2 s"],
+      ["Accepted", "0.001 to 2 s"],
       ["Default", "0.08 s"],
     ],
   });

@@ -5,7 +5,7 @@ import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { NumberField } from "./NumberField";
 import { ValueBox } from "./ValueBox";
 
-const NOT_NUMBERS = ["5-3", "1e", "0,5,1", "12 deg", "--4"];
+const NOT_NUMBERS = ["5-3", "1e", "0,5,1", "12°", "--4"];
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
@@ -21,7 +21,7 @@ function openBox({ isInForm = false } = {}) {
   const told = vi.fn();
   const props = {
     label: "q_ref",
-    unit: "deg",
+    unit: "°",
     value: 12,
     decimals: 1,
     step: 1,
@@ -69,13 +69,13 @@ it.each(["blur", "Escape"])(
     const { sent, told } = openBox();
     type("25,04");
     expect(box().dataset.unsent).toBe("true");
-    expect(told).toHaveBeenLastCalledWith("25.0 deg is not sent: Enter sends it, Escape restores.");
+    expect(told).toHaveBeenLastCalledWith("25.0° is not sent: Enter sends it, Escape restores.");
     if (how === "blur") fireEvent.blur(box());
     else press("Escape");
     expect(sent).not.toHaveBeenCalled();
     expect(box().value).toBe("12.0");
     expect(box().dataset.unsent).toBeUndefined();
-    if (how === "blur") expect(told).toHaveBeenLastCalledWith("25.0 deg was not sent: Enter sends a value.");
+    if (how === "blur") expect(told).toHaveBeenLastCalledWith("25.0° was not sent: Enter sends a value.");
     vi.advanceTimersByTime(10_000);
     expect(told).toHaveBeenLastCalledWith(null);
     vi.useRealTimers();

@@ -66,7 +66,7 @@ function open(element: ReactElement, kind: PlantView["kind"], more: Partial<Stat
   store.setState({
     mode: "run",
     plant,
-    limits: { F_push_max: plant.simulated ? 30 : 0 },
+    limits: { F_push_max: plant.simulated ? 30 : 0, k_wall_min: 100, k_wall_max: 28000, c_wall_max: 7 },
     link: { starts: 1 },
     fault: null,
     ...more,

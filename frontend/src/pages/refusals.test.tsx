@@ -38,7 +38,7 @@ import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/NoteCard";
 
 const STAGED = { staging: true, values: { lam_q: 0.7 }, turn() {}, stage() {}, discard() {} };
-const SENTENCE = "what was given: 120 deg is outside −80 to 80 deg; choose a value between the two";
+const SENTENCE = "what was given: 120° is outside −80 to 80°; choose a value between the two";
 
 /** Path and what is said; anything else is answered as by a service with nothing stored. */
 let refusal: { path: string; place?: (string | number)[] | undefined };
@@ -128,7 +128,7 @@ it.each<Case>([
     [press("Put up")],
     "/api/wall",
     ["wall", "q_wall"],
-    field("Wall at [deg]"),
+    field("Wall at [°]"),
   ],
   [
     "stiffness of a wall",

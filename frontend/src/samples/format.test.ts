@@ -10,6 +10,7 @@ import {
   duration,
   fixed,
   kilohertz,
+  percent,
   short,
   significant,
   timeOfDay,
@@ -34,10 +35,20 @@ describe("numbers", () => {
     expect(significant(undefined, 2)).toBe("no number");
   });
 
+  it.each([
+    [99.96, 1, "99.96"],
+    [99.9996, 1, "99.9996"],
+    [99.94, 1, "99.9"],
+    [100, 1, "100.0"],
+    [-3.2, 1, "−3.2"],
+  ])("call nothing less than the whole 100: %d", (value, decimals, text) => {
+    expect(percent(value, decimals)).toBe(text);
+  });
+
   it("keep significant digits", () => {
     expect(significant(0.0499987, 4)).toBe("0.05000");
     expect(significant(-123.456, 4)).toBe("−123.5");
-    expect(significant(4.919e-7, 3)).toBe("4.92e−7");
+    expect(significant(4.919e-7, 3)).toBe("4.92·10⁻⁷");
     expect(significant(0, 3)).toBe("0");
   });
 

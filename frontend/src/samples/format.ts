@@ -12,6 +12,13 @@ export function fixed(value: number, decimals: number): string {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
+/** A share in %, with further decimals as long as less than the whole would read "100.0". */
+export function percent(value: number, decimals: number): string {
+  let most = decimals;
+  while (value < 100 && most < 12 && Number(value.toFixed(most)) >= 100) most += 1;
+  return fixed(value, most);
+}
+
 /** Decimals that tell multiples of `step` exactly; below zero where it is a multiple of a power of ten. */
 export function decimalsOf(step: number): number {
   const [digits, exponent] = step.toExponential(3).split("e") as [string, string];
@@ -24,7 +31,7 @@ export function significant(value: number, digits: number): string {
   if (!Number.isFinite(value)) return NO_NUMBER;
   if (value === 0) return "0";
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
-  if (magnitude < -5 || magnitude > 6) return value.toExponential(digits - 1).replaceAll("-", MINUS);
+  if (magnitude < -5 || magnitude > 6) return withPower(value.toExponential(digits - 1));
   return fixed(value, Math.max(0, digits - 1 - magnitude));
 }
 
@@ -32,6 +39,17 @@ const SUPERSCRIPTS: Readonly<Record<string, string>> = {
   "-": "⁻",
   ...Object.fromEntries([..."⁰¹²³⁴⁵⁶⁷⁸⁹"].map((letter, digit) => [String(digit), letter])),
 };
+
+/** A number as the language writes it, with a true minus sign and its exponent as a power of ten: "3.3·10⁻⁷". */
+function withPower(text: string): string {
+  const [number = "", exponent] = text.split("e");
+  const plain = number.replace("-", MINUS);
+  return exponent === undefined ? plain : `${plain}·10${superscript(Number(exponent))}`;
+}
+
+function superscript(power: number): string {
+  return [...String(power)].map((letter) => SUPERSCRIPTS[letter]).join("");
+}
 
 /**
  * A value and its standard error to the place that the error tells: the error in two significant digits, the value to
@@ -48,8 +66,7 @@ export function withError(value: number, error: number): string {
   }
   const decimals = Math.max(0, size - place);
   const scaled = (number: number) => fixed(number / 10 ** size, decimals);
-  const power = [...String(size)].map((letter) => SUPERSCRIPTS[letter]).join("");
-  return `(${scaled(value)} ± ${scaled(error)})·10${power}`;
+  return `(${scaled(value)} ± ${scaled(error)})·10${superscript(size)}`;
 }
 
 /** A figure of a result; one that is not there was not measured, and the reason stands beside it. */
@@ -61,12 +78,12 @@ export function measured(value: number | null, digits: number): string {
 export function settingValue(value: boolean | number | string): string {
   if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value === "string") return value;
-  return String(Number(value.toPrecision(6))).replaceAll("-", MINUS);
+  return short(value, 6);
 }
 
 /** A number as short as it can be told to so many digits: 0.5, 8.25, 50. */
 export function short(value: number, digits = 4): string {
-  return String(Number(value.toPrecision(digits))).replaceAll("-", MINUS);
+  return withPower(String(Number(value.toPrecision(digits))));
 }
 
 /** How many significant digits it takes, `least` or more, until different numbers read differently. */

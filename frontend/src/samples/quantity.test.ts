@@ -5,6 +5,7 @@ import {
   boxText,
   inSI,
   inWords,
+  offered,
   rangeText,
   readingNear,
   readingOf,
@@ -56,10 +57,10 @@ describe("a box", () => {
 });
 
 it.each([
-  ["rad", "deg", 57.29577951308232],
-  ["rad/s", "deg/s", 57.29577951308232],
-  ["mrad", "deg", 0.05729577951308232],
-  ["rad·s", "deg·s", 57.29577951308232],
+  ["rad", "°", 57.29577951308232],
+  ["rad/s", "°/s", 57.29577951308232],
+  ["mrad", "°", 0.05729577951308232],
+  ["rad·s", "°·s", 57.29577951308232],
   ["N·m/rad", "N·m/rad", 1],
   ["rad/(V·s)", "rad/(V·s)", 1],
   ["1", "1", 1],
@@ -70,21 +71,47 @@ it.each([
 });
 
 it.each([
-  [0.01, 2, "rad", "0.573 … 114.5"],
-  [-1.4, 1.4, "rad", "−80.21 … 80.21"],
-  [(0.5 * Math.PI) / 180, (114.25 * Math.PI) / 180, "rad", "0.5 … 114.25"],
-  [0.354416386, 3, "s", "0.3545 … 3"],
-  [0, 2147483647, "1", "0 … 2147483647"],
-  [9999.6321, 123456.7, "1", "10000 … 123400"],
+  [0.01, 2, "rad", "0.573 to 114"],
+  [-1.4, 1.4, "rad", "−80.2 to 80.2"],
+  [(0.5 * Math.PI) / 180, (114.25 * Math.PI) / 180, "rad", "0.5 to 114"],
+  [0.354416386, 3, "s", "0.355 to 3"],
+  [4.9981, 5.0023, "V", "4.999 to 5.002"],
+  [0, 2147483647, "1", "0 to 2147483647"],
+  [9999.6321, 123456.7, "1", "10000 to 123000"],
 ])("offers %d to %d %s as a range of which every end is accepted", (low, high, unit, range) => {
   expect(rangeText(low, high, unit, "deg")).toBe(range);
-  const ends = range.split(" … ").map((end) => inSI(end.replace("−", "-"), unit, "deg") as number);
+  const ends = range.split(" to ").map((end) => inSI(end.replace("−", "-"), unit, "deg") as number);
   expect(Math.min(...ends)).toBeGreaterThanOrEqual(low - 1e-12 * Math.abs(low));
   expect(Math.max(...ends)).toBeLessThanOrEqual(high * (1 + 1e-12));
 });
 
+it.each([
+  [1, "rad", 57.3],
+  [12, "rad", 688],
+  [Math.PI / 3, "rad", 60],
+  [0.004, "s", 0.004],
+])("offers a default of %d %s in few digits, and sends what is shown", (usual, unit, shown) => {
+  const inForm = offered(usual, { unit }, "deg") as number;
+  expect(boxText(inForm, unit, "deg")).toBe(String(shown));
+  expect(inSI(String(shown), unit, "deg")).toBe(inForm);
+  expect(offered(usual, { unit }, "rad")).toBe(usual);
+});
+
+it("offers a default as it is where few digits would leave its range", () => {
+  expect(offered(1, { unit: "rad", maximum: 1 }, "deg")).toBe(1);
+  expect(offered("geometry", { unit: "" }, "deg")).toBe("geometry");
+});
+
+it("writes no number of a person with an exponent in letters", () => {
+  expect(told(3.357e-6, "V", "deg")).toBe("3.357 µV");
+  expect(told(3.357e-9, "N·m/rad", "deg")).toBe("3.357·10⁻⁹ N·m/rad");
+  expect(inWords("7.019e-05 N at 3e-06 V, 2e-09 N·m/rad", "deg")).toBe("70.19 µN at 3 µV, 2e-09 N·m/rad");
+  expect(inSI(boxText(3.3e-7, "V", "deg"), "V", "deg")).toBe(3.3e-7);
+  expect(boxText(3.3e-7, "V", "deg")).toBe("0.00000033");
+});
+
 it("tells a quantity with its unit", () => {
-  expect(told(2.0943951023931953, "rad", "deg")).toBe("120 deg");
+  expect(told(2.0943951023931953, "rad", "deg")).toBe("120°");
   expect(told(-2.0943951023931953, "rad", "rad")).toBe("−2.0944 rad");
   expect(told(0.5, "1", "deg")).toBe("0.5");
   expect(angleText(Math.PI / 6, 1, "deg")).toBe("30.0");
@@ -92,24 +119,24 @@ it("tells a quantity with its unit", () => {
 });
 
 it.each([
-  [
-    "q = 1.602 rad; the bound is 1.571 rad to either side",
-    "q = 91.79 deg; the bound is 90.01 deg to either side",
-  ],
-  ["outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21 deg; choose another"],
-  ["q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30 deg, S_ref 10.00 N·m/rad"],
-  ["turned by −0.9 rad", "turned by −51.57 deg"],
-  ["60 rad/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad", "3438 deg/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad"],
+  ["q = 1.602 rad; the bound is 1.571 rad to either side", "q = 91.79°; the bound is 90.01° to either side"],
+  ["outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21°; choose another"],
+  ["q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"],
+  ["turned by −0.9 rad", "turned by −51.57°"],
+  ["60 rad/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad", "3438°/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad"],
   ["3 radishes, 2 rad²", "3 radishes, 2 rad²"],
+  ["“turned 1.0 rad” was 0.5236 rad", "“turned 1.0 rad” was 30°"],
 ])("reads the angles in %j and nothing else", (text, degrees) => {
   expect(inWords(text, "deg")).toBe(degrees);
   expect(inWords(text, "rad")).toBe(text);
 });
 
 it("reads a text in degrees in radians, where somebody changes the unit while it stands", () => {
-  expect(inWords("120 deg is outside -100 to 100 deg", "rad")).toBe(
-    "2.094 rad is outside -1.745 to 1.745 rad",
-  );
+  for (const unit of [" deg", "°"]) {
+    const text = `120${unit} is outside -100 to 100${unit}; phase margin 47°`;
+    expect(inWords(text, "rad")).toBe("2.094 rad is outside -1.745 to 1.745 rad; phase margin 47°");
+    expect(inWords(text, "deg")).toBe("120° is outside -100 to 100°; phase margin 47°");
+  }
 });
 
 it.each([

@@ -4,7 +4,7 @@
  * (N·m/rad, rad/(V·s)) stay as the paper has them. The service has the same rules in `backend/reading.py`. Pure.
  */
 
-import { fixed, MINUS } from "./format";
+import { fixed, MINUS, short } from "./format";
 import { numberIn } from "./number";
 
 export type Angles = "deg" | "rad";
@@ -18,23 +18,30 @@ export interface Reading {
 const TO_DEGREES = 180 / Math.PI;
 const TO_RADIANS = Math.PI / 180;
 const IN_DEGREES: Readonly<Record<string, Reading>> = {
-  rad: { unit: "deg", factor: TO_DEGREES },
-  "rad/s": { unit: "deg/s", factor: TO_DEGREES },
-  mrad: { unit: "deg", factor: TO_DEGREES / 1000 },
-  rad·s: { unit: "deg·s", factor: TO_DEGREES },
+  rad: { unit: "°", factor: TO_DEGREES },
+  "rad/s": { unit: "°/s", factor: TO_DEGREES },
+  mrad: { unit: "°", factor: TO_DEGREES / 1000 },
+  rad·s: { unit: "°·s", factor: TO_DEGREES },
 };
+const WRITTEN: Readonly<Record<Angles, string>> = { deg: "°", rad: " rad" };
 
 /** Digits that a typed number keeps on its way to SI and back; the doubles between hold fifteen. */
 const TYPED = 12;
 /** Most digits of a number that nobody typed. */
 const READ = 6;
-/** Digits of a bound that six do not hold: enough to choose by. */
-const BOUND = 4;
+/** Digits of a bound that is no whole number, and of an angle that a form offers: enough to choose by. */
+const BOUND = 3;
 /** A number that comes back with so few characters was typed, or might have been. */
 const SHORT = 9;
 
 export function readingOf(unit: string, angles: Angles): Reading {
   return (angles === "deg" ? IN_DEGREES[unit] : undefined) ?? { unit, factor: 1 };
+}
+
+/** A number with its unit as it is read: "60°", "12.5 N", "0.5" of what has no unit. */
+export function withUnit(number: string, unit: string): string {
+  if (unit === "1" || unit === "") return number;
+  return unit.startsWith("°") ? `${number}${unit}` : `${number} ${unit}`;
 }
 
 /** Units that take a prefix where a number is small. */
@@ -52,10 +59,35 @@ export function readingNear(largest: number, unit: string, angles: Angles): Read
 
 /** A value in SI as it stands in a number box: as it was typed, or else to six digits. */
 export function boxText(value: number, unit: string, angles: Angles): string {
-  if (!(unit in IN_DEGREES)) return String(value);
+  if (!(unit in IN_DEGREES)) return plain(value);
   const shown = value * readingOf(unit, angles).factor;
   const typed = String(Number(shown.toPrecision(TYPED)));
   return typed.length <= SHORT ? typed : String(Number(shown.toPrecision(READ)));
+}
+
+/** A number without exponent, as far as a person types zeros. */
+function plain(value: number): string {
+  const text = String(value);
+  return text.includes("e-") && Math.abs(value) > 1e-12 ? value.toFixed(15).replace(/0+$/, "") : text;
+}
+
+interface Declared {
+  readonly unit: string;
+  readonly minimum?: number | null;
+  readonly maximum?: number | null;
+}
+
+/**
+ * The default of a setting as a form offers it: an angle in few digits of the unit in which it is read, since what is
+ * shown is sent; as it is where that would leave its range, and where it is no angle.
+ */
+export function offered<T>(value: T, { unit, minimum, maximum }: Declared, angles: Angles): T | number {
+  const { factor } = readingOf(unit, angles);
+  if (typeof value !== "number" || factor === 1) return value;
+  const rounded = Number((value * factor).toPrecision(BOUND));
+  if (Math.abs(rounded - value * factor) <= 1e-9 * Math.abs(rounded)) return value;
+  const inRange = toSI(rounded, unit, angles);
+  return inRange < (minimum ?? inRange) || inRange > (maximum ?? inRange) ? value : inRange;
 }
 
 /** The number that a text in a box is, in SI; null for what is no number. */
@@ -77,27 +109,39 @@ export function toSI(shown: number, unit: string, angles: Angles): number {
   }
 }
 
-/** A value in SI as a number to be read in a sentence, with its unit: "120 deg". */
+/** A value in SI as a number to be read in a sentence, with its unit: "120°". */
 export function told(value: number, unit: string, angles: Angles): string {
-  const { factor } = readingOf(unit, angles);
-  const number = String(Number((value * factor).toPrecision(READ))).replaceAll("-", MINUS);
-  return unit === "1" || unit === "" ? number : `${number} ${readingOf(unit, angles).unit}`;
+  const reading = readingNear(value, unit, angles);
+  return withUnit(short(value * reading.factor, READ), reading.unit);
 }
 
-/** A range in SI as a hint below a box: "−80.21 … 80.21"; the unit stands in the label. Who types an end is accepted. */
+/** A range in SI as a hint below a box: "−80.2 to 80.2"; the unit stands in the label. Who types an end is accepted. */
 export function rangeText(minimum: number, maximum: number, unit: string, angles: Angles): string {
   const { factor } = readingOf(unit, angles);
-  return `${boundText(minimum * factor, Math.ceil)} … ${boundText(maximum * factor, Math.floor)}`;
+  return rangeOf(minimum * factor, maximum * factor);
 }
 
-/** A bound as `backend/refusal.py` writes it: exactly, or in four digits rounded towards the inside. */
-function boundText(shown: number, inwards: (value: number) => number): string {
-  const read = Number(shown.toPrecision(READ));
-  if (Number.isInteger(shown) || Math.abs(read - shown) <= 1e-12 * Math.abs(shown)) {
-    return String(Number(shown.toPrecision(TYPED))).replaceAll("-", MINUS);
+/** The same of numbers as they are read, in as many digits as it takes to leave something between the ends. */
+export function rangeOf(low: number, high: number): string {
+  for (let digits = BOUND; ; digits += 1) {
+    const [from, to] = [bound(low, Math.ceil, digits), bound(high, Math.floor, digits)];
+    if (from < to || digits >= 15) return [from, to].map((end) => short(end, TYPED)).join(" to ");
   }
-  const place = 10 ** (Math.floor(Math.log10(Math.abs(shown))) - BOUND + 1);
-  return String(Number((inwards(shown / place) * place).toPrecision(READ))).replaceAll("-", MINUS);
+}
+
+/** A range with its unit: "−80.2 to 80.2°". */
+export function rangeWithUnit(minimum: number, maximum: number, unit: string, angles: Angles): string {
+  return withUnit(rangeText(minimum, maximum, unit, angles), readingOf(unit, angles).unit);
+}
+
+/** A bound as `backend/refusal.py` writes it: a whole number, or in few digits rounded towards the inside. */
+function bound(shown: number, inwards: (value: number) => number, digits: number): number {
+  const read = Number(shown.toPrecision(digits));
+  if (Number.isInteger(shown) || Math.abs(read - shown) <= 1e-12 * Math.abs(shown)) {
+    return Number.isInteger(shown) ? shown : read;
+  }
+  const place = 10 ** (Math.floor(Math.log10(Math.abs(shown))) - digits + 1);
+  return Number((inwards(shown / place) * place).toPrecision(Math.max(digits, READ)));
 }
 
 /** What stands over a box, a column or an axis: with the unit, where there is one. */
@@ -110,31 +154,47 @@ export function angleText(value: number, decimals: number, angles: Angles): stri
   return fixed(value * readingOf("rad", angles).factor, decimals + (angles === "deg" ? 0 : FINER));
 }
 
+/** The same with its unit: "30.0°". */
+export function angleWithUnit(value: number, decimals: number, angles: Angles): string {
+  return `${angleText(value, decimals, angles)}${WRITTEN[angles]}`;
+}
+
 /** Further decimals that an angle needs in radians to be told as finely as in degrees. */
 export const FINER = 2;
 
 const NUMBER = String.raw`[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?`;
-const ANGLE = new RegExp(
-  String.raw`(?<![\w.])(${NUMBER})(?:( to | … )(${NUMBER}))? (rad|deg)(/s)?(?![\w/(·²³⁴])`,
+const QUANTITY = new RegExp(
+  String.raw`(?<quoted>“[^”]*”)` +
+    String.raw`|(?<![\w.·])(?<low>${NUMBER})(?:(?<to> to | … )(?<high>${NUMBER}))?` +
+    String.raw`(?: (?<unit>rad|deg)|(?<!phase[^,;:]*)°)(?<rate>/s)?(?![\w/(·²³⁴])` +
+    String.raw`|(?<![\w.·])(?<small>[-+−]?\d+\.?\d*e[-−]\d+) (?<of>[VNsmA])(?![\w/(·²³⁴])`,
   "g",
 );
 
 /**
  * A text of the service (a mark, a fault, a refusal) with the angles in it as they are read; everybody is sent the same
- * text. A number keeps as many digits as it came with, four at least.
+ * text. A number keeps as many digits as it came with, four at least; what somebody named, between “ and ”, stays.
  */
 export function inWords(text: string, angles: Angles): string {
-  return text.replace(ANGLE, (found, low, to, high, unit, rate) => {
-    if (unit === angles) return found;
+  return text.replace(QUANTITY, (found: string, ...more: unknown[]) => {
+    const named = more[more.length - 1] as Readonly<Record<string, string | undefined>>;
+    if (named.quoted !== undefined) return found;
+    if (named.small !== undefined) return prefixed(named.small, named.of ?? "");
     const factor = angles === "deg" ? TO_DEGREES : TO_RADIANS;
-    const numbers = [low, high].filter((number) => number !== undefined);
-    return `${numbers.map((number) => asFine(number, factor)).join(to)} ${angles}${rate ?? ""}`;
+    const numbers = [named.low, named.high].filter((number) => number !== undefined);
+    const read = (named.unit ?? "deg") === angles ? numbers : numbers.map((number) => asFine(number, factor));
+    return `${read.join(named.to)}${WRITTEN[angles]}${named.rate ?? ""}`;
   });
+}
+
+function prefixed(number: string, unit: string): string {
+  const reading = readingNear(Number(number.replaceAll(MINUS, "-")), unit, "rad");
+  return withUnit(asFine(number, reading.factor), reading.unit);
 }
 
 function asFine(number: string, factor: number): string {
   const digits = number.replace(/e.*|\D/g, "").replace(/^0+/, "").length;
-  const value = Number(number.replaceAll("−", "-")) * factor;
+  const value = Number(number.replaceAll(MINUS, "-")) * factor;
   const turned = String(Number(value.toPrecision(Math.min(Math.max(digits, 4), READ))));
-  return number.includes("−") ? turned.replaceAll("-", "−") : turned;
+  return number.includes(MINUS) ? turned.replaceAll("-", MINUS) : turned;
 }

@@ -1,6 +1,6 @@
 /** What a box of a form means: as the service declares it, with its unit and what it accepts now. Pure. */
 
-import { type Angles, rangeText, readingOf, told } from "../samples/quantity";
+import { type Angles, rangeWithUnit, told } from "../samples/quantity";
 import { capital } from "../samples/words";
 import type { Setting } from "../wire/types";
 import { type Entry, entryOf } from "./glossary";
@@ -40,6 +40,5 @@ export function fieldEntry(key: string, angles: Angles, range?: Range): Entry | 
 }
 
 function accepted({ minimum, maximum }: Range, unit: string, angles: Angles): Line {
-  const read = unit === "1" ? "" : readingOf(unit, angles).unit;
-  return ["Accepted", `${rangeText(minimum, maximum, unit, angles)} ${read}`.trim()];
+  return ["Accepted", rangeWithUnit(minimum, maximum, unit, angles)];
 }

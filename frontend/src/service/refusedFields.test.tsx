@@ -58,18 +58,17 @@ const settings = (error: Error | null, about: unknown) => (
     <Refusal error={error} about={about} />
   </>
 );
-const SENTENCE =
-  "position steps: 120.321 deg is outside 0.572958 to 80.214 deg; choose a value between the two";
+const SENTENCE = "position steps: 120.321° is outside 0.572958 to 80.214°; choose a value between the two";
 const general = () => screen.getByRole("status", { name: "Refusal" });
 
 it("says a refusal whole at the field it speaks of, marks the field and goes there", () => {
   open(settings, refusal(["settings", "q_amplitude"], SENTENCE));
-  const box = screen.getByLabelText("Position steps [deg]");
+  const box = screen.getByLabelText("Position steps [°]");
   expect(box.getAttribute("aria-invalid")).toBe("true");
   const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
   expect(described.map((id) => document.getElementById(id)?.textContent)).toContain(SENTENCE);
   expect(document.activeElement).toBe(box);
-  expect(screen.getByLabelText("Position held [deg]").getAttribute("aria-invalid")).not.toBe("true");
+  expect(screen.getByLabelText("Position held [°]").getAttribute("aria-invalid")).not.toBe("true");
   expect(general().textContent).toBe("");
   expect(screen.getAllByText(SENTENCE)).toHaveLength(1);
 });
@@ -77,7 +76,7 @@ it("says a refusal whole at the field it speaks of, marks the field and goes the
 it("opens what hides the field", () => {
   open(settings, refusal(["q_hold"], "position held: no"));
   expect(screen.getByRole("group").hasAttribute("open")).toBe(true);
-  expect(document.activeElement).toBe(screen.getByLabelText("Position held [deg]"));
+  expect(document.activeElement).toBe(screen.getByLabelText("Position held [°]"));
 });
 
 it.each([undefined, ["seed"], []])("says it below the form where no field is to blame (%j)", (path) => {
@@ -96,9 +95,9 @@ it("says it below the row of the segment, and marks the one box", () => {
       <Refusal error={error} about={about} />
     </>
   );
-  const sentence = "segment 3, position reference: 114.592 deg is outside -80.214 to 80.214 deg";
+  const sentence = "segment 3, position reference: 114.592° is outside -80.214 to 80.214°";
   open(editor, refusal(["segments", 2, "q_ref"], sentence));
-  const box = screen.getByLabelText("q_ref [deg] of segment 3");
+  const box = screen.getByLabelText("q_ref [°] of segment 3");
   expect(document.activeElement).toBe(box);
   const marked = screen.getAllByRole("textbox").filter((one) => one.getAttribute("aria-invalid") === "true");
   expect(marked).toEqual([box]);
@@ -114,7 +113,7 @@ it("is over once what was refused is changed", () => {
   now_ms = 10_000; // long after the state that belongs to the refusal has come
   fireEvent.click(screen.getByRole("button", { name: "change" }));
   expect(screen.queryByText(SENTENCE)).toBeNull();
-  expect(screen.getByLabelText("Position steps [deg]").getAttribute("aria-invalid")).not.toBe("true");
+  expect(screen.getByLabelText("Position steps [°]").getAttribute("aria-invalid")).not.toBe("true");
 });
 
 it("speaks of the last attempt only", () => {

@@ -59,6 +59,11 @@ describe("what comes with the page", () => {
       ["F_B", "#CC79A7", undefined],
     ]);
     expect(PANELS[4]?.traces.map(({ dashed }) => dashed)).toEqual([true, false]);
+    const stiffness = PANELS[1]?.traces.map(({ name, dashed, broad }) => [name, dashed, broad]);
+    expect(stiffness, "a reference is seen beside the signal that lies on it").toEqual([
+      ["S_ref", true, true],
+      ["S", false, undefined],
+    ]);
   });
 });
 
@@ -75,7 +80,7 @@ it("can draw every signal, each in a unit of its own choosing by itself", () => 
 it("reads an error and the axis below it in degrees", () => {
   const panel = panelOf({ title: "e", signals: ["q - q_ref"], over: "q", share: 1 });
   const read = readIn(panel as NonNullable<typeof panel>, "deg");
-  expect([read.unit, read.decimals, read.over?.unit, read.over?.decimals]).toEqual(["deg", 3, "deg", 2]);
+  expect([read.unit, read.decimals, read.over?.unit, read.over?.decimals]).toEqual(["°", 3, "°", 2]);
   expect(read.factor).toBeCloseTo(180 / Math.PI, 12);
 });
 

@@ -119,7 +119,7 @@ export function traceFor(name: string, beside: readonly string[]): Trace {
   const hue = own[signal] ?? FURTHER_HUES[signal] ?? (/_B/.test(name) ? HUES.F_B : undefined);
   const trace = { name, hue: hue ?? (/_A/.test(name) ? HUES.F_A : HUES.q), dashed: dashes(name, beside) };
   const governed = /_gov$/.test(name) ? { dash: GOVERNED } : {};
-  const partner = name.replaceAll("_A", "_B");
+  const partner = trace.dashed ? signal : name.replaceAll("_A", "_B");
   return { ...trace, ...governed, ...(partner !== name && beside.includes(partner) ? { broad: true } : {}) };
 }
 

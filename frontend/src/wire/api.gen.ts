@@ -2853,7 +2853,7 @@ export interface components {
             magnitude: number[];
             /**
              * Phase Deg
-             * @description phase, unwrapped [deg]
+             * @description phase, unwrapped [°]
              */
             phase_deg: number[];
         };
@@ -4702,7 +4702,7 @@ export interface components {
             gain_margin: number | null;
             /**
              * Phase Margin Deg
-             * @description phase left before instability; null when unstable or unlimited [deg]
+             * @description phase left before instability; null when unstable or unlimited [°]
              */
             phase_margin_deg: number | null;
             /** @description with the printed formula; null where it was not asked for */
@@ -4728,7 +4728,7 @@ export interface components {
             magnitude: number[];
             /**
              * Phase Deg
-             * @description phase, unwrapped [deg]
+             * @description phase, unwrapped [°]
              */
             phase_deg: number[];
             /**
@@ -4966,7 +4966,7 @@ export interface components {
             gain_reduction_margin: number | null;
             /**
              * Phase Margin Deg
-             * @description phase left before instability; null when unlimited [deg]
+             * @description phase left before instability; null when unlimited [°]
              */
             phase_margin_deg: number | null;
         };

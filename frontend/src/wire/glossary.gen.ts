@@ -748,7 +748,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "phase_margin_deg",
     "term": "PM",
     "meaning": "phase margin: phase left before the loop is unstable",
-    "unit": "deg",
+    "unit": "°",
     "equation": "180° + phase of L(jω) where abs(L) = 1",
     "source": "docs/notation.md"
   },
@@ -984,7 +984,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "0 … 60 s"
+        "0 to 60 s"
       ]
     ]
   },
@@ -997,7 +997,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "0.001 … 60 s"
+        "0.001 to 60 s"
       ]
     ]
   },
@@ -1009,7 +1009,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "1 … 100"
+        "1 to 100"
       ]
     ]
   },
@@ -1074,7 +1074,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "1 … 600 s"
+        "1 to 600 s"
       ]
     ]
   },
@@ -1087,7 +1087,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "8 … 42 N"
+        "8 to 42 N"
       ]
     ]
   },
@@ -1107,7 +1107,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "0.01 … 2 rad"
+        "0.01 to 2 rad"
       ]
     ]
   },
@@ -1120,7 +1120,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "0.001 … 2 s"
+        "0.001 to 2 s"
       ]
     ]
   },
@@ -1132,7 +1132,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "4 … 12 1"
+        "4 to 12 1"
       ]
     ]
   },
@@ -1144,7 +1144,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "1 … 10 1"
+        "1 to 10 1"
       ]
     ]
   },
@@ -1157,7 +1157,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "1 … 60 s"
+        "1 to 60 s"
       ]
     ]
   },

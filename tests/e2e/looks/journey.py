@@ -169,7 +169,7 @@ def following(operator: Operator, look: Look) -> None:
     operator.be_in_run()
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     for target in (25.0, -25.0):
-        operator.enter("q_ref value [deg]", target)
+        operator.enter("q_ref value [°]", target)
         operator.wait_for_samples(4000)
     look(page, "operate-run")
     for name in EMPTY[1:]:

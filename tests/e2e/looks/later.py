@@ -38,7 +38,7 @@ def trip(operator: Operator, look: Look) -> None:
     """STOP while the joint moves, seen from each page whose words change by it, and the record of it."""
     page = operator.page
     operator.be_in_run()
-    operator.enter("q_ref value [deg]", 20.0)
+    operator.enter("q_ref value [°]", 20.0)
     operator.wait_for_samples(500)
     page.get_by_role("button", name="STOP", exact=True).click()
     operator.expect_mode("tripped")

@@ -109,14 +109,14 @@ def typing(
 
 def _typed_angle(scene: Scene) -> None:
     limits = scene.state["limits"]
-    for unit, factor, decimals in (("deg", 180.0 / math.pi, 1), ("rad", 1.0, 3)):
+    for unit, factor, decimals in (("°", 180.0 / math.pi, 1), ("rad", 1.0, 3)):
         if scene.shown.offers(f"q_ref value [{unit}]"):
             q = scene.chance.uniform(0.97 * limits["q_min"], 0.97 * limits["q_max"])
             scene.type(f"q_ref value [{unit}]", q * factor, decimals)
 
 
 def _offers_angle(scene: Scene) -> bool:
-    return scene.shown.offers("q_ref value [deg]") or scene.shown.offers("q_ref value [rad]")
+    return scene.shown.offers("q_ref value [°]") or scene.shown.offers("q_ref value [rad]")
 
 
 def steering(name: str, weight: float) -> Deed:

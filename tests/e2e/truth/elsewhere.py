@@ -87,7 +87,7 @@ def _dry_run(found: Findings, moment: Moment) -> None:
         return
     factors = _ANGLE_FACTORS if angles_of(moment) == "deg" else {}
     found.holds("end of the dry run", text, _end(told["status"]))
-    if not any(unit in told["verdict"] for unit in (" rad", " deg")):
+    if not any(unit in told["verdict"] for unit in (" rad", "°")):
         found.holds("verdict of the dry run", text, told["verdict"])
     for kind, names in (("Criteria", "criteria"), ("Metrics", "metrics")):
         rows, figures = shown.tables.get(f"{kind} of the dry run", []), told[names]

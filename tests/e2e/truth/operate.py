@@ -11,7 +11,7 @@ from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.legality import boxes_on_operate, compared, may_move, offered_on_operate
 from tests.e2e.truth.moment import Moment, State
 
-_TO_SHOWN = {("rad", "deg"): 180.0 / math.pi, ("rad/s", "deg/s"): 180.0 / math.pi, ("m", "mm"): 1e3, ("s", "ms"): 1e3}
+_TO_SHOWN = {("rad", "°"): 180.0 / math.pi, ("rad/s", "°/s"): 180.0 / math.pi, ("m", "mm"): 1e3, ("s", "ms"): 1e3}
 _ROWS = ("λq", "λS", "λmotor", "b", "entries", "motion", "Uplan", "kext")
 _PARTS = tuple(name for name in NAMES if name != "bank")
 
@@ -49,9 +49,9 @@ def _curves(found: Findings, moment: Moment) -> None:
 
 def _references(found: Findings, moment: Moment) -> None:
     state, shown, angles = moment.state, moment.shown, angles_of(moment)
-    factor = 180.0 / math.pi if angles == "deg" else 1.0
+    read, factor = ("°", 180.0 / math.pi) if angles == "deg" else ("rad", 1.0)
     references = state["references"]
-    for name, unit, scale, column in (("q_ref", angles, factor, "q"), ("S_ref", "N·m/rad", 1.0, "S")):
+    for name, unit, scale, column in (("q_ref", read, factor, "q"), ("S_ref", "N·m/rad", 1.0, "S")):
         told = references[name] * scale
         values, _ = moment.of(column, scale)
         among = (
@@ -206,7 +206,7 @@ def _outside(found: Findings, moment: Moment) -> None:
     found.same("whether a wall is said to stand", told.startswith("A wall stands"), wall is not None)
     if wall is not None:
         angle = wall["q_wall"] * (180.0 / math.pi if angles == "deg" else 1.0)
-        found.sentence("wall", told, f"A wall stands {wall['side']} {{n}} {angles}.", angle)
+        found.sentence("wall", told, f"A wall stands {wall['side']} {{n}}{'°' if angles == 'deg' else ' rad'}.", angle)
     pushed, _ = moment.of("F_push")
     told = said.get("refusal-of-push", "")
     if pushed is not None and pushed[0] == pushed[1] == 0.0:

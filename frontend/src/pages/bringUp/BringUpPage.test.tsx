@@ -144,8 +144,8 @@ it("does not start what is blocked, and says why", async () => {
 });
 
 it.each([
-  ["deg", "Largest travel [deg]", "0.573 … 5.729", "6", 6 * (Math.PI / 180)],
-  ["rad", "Largest travel [rad]", "0.01 … 0.1", "0.08", 0.08],
+  ["deg", "Largest travel [°]", "0.573 to 5.72", "6", 6 * (Math.PI / 180)],
+  ["rad", "Largest travel [rad]", "0.01 to 0.1", "0.08", 0.08],
 ] as const)(
   "sends what the boxes show, angles typed in %s as radians",
   async (angles, label, range, typed, sent) => {
@@ -196,7 +196,7 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   const running = { phase: "turn the joint by 0.1 rad", elapsed_s: 3.2, confirm: "" };
   await open([step("wiring_test", "Wiring test", { state: "current" }), step("tare", "Tare", { running })]);
   const group = within(screen.getByRole("group", { name: "Tare under way" }));
-  expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("Turn the joint by 5.73 deg");
+  expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("Turn the joint by 5.73°");
   expect(card("2. Tare").getByText("under way")).toBeTruthy();
   expect(card("2. Tare").getByRole("region", { name: "Readings" })).toBeTruthy();
   const confirm = () => screen.getByRole("button", { name: "Confirm" });
@@ -276,7 +276,7 @@ it("shows a result with its figures as they are read, who and when, and none tha
   const result = card("1. Tare").getByRole("region", { name: "Result" });
   expect(result.textContent).toContain("Both load cells answer along a line.");
   expect(result.textContent).toContain("slope of load cell A10.02 N/V");
-  expect(result.textContent).toContain("joint moved5.000 deg");
+  expect(result.textContent).toContain("joint moved5.000°");
   expect(within(result).getByRole("img", { name: "not measured" })).toBeTruthy();
   expect(result.textContent).toMatch(/A\. Operator, 2026-11-22 \d\d:00:00/);
   expect(document.body.textContent).toContain("All of 1 steps are done.");

@@ -14,7 +14,7 @@ import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, duration, NOT_MEASURED, significant } from "../../samples/format";
-import { type Angles, labelWith, rangeText, readingOf } from "../../samples/quantity";
+import { type Angles, labelWith, offered, rangeText, readingOf, withUnit } from "../../samples/quantity";
 import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { useStepCommand } from "../../service/bringUp";
@@ -100,7 +100,9 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
   const word = state === "current" ? "Repeat" : "Start";
   const angles = useAngles();
   const command = useStepCommand();
-  const values = Object.fromEntries(inputs.map(({ name, default: usual }) => [name, changed[name] ?? usual]));
+  const values = Object.fromEntries(
+    inputs.map((input) => [input.name, changed[input.name] ?? offered(input.default, input, angles)]),
+  );
   const numbers = numbersIn(values);
   const reason = blocked !== "" ? capital(blocked) : numbers === null ? "A value is no number." : null;
 
@@ -234,5 +236,5 @@ const DIGITS = 4;
 function figure(value: number, unit: string, angles: Angles): string {
   const { unit: read, factor } = readingOf(unit, angles);
   const number = significant(value * factor, DIGITS);
-  return unit === "1" ? number : `${number} ${read}`;
+  return withUnit(number, read);
 }

@@ -177,16 +177,16 @@ it("says of each of its fields what it is for and what is accepted, without a fu
     return current()?.entries.map(({ name, more }) => [name, more?.[0]?.[1] ?? ""]);
   });
   const accepted: Record<string, string> = {
-    q_duration_s: "0 … 100 s",
+    q_duration_s: "0 to 100 s",
     // what the state offers now, in place of what was declared
-    lam_q: "0.3 … 10 s",
-    lam_S: "0.25 … 10 s",
-    lam_motor: "0.05 … 0.2 s",
+    lam_q: "0.3 to 10 s",
+    lam_S: "0.25 to 10 s",
+    lam_motor: "0.05 to 0.2 s",
     interpolate: "",
     motion: "lambda, time-optimal",
-    u_plan: "2 … 9 V",
+    u_plan: "2 to 9 V",
   };
-  expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 … 100"]]));
+  expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 to 100"]]));
   close();
   expect(document.querySelectorAll("form [tabindex='0']")).toHaveLength(1); // the words of the form, as before
 });
@@ -217,7 +217,7 @@ it("follows the tuning in force, but for what a person has changed", async () =>
   fireEvent.change(screen.getByLabelText("What lam_q is [s]"), { target: { value: "0.4" } });
   act(() => store.setState(stateOf(GEOMETRY)));
   expect(standing()).toEqual({ ...orderWith(GEOMETRY), lam_q: 0.4 });
-  expect(screen.getByText("0.3 … 10; in force: 0.5")).toBeTruthy();
+  expect(screen.getByText("0.3 to 10; in force: 0.5")).toBeTruthy();
   fireEvent.click(screen.getByRole("button", { name: "Start tracking" }));
   await waitFor(async () =>
     expect(await sentTo("/api/experiments")).toEqual([{ name: "tracking", settings: standing() }]),

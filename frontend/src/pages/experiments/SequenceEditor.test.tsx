@@ -63,7 +63,7 @@ it("takes a part that is dropped into a loop", () => {
 
 it("keeps a number as it is read in SI, an expression as it is, and leaves out what is empty", () => {
   opened();
-  const box = () => screen.getByRole("textbox", { name: "q_ref [deg] of part 1.2" });
+  const box = () => screen.getByRole("textbox", { name: "q_ref [°] of part 1.2" });
   fireEvent.change(box(), { target: { value: "60" } });
   expect(document.phases[0]?.parts[1]?.q_ref).toBeCloseTo(Math.PI / 3, 12);
   fireEvent.change(box(), { target: { value: "2 * pi / 9" } });

@@ -27,7 +27,7 @@ it("tells what a waiting experiment changes in words and the unit of who reads i
   };
   const degrees = changesInWords({ ...changed, hold_s: 4 }, KIND, "deg");
   expect(degrees).toBe(
-    "joint position held during the stiffness pulses: 11.4592 deg; number of pushes: 5; " +
+    "joint position held during the stiffness pulses: 11.4592°; number of pushes: 5; " +
       "control law: single-loop; no pause between: yes; 1 segment, 4 s",
   );
   expect(changesInWords({ q_hold: 0.2 }, KIND, "rad")).toBe(

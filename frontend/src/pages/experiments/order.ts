@@ -1,7 +1,7 @@
 /** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
 
 import { notANumber } from "../../samples/number";
-import { type Angles, boxText, told } from "../../samples/quantity";
+import { type Angles, boxText, offered, told } from "../../samples/quantity";
 import { counted } from "../../samples/words";
 import { bankInWords } from "../../service/tuningWords";
 import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
@@ -43,7 +43,7 @@ export function shownSettings(
   const inForce = tuningOf(state);
   return kind.settings.map((setting) => {
     const standing = inForce[setting.name];
-    const start = standing ?? setting.default ?? "";
+    const start = standing ?? offered(setting.default ?? "", setting, angles);
     const value = changed[setting.name] ?? start;
     const word = standing === undefined ? "default" : "in force";
     const origin = value === start ? word : `${word}: ${inWords(setting, start, angles)}`;
@@ -68,7 +68,7 @@ export function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   return { order: { name: kind.name, settings }, problem: null };
 }
 
-/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5 deg"; segments by length. */
+/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5°"; segments by length. */
 export function changesInWords(
   settings: Readonly<Record<string, unknown>>,
   kind: ExperimentKind,
@@ -76,7 +76,7 @@ export function changesInWords(
 ): string {
   const parts = kind.settings
     .filter((setting) => !isOfTheLoop(setting))
-    .filter(({ name, default: usual }) => settings[name] !== undefined && settings[name] !== usual)
+    .filter((setting) => settings[setting.name] !== undefined && !isUsual(setting, settings[setting.name]))
     .map((setting) => {
       const { name, unit, meaning } = setting;
       const value = settings[name];
@@ -85,6 +85,11 @@ export function changesInWords(
       return `${words}: ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
     });
   return parts.length === 0 ? "its own settings at their defaults" : parts.join("; ");
+}
+
+/** Whether a value is the default, or what a form offers as such. */
+function isUsual(setting: Setting, value: unknown): boolean {
+  return value === setting.default || value === offered(setting.default, setting, "deg");
 }
 
 /** What of an order's tuning differs from the one in force: "λ_q 0.8 s (in force 0.5 s)"; "" where nothing does. */

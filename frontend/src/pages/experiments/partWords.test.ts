@@ -7,7 +7,7 @@ const RAD = Math.PI / 180;
 
 test("a ramp says where it goes, and from where and how fast once it is laid out", () => {
   const ramp = { do: "ramp", q_ref: 60 * RAD, duration_s: 4 };
-  expect(partInWords(ramp, "deg")).toBe("ramps q to 60 deg in 4 s");
+  expect(partInWords(ramp, "deg")).toBe("ramps q to 60° in 4 s");
   const played = {
     path: [],
     start_s: 6,
@@ -19,7 +19,7 @@ test("a ramp says where it goes, and from where and how fast once it is laid out
     q_to: 60 * RAD,
     S_to: 10,
   };
-  expect(playedInWords(ramp, played, "deg")).toBe("at 6 … 10 s, q from −60 deg, 30 deg/s");
+  expect(playedInWords(ramp, played, "deg")).toBe("at 6 to 10 s, q from −60°, 30°/s");
 });
 
 test("a sine says its turns and how fast it is at most, a·2π/T", () => {

@@ -109,7 +109,7 @@ function tuning(part: Part, angles: Angles): string {
 
 /** What the service has laid out of it: when, and how fast a ramp is. */
 export function playedInWords(part: Part, played: PartPlayed, angles: Angles): string {
-  const words = [`at ${short(played.start_s)} … ${told(played.end_s, "s", angles)}`];
+  const words = [`at ${short(played.start_s)} to ${told(played.end_s, "s", angles)}`];
   if (part.do === "ramp" && played.piece_s > 0) {
     for (const [name, from, to, unit] of [
       ["q", played.q_from, played.q_to, "rad"],

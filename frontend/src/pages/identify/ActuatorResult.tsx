@@ -7,7 +7,7 @@ import { Shown } from "../../components/Absent";
 import { Explained } from "../../components/Explained";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
-import { fixed, significant } from "../../samples/format";
+import { fixed, percent, significant } from "../../samples/format";
 import { labelWith, readingOf, told } from "../../samples/quantity";
 import { structureInWords } from "../../samples/words";
 import { useAngles } from "../../service/angles";
@@ -190,7 +190,7 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
               <Tried
                 value={candidate.fit_percent}
                 problem={candidate.problem}
-                told={(fit) => fixed(fit, 1)}
+                told={(fit) => percent(fit, 1)}
               />
               <Tried value={candidate.BIC} problem={candidate.problem} told={(BIC) => fixed(BIC, 0)} />
               <Table.Td>

@@ -84,7 +84,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const tuning = tuningOf(state);
   const start = useStartIdentification();
   const noControl = useNoControl();
-  const values = useMemo(() => valuesOf(kind, changed), [kind, changed]);
+  const values = useMemo(() => valuesOf(kind, changed, angles), [kind, changed, angles]);
   const asked = useMemo(
     () => requestOf(kind, values, kind.kind === "actuator" ? tensions : ""),
     [kind, values, tensions],

@@ -5,7 +5,7 @@ import { Shown } from "../../components/Absent";
 import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
-import { fixed, significant } from "../../samples/format";
+import { fixed, percent, significant } from "../../samples/format";
 import { inWordsOf, structureInWords } from "../../samples/words";
 import { symbolEntry } from "../../service/glossary";
 import type { Model } from "../../wire/types";
@@ -54,7 +54,7 @@ export function ModelView({
           </dt>
           <dd>
             <Shown value={model.fit_percent} why="not measured: no data was left aside">
-              {(fit) => fixed(fit, 1)}
+              {(fit) => percent(fit, 1)}
             </Shown>
           </dd>
           <dd className={styles.beside}>on data not used</dd>

@@ -46,13 +46,13 @@ export function PredictionView({ prediction, problem }: Told) {
                 </dt>
                 <dd>
                   <strong>
-                    {angleText(prediction.q_low, 1, angles)} … {angleText(prediction.q_high, 1, angles)}
+                    {angleText(prediction.q_low, 1, angles)} to {angleText(prediction.q_high, 1, angles)}
                   </strong>
                 </dd>
                 <dt>Tendons</dt>
                 <dd>
                   <strong>
-                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} …{" "}
+                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} to{" "}
                     {fixed(prediction.F_high, 1)}
                   </strong>{" "}
                   N

@@ -9,7 +9,7 @@ import { Absent, Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
-import { fixed, significant, withError } from "../../samples/format";
+import { percent, significant, withError } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { unseenQuery } from "../../service/comparedModels";
@@ -147,7 +147,7 @@ function Output({ name, shown, views }: OutputProps) {
 
 function inWords(run: number | undefined, output: UnseenOutput | undefined): string {
   if (output?.fit_percent === null || output === undefined) return `Run ${run}: nothing to compare.`;
-  return `Run ${run}: fit ${fixed(output.fit_percent, 1)} %.`;
+  return `Run ${run}: fit ${percent(output.fit_percent, 1)} %.`;
 }
 
 type Read = (values: readonly number[]) => number[];
@@ -251,7 +251,7 @@ function Side({ name, title, shown, outputs, unit, factor }: SideProps) {
                 ))}
                 <Table.Td className={page.number}>
                   <Shown value={output?.fit_percent} why={output?.problem || "being computed"}>
-                    {(fit) => fixed(fit, 2)}
+                    {(fit) => percent(fit, 2)}
                   </Shown>
                 </Table.Td>
                 <Table.Td className={page.number}>

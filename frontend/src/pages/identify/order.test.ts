@@ -14,7 +14,7 @@ const ACTUATOR: IdentificationKind = {
 
 describe("requestOf", () => {
   it("asks for all that is shown", () => {
-    const values = valuesOf(ACTUATOR, { tension_N: 30 });
+    const values = valuesOf(ACTUATOR, { tension_N: 30 }, "deg");
     expect(values).toEqual({ tension_N: 30, chip_s: 0.04 });
     expect(requestOf(ACTUATOR, values, "")).toEqual({
       request: { kind: "actuator", ...values },
@@ -36,9 +36,9 @@ describe("requestOf", () => {
       choices: ["default", "arx"],
     };
     const kind = { ...ACTUATOR, settings: [...ACTUATOR.settings, estimator] };
-    expect(requestOf(kind, valuesOf(kind, {}), "").request).toMatchObject({ estimator: "default" });
+    expect(requestOf(kind, valuesOf(kind, {}, "deg"), "").request).toMatchObject({ estimator: "default" });
     const arx = { estimator: "arx" };
-    expect(requestOf(kind, valuesOf(kind, arx), "").request).toMatchObject(arx);
+    expect(requestOf(kind, valuesOf(kind, arx, "deg"), "").request).toMatchObject(arx);
     expect([originOf(estimator, {}, "deg"), originOf(estimator, arx, "deg")]).toEqual([
       "default",
       "default: default",
@@ -46,7 +46,7 @@ describe("requestOf", () => {
   });
 
   it("leaves out the one tension that is not in use", () => {
-    expect(requestOf(ACTUATOR, valuesOf(ACTUATOR, { tension_N: "" }), "10 20").request).toEqual({
+    expect(requestOf(ACTUATOR, valuesOf(ACTUATOR, { tension_N: "" }, "deg"), "10 20").request).toEqual({
       kind: "actuator",
       chip_s: 0.04,
       tensions_N: [10, 20],

@@ -1,7 +1,7 @@
 /** From what stands in the form to what is asked of the service. Pure. */
 
 import { notANumber, numberIn } from "../../samples/number";
-import { type Angles, boxText } from "../../samples/quantity";
+import { type Angles, boxText, offered } from "../../samples/quantity";
 import type { IdentificationKind, IdentificationRequest, Setting } from "../../wire/types";
 
 export type Kind = IdentificationRequest["kind"];
@@ -42,20 +42,23 @@ export function labelOf({ name, meaning }: Setting): string {
 }
 
 /** Every setting: what a person changed, else its default. All of it is shown, and sent. */
-export function valuesOf(kind: IdentificationKind, changed: Values): Values {
+export function valuesOf(kind: IdentificationKind, changed: Values, angles: Angles): Values {
   const values = kind.settings.map((setting) => [
     setting.name,
-    changed[setting.name] ?? (setting.choices ? String(setting.default) : Number(setting.default)),
+    changed[setting.name] ?? usualOf(setting, angles),
   ]);
   return Object.fromEntries(values);
 }
 
 /** Where the value of a setting comes from. */
 export function originOf(setting: Setting, changed: Values, angles: Angles): string {
-  const value = changed[setting.name];
-  if (value === undefined || value === setting.default) return "default";
-  if (setting.choices) return `default: ${setting.default}`;
-  return `default: ${boxText(Number(setting.default), setting.unit, angles)}`;
+  const [value, usual] = [changed[setting.name], usualOf(setting, angles)];
+  if (value === undefined || value === usual) return "default";
+  return `default: ${typeof usual === "number" ? boxText(usual, setting.unit, angles) : usual}`;
+}
+
+function usualOf(setting: Setting, angles: Angles): number | string {
+  return setting.choices ? String(setting.default) : offered(Number(setting.default), setting, angles);
 }
 
 /** `tensions` lists several, separated by commas; empty for the one among the values. */

@@ -131,5 +131,6 @@ function placed(mark: Mark, angles: Angles): PlacedMark {
     time_s: mark.tick * PERIOD_S,
     text: inWords(mark.text, angles),
     fault: mark.kind === "fault" || mark.kind === "trip",
+    mode: mark.kind === "mode",
   };
 }

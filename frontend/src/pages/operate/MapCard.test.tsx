@@ -36,7 +36,7 @@ const STATE = {
 
 const OUT_OF_RANGE = {
   code: "out_of_range",
-  message: "q_ref is 85.94 deg: it has to be within -80.21 … 80.21 deg",
+  message: "q_ref is 85.94°: it has to be within -80.21 to 80.21°",
   quantity: "q_ref",
   value: 1.5,
   minimum: -1.4,

@@ -7,7 +7,7 @@ import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
-import { angleText, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
+import { angleWithUnit, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useMayCommand } from "../../service/useMayCommand";
 import { useNoControl } from "../../service/useNoControl";
@@ -97,7 +97,7 @@ export function MapCard() {
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
         <div className={styles.target} role="group" aria-label="Target of the map">
           <output>
-            {angleText(target.q_ref, 1, angles)} {angles}, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
+            {angleWithUnit(target.q_ref, 1, angles)}, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
           </output>
           <Button size="compact-xs" disabled={locked !== null} title={locked ?? undefined} onClick={command}>
             Send target

@@ -29,8 +29,10 @@ const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
   { mode: "off", name: "Off", meaning: "Zero volts; the tendons go slack." },
 ];
 
-/** Words are shown away from the other row: nothing covers a button that stops. */
-const IN_FIRST_ROW = 3;
+/** Words are shown beside the card: nothing covers its title, or a button that stops. */
+const COLUMNS = 3;
+const COLUMN_PX = 102;
+const BESIDE_CARD_PX = 24;
 
 export function ModeCard() {
   const state = useLive((live) => live.state);
@@ -46,7 +48,9 @@ export function ModeCard() {
             <Tooltip
               key={mode}
               label={reason ?? meaning}
-              position={index < IN_FIRST_ROW ? "top" : "bottom"}
+              position="left"
+              offset={BESIDE_CARD_PX + (index % COLUMNS) * COLUMN_PX}
+              openDelay={300}
               middlewares={{ flip: false, shift: true }}
             >
               <Button

@@ -3,7 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { SignalName } from "../../components/SignalName";
 import { fixed } from "../../samples/format";
-import { readingOf } from "../../samples/quantity";
+import { readingOf, withUnit } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { plannedQuery } from "../../service/queries";
 import { paintOf, traceFor } from "../../theme/signals";
@@ -52,7 +52,7 @@ function Row({ planned, line: { name, unit: inSI, values }, at_s }: RowProps) {
         viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
         preserveAspectRatio="none"
         role="img"
-        aria-label={`${name} from ${fixed(lowest, 1)} to ${fixed(highest, 1)} ${unit}, now ${now === null ? "left open" : fixed(now * factor, 1)}`}
+        aria-label={`${name} from ${fixed(lowest, 1)} to ${withUnit(fixed(highest, 1), unit)}, now ${now === null ? "left open" : withUnit(fixed(now * factor, 1), unit)}`}
       >
         {planned.parts.slice(1).map((part) => (
           <line

@@ -124,7 +124,7 @@ it("moves on between two words of the service at the speed in force, and not bey
 
 it("marks the newest that was passed, in the reader's unit", async () => {
   open({ t: 41 });
-  const passed = await screen.findByRole("button", { name: /q_ref 60 deg/ });
+  const passed = await screen.findByRole("button", { name: /q_ref 60°/ });
   expect(passed.closest("li")?.getAttribute("aria-current")).toBe("true");
 });
 

@@ -7,6 +7,7 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { rangeOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { usePush } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
@@ -103,7 +104,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
           about={about}
           forFields
           text={problem ?? (felt !== 0 ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
-          hint={`${fixed(-F_push_max, 0)} … ${fixed(F_push_max, 0)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
+          hint={`${rangeOf(-F_push_max, F_push_max)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
         />
       </RefusedFields>
     </Card>

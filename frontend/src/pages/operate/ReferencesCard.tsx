@@ -10,7 +10,7 @@ import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { FINER, readingOf, toSI } from "../../samples/quantity";
+import { FINER, rangeOf, readingOf, toSI, withUnit } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import type { Entry } from "../../service/glossary";
@@ -116,7 +116,7 @@ function ReferenceControl(props: ReferenceControlProps) {
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
   const target = proposed
-    ? `${fixed(sent.value, decimals)} ${unit} is not sent yet: Enter commands it, Escape leaves it.`
+    ? `${withUnit(fixed(sent.value, decimals), unit)} is not sent yet: Enter commands it, Escape leaves it.`
     : null;
   const refusal = problem === null && target === null ? sent.refusal : null;
   const refused = useStanding(refusal, inForce) !== null;
@@ -151,7 +151,7 @@ function ReferenceControl(props: ReferenceControlProps) {
               // the value itself: what is only measured may lie beside the scale, where the thumb ends
               thumbValueText={
                 Number.isFinite(sent.value)
-                  ? `${fixed(sent.value, decimals)} ${unit}${proposed ? ", not sent yet" : ""}`
+                  ? `${withUnit(fixed(sent.value, decimals), unit)}${proposed ? ", not sent yet" : ""}`
                   : "slack"
               }
               size="sm"
@@ -190,7 +190,7 @@ function ReferenceControl(props: ReferenceControlProps) {
         error={refusal}
         about={inForce}
         text={problem ?? target}
-        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === null ? "" : `; ${remark}`}`}
+        hint={`${withUnit(rangeOf(min, max), unit)}${remark === null ? "" : `; ${remark}`}`}
       />
     </div>
   );

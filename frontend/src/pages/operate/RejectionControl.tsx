@@ -7,7 +7,7 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { angleText } from "../../samples/quantity";
+import { angleWithUnit } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import { whyNoEstimate } from "../../service/retuning";
@@ -113,9 +113,9 @@ function PushForecast({ previewed }: Pick<RejectionControlProps, "previewed">) {
     >
       {fixed(forecast?.F ?? PUSH_N, 0)} N held: gives way{" "}
       <Shown value={without?.give} why={missing}>
-        {(give) => `${angleText(give, 1, angles)} ${angles}`}
+        {(give) => angleWithUnit(give, 1, angles)}
       </Shown>
-      , back within {forecast ? `${angleText(forecast.near, 1, angles)} ${angles}` : "its band"} after{" "}
+      , back within {forecast ? angleWithUnit(forecast.near, 1, angles) : "its band"} after{" "}
       {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 2)} s`))}; feels like{" "}
       {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad at 0.1 Hz,{" "}
       {figure(({ felt_fast }) => fixed(felt_fast, 1))} at 1 Hz

@@ -7,6 +7,7 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { rangeOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useTouch } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
@@ -114,7 +115,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           about={about}
           forFields
           text={problem ?? noControl}
-          hint={`Threshold ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
+          hint={`Threshold ${rangeOf(limits.F_contact_min, limits.F_contact_max)} N.`}
         />
         <Learned points={touch.learned} />
       </RefusedFields>

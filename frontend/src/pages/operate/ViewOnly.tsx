@@ -3,7 +3,7 @@
 import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { angleText } from "../../samples/quantity";
+import { angleWithUnit } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { motionInWords } from "../../service/tuningWords";
 import page from "../Page.module.css";
@@ -17,9 +17,7 @@ export function ViewOnly() {
     <Card title="In force">
       <dl className={page.facts}>
         <dt>{references.in_force ? "Position reference" : "Position, without reference"}</dt>
-        <dd>
-          {angleText(references.q_ref, 1, angles)} {angles}
-        </dd>
+        <dd>{angleWithUnit(references.q_ref, 1, angles)}</dd>
         <dt>{references.in_force ? "Stiffness reference" : "Stiffness, without reference"}</dt>
         <dd>{references.S_ref === null ? "slack: none" : `${fixed(references.S_ref, 2)} N·m/rad`}</dd>
         <dt>λ_q, λ_S, λ_motor</dt>

@@ -62,7 +62,7 @@ function enter(label: RegExp, value: string): void {
 
 it("puts up what stands in the boxes, in SI, and takes it away", async () => {
   open(null);
-  expect(screen.getByText(/^100 … 28.?000 N\/m, 0 … 7\.3 s\/m/)).toBeTruthy();
+  expect(screen.getByText(/^100 to 28.?000 N\/m, 0 to 7\.39 s\/m/)).toBeTruthy();
   enter(/^Wall at/, "-30");
   enter(/^Stiffness/, "5000");
   enter(/^Damping/, "0.25");
@@ -85,11 +85,11 @@ it("puts up what stands in the boxes, in SI, and takes it away", async () => {
 it("says what stands, and puts nothing up that is no number", async () => {
   open({ q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 });
   const said = screen.getByRole("status", { name: "Refusal" });
-  expect(screen.getByText(/^A wall stands above 20\.0 deg\.$/)).toBeTruthy();
+  expect(screen.getByText(/^A wall stands above 20\.0°\.$/)).toBeTruthy();
   enter(/^Wall at/, "far");
   fireEvent.click(screen.getByRole("button", { name: "Put up" }));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await ordered()).toEqual([]);
   expect(said.textContent).toContain("nothing was sent");
-  expect(screen.getByText(/^A wall stands above 20\.0 deg\.$/)).toBeTruthy(); // whatever is refused, it stands
+  expect(screen.getByText(/^A wall stands above 20\.0°\.$/)).toBeTruthy(); // whatever is refused, it stands
 });

@@ -6,8 +6,7 @@ import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
-import { fixed } from "../../samples/format";
-import { angleText, FINER, readingOf, toSI } from "../../samples/quantity";
+import { angleWithUnit, FINER, rangeOf, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetWall } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
@@ -58,7 +57,7 @@ function WallControls({ limits }: { limits: Limits }) {
       aside={
         <output id="told-of-wall" className={styles.bounds} data-stands={stands !== null}>
           {stands
-            ? `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)} ${unit}.`
+            ? `A wall stands ${stands.side} ${angleWithUnit(stands.q_wall, decimals, angles)}.`
             : "simulated plants only"}
         </output>
       }
@@ -149,8 +148,7 @@ function WallControls({ limits }: { limits: Limits }) {
   );
 }
 
-/** How stiff and how damped it may be; the largest damping rounded down, so that what is shown is taken. */
+/** How stiff and how damped it may be. */
 function bounds({ k_wall_min, k_wall_max, c_wall_max }: Limits): string {
-  const damping = fixed(Math.floor(10 * c_wall_max) / 10, 1);
-  return `${fixed(k_wall_min, 0)} … ${fixed(Math.floor(k_wall_max), 0)} N/m, 0 … ${damping} s/m`;
+  return `${rangeOf(k_wall_min, k_wall_max)} N/m, ${rangeOf(0, c_wall_max)} s/m`;
 }

@@ -2,7 +2,7 @@
 
 import type { Surface } from "../../charts/useCanvas";
 import { fixed } from "../../samples/format";
-import { type Angles, angleText } from "../../samples/quantity";
+import { type Angles, angleWithUnit } from "../../samples/quantity";
 import { DEGREES, HUES } from "../../theme/signals";
 import type { ActuatorPose, Side, Signals } from "./actuatorPose";
 
@@ -34,11 +34,7 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
   pen.fillStyle = colours.text;
   pen.textAlign = "center";
   pen.font = `600 ${letters(scale, 13)}px system-ui, sans-serif`;
-  pen.fillText(
-    `q ${sampled(signals.q, (q) => `${angleText(q, 1, angles)}${angles === "deg" ? "°" : " rad"}`)}`,
-    0,
-    16,
-  );
+  pen.fillText(`q ${sampled(signals.q, (q) => angleWithUnit(q, 1, angles))}`, 0, 16);
   const unknown =
     Number.isFinite(signals.q) && Number.isNaN(signals.S) ? "not known before pretension" : null;
   const stiffness = pose.slack ? "slack" : (unknown ?? sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`));

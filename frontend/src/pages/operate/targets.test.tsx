@@ -81,7 +81,7 @@ beforeEach(() => {
 afterEach(cleanup);
 
 const q_ref = () => screen.getByRole("slider", { name: "q_ref" });
-const box = () => screen.getByRole("textbox", { name: "q_ref value [deg]" }) as HTMLInputElement;
+const box = () => screen.getByRole("textbox", { name: "q_ref value [°]" }) as HTMLInputElement;
 
 it.each([
   ["End", 80],
@@ -92,7 +92,7 @@ it.each([
   await settled();
   expect(await commanded()).toEqual([]);
   expect(box().value).toBe(degrees.toFixed(1));
-  expect(screen.getByText(/80\.0 deg is not sent yet: Enter commands it/)).toBeTruthy();
+  expect(screen.getByText(/80\.0° is not sent yet: Enter commands it/)).toBeTruthy();
   fireEvent.keyDown(q_ref(), { key: "Enter" });
   await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: 10 }]));
   expect(screen.queryByText(/not sent yet/)).toBeNull();
@@ -150,8 +150,8 @@ it("forgets a target that is left", async () => {
 });
 
 it.each([
-  [true, "7 … 15 N·m/rad"],
-  [false, "7 … 15 N·m/rad; measured, no reference"],
+  [true, "7 to 15 N·m/rad"],
+  [false, "7 to 15 N·m/rad; measured, no reference"],
 ])("says what a number below the range is (reference in force: %s)", (in_force, hint) => {
   const references = { q_ref: 0, S_ref: in_force ? 10 : 3.73, in_force };
   open(<ReferencesCard />, { ...STATE, references });
@@ -167,7 +167,7 @@ function enter(label: string, text: string): void {
   fireEvent.change(box, { target: { value: text } });
   fireEvent.keyDown(box, { key: "Enter" });
 }
-const Q_BOX = "q_ref value [deg]";
+const Q_BOX = "q_ref value [°]";
 const S_BOX = "S_ref value [N·m/rad]";
 
 async function sent(count: number): Promise<void> {
@@ -263,6 +263,6 @@ it.each([
 it("offers no reference while the joint gives way to a contact", () => {
   const felt = { F_ext_hat: 3, contact_N: 2, tick: 1 };
   open(<ReferencesCard />, { ...STATE, mode: "compliance", touch: { felt } } as unknown as State);
-  expect(screen.getByLabelText<HTMLInputElement>("q_ref value [deg]").disabled).toBe(true);
+  expect(screen.getByLabelText<HTMLInputElement>("q_ref value [°]").disabled).toBe(true);
   expect(screen.getAllByText(/gives way to a contact: choose a mode first/).length).toBe(2);
 });

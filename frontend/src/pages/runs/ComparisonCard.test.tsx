@@ -101,7 +101,7 @@ it("shows differences to the run that is named, and none while those are under w
 it("shows the settings that differ as they are read, and which of them are not those of the reference", () => {
   render(card(2));
   expect(row("time each reference")).toEqual(["time each reference is held t_q", "1.5", "1.5", "–", "s"]);
-  expect(row("range of the joint")).toEqual(["range of the joint q_max", "90", "180", "90", "deg"]);
+  expect(row("range of the joint")).toEqual(["range of the joint q_max", "90", "180", "90", "°"]);
   expect(row("plant")).toEqual(["plant", "simulator", "rig", "simulator", "–"]);
   const table = within(screen.getByRole("table", { name: "Settings that differ" }));
   const apart = table.getAllByText(/./, { selector: "strong" }).map(({ textContent }) => textContent);

@@ -4,7 +4,7 @@ import { Shown } from "../../components/Absent";
 import { Explained } from "../../components/Explained";
 import { Verdict } from "../../components/Verdict";
 import { measured } from "../../samples/format";
-import { readingOf, told } from "../../samples/quantity";
+import { readingOf, told, withUnit } from "../../samples/quantity";
 import { heading } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { entryOf } from "../../service/glossary";
@@ -44,7 +44,7 @@ export function KeyFigure({ headline }: Pick<Run, "headline">) {
           <span className={styles.key}>
             <Explained of={entryOf(`figure:${name}`) ?? entryOf(`quantity:${name}`)}>{label}</Explained>
             <span className={styles.keyValue}>
-              {measured(value * reading.factor, 3)} {reading.unit !== "1" && reading.unit}
+              {withUnit(measured(value * reading.factor, 3), reading.unit)}
             </span>
             {bound !== null && (
               <span className={styles.bound}>

@@ -215,6 +215,7 @@ function placed(mark: RunMark, angles: Angles): PlacedMark {
     time_s: mark.t,
     text: inWords(mark.text, angles),
     fault: mark.kind === "fault" || mark.kind === "trip",
+    mode: mark.kind === "mode",
   };
 }
 

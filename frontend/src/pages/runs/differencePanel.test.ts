@@ -22,12 +22,12 @@ describe("the panel of differences", () => {
 
   it("shows angles and the band as the person reads them", () => {
     const panel = differencePanel("q", DRAWN, 7, "deg");
-    expect([panel.unit, panel.factor]).toEqual(["deg", 180 / Math.PI]);
+    expect([panel.unit, panel.factor]).toEqual(["°", 180 / Math.PI]);
     const lines = bandLines(panel, Math.PI / 180);
     expect(lines.map(({ value }) => value)).toEqual([1, -1]);
     expect(bandLines(panel, null)).toEqual([]);
     expect(differencePanel("q", DRAWN, 7, "rad").unit).toBe("rad");
-    expect(differencePanel("theta_A_ref", DRAWN, 7, "deg").unit).toBe("deg");
+    expect(differencePanel("theta_A_ref", DRAWN, 7, "deg").unit).toBe("°");
   });
 
   it("leaves a run without a place on the axis out of the curves", () => {

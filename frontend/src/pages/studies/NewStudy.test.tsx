@@ -124,7 +124,7 @@ it("writes into the text what is edited in the form, in SI", async () => {
   change(box("Plants that are drawn"), "4");
   expect(text().value).toContain("draws: 4");
   fireEvent.click(screen.getByRole("button", { name: "Add setting" }));
-  change(box("Value [deg] of setting 1"), "90");
+  change(box("Value [°] of setting 1"), "90");
   expect(text().value).toMatch(/settings: \{q_hold: 1\.57079632\d+\}/);
   const axis = within(screen.getByRole("group", { name: "Axis 1" }));
   change(axis.getByRole("combobox", { name: "Given as of axis 1" }), "values");

@@ -1,6 +1,8 @@
 /** What a study can vary: settings of its experiment and of the loop, and numbers of the plant, with symbol and unit. */
 
 import { useQuery } from "@tanstack/react-query";
+import { offered } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { experimentKindsQuery } from "../../service/queries";
 import { plantNumbersQuery } from "../../service/studies";
 import { isOfTheLoop } from "../experiments/order";
@@ -23,6 +25,7 @@ export interface Choices {
 export function useVaried(experiment: string): Choices {
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: numbers = [] } = useQuery(plantNumbersQuery);
+  const angles = useAngles();
   const kind = kinds.find(({ name }) => name === experiment) ?? null;
   const settings = (kind ?? kinds[0])?.settings ?? [];
   const shown = settings.map((setting) => ({
@@ -30,7 +33,7 @@ export function useVaried(experiment: string): Choices {
     name: setting.name,
     label: `${setting.symbol}: ${setting.meaning}`,
     unit: setting.unit,
-    value: setting.default ?? "",
+    value: offered(setting.default ?? "", setting, angles),
   }));
   return {
     experiment: kind === null ? [] : shown.filter(({ loop, name }) => !loop && name !== "segments"),

@@ -51,7 +51,7 @@ export function FlightRecords() {
                     )}
                   </Table.Td>
                   <Table.Td className={styles.number}>
-                    −{fixed(flight.before_s, decimals(flight.before_s))} …{" "}
+                    −{fixed(flight.before_s, decimals(flight.before_s))} to{" "}
                     {fixed(flight.after_s, decimals(flight.after_s))}
                   </Table.Td>
                   <Table.Td>

@@ -30,7 +30,9 @@ export function Lateness({ system }: { system: SystemState | undefined }) {
             {classes.map(({ from_us, to_us, ticks }) => (
               <Table.Tr key={from_us}>
                 <Table.Td>
-                  {to_us === null ? `over ${fixed(from_us, 0)}` : `${fixed(from_us, 0)} … ${fixed(to_us, 0)}`}
+                  {to_us === null
+                    ? `over ${fixed(from_us, 0)}`
+                    : `${fixed(from_us, 0)} to ${fixed(to_us, 0)}`}
                 </Table.Td>
                 <Table.Td className={styles.number}>{ticks}</Table.Td>
                 <Table.Td className={styles.number}>
