@@ -5,7 +5,7 @@
  */
 
 import { TextInput } from "@mantine/core";
-import { type KeyboardEvent, useEffect, useRef, useState } from "react";
+import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
 import { close } from "../service/explaining";
 import type { Entry } from "../service/glossary";
@@ -69,6 +69,12 @@ export function ValueBox(props: ValueBoxProps) {
   useDescribedBy(ref, odd || refused || isUnsent ? saidAt : undefined);
   const reminder = useRef<number | undefined>(undefined);
   useEffect(() => () => window.clearTimeout(reminder.current), []);
+  // a reload leaves no box: what a form would keep on leaving it is kept now
+  const keep = useEffectEvent(() => isInForm && commit());
+  useEffect(() => {
+    window.addEventListener("pagehide", keep);
+    return () => window.removeEventListener("pagehide", keep);
+  }, []);
 
   function take(text: string | null, problem: string | null = null): void {
     window.clearTimeout(reminder.current);
