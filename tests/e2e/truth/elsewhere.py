@@ -5,7 +5,7 @@ from datetime import datetime
 
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
-from tests.e2e.truth.legality import compared, legal_modes, may_retune, may_start, may_undo
+from tests.e2e.truth.legality import compared, legal_modes, may_command, may_retune, may_start, may_undo
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
 
@@ -119,7 +119,7 @@ def _parameters(found: Findings, moment: Moment) -> None:
         _parameter_changes(found, tables.get("Parameters that would change", []), changes)
         offered = moment.shown.button("Apply to the parameters") is not None
         found.same("whether the identification is offered to be applied", offered, not proposal["problem"])
-    off = moment.state["mode"] == "off"
+    off = may_command(moment.state) and moment.state["mode"] == "off"
     for button in moment.shown.buttons:
         if button.name == "Apply to the parameters" or button.name.startswith("Undo version"):
             found.same(f"whether {button.name!r} can be pressed", button.enabled, off)
@@ -185,18 +185,26 @@ def banks(moment: Moment) -> Findings:
 
 
 def runs(moment: Moment) -> Findings:
-    found = Findings()
+    """The list of all runs, or one run."""
+    found, number = Findings(), moment.shown.all["hash"].rpartition("/")[2]
+    if number.isdigit():
+        one = moment.get(f"/api/runs/{number}")
+        found.same("title of a run", moment.shown.all["heading"], f"Runs / Run {number}: {one['title']}")
+        found.holds(f"end of run {number}", "; ".join(moment.shown.all["ends"]), _end(one["end_state"]))
+        return found
+    if moment.shown.all["hash"] != "#/runs":
+        return found
     told = moment.get("/api/runs?limit=50&offset=0")["runs"]
-    rows = moment.shown.tables.get("Runs", [])
+    rows, heads = moment.shown.tables.get("Runs", []), moment.shown.all["heads"].get("Runs", [])
+    kind, who, end = (heads.index(name) if name in heads else 0 for name in ("Kind", "Who", "End"))
     found.same("runs", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
     for row, one in zip(rows, told, strict=False):
-        found.same(f"kind of run {one['id']}", row[2], one["title"])
-        found.same(f"who made run {one['id']}", row[5], one["who"])
-        found.holds(f"end of run {one['id']}", row[7], _end(one["end_state"]))
-        if one["missing_samples"] is None:
-            found.holds(f"samples missing in run {one['id']}", row[8], "not known")
-        else:
-            found.figure(f"samples missing in run {one['id']}", row[8], one["missing_samples"])
+        found.same(f"kind of run {one['id']}", row[kind], one["title"])
+        found.same(f"who made run {one['id']}", row[who], one["who"])
+        found.holds(f"end of run {one['id']}", row[end], _end(one["end_state"]))
+        missing = one["missing_samples"]
+        words = "not known" if missing is None else f"{missing} samples missing" if missing else ""
+        found.holds(f"samples missing in run {one['id']}", row[end], words)
     return found
 
 
