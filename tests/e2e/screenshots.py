@@ -1,6 +1,6 @@
 """Pictures for the documentation, taken from the running system: ``python -m tests.e2e.screenshots [FOLDER]``.
 
-Each page in each state of the service, light and dark at 1440x900; the states that matter most at three more sizes. All
+Each page in each state of the service at 1440x900; the states that matter most in the dark and at three more sizes. All
 data are made on the way, in real time. The pictures are kept with the sources: lossless WebP with as many colours as a
 page needs, so that text stays crisp and the folder small.
 """
@@ -21,13 +21,19 @@ from tests.e2e.test_accessibility import PHONE
 FOLDER = Path(__file__).parents[2] / "docs" / "screenshots"
 SUFFIX = ".webp"
 WIDE = ViewportSize(width=1920, height=1080)
-OTHER_SIZES = {"wide": (WIDE, "light"), "tablet": (TABLET, "dark"), "phone": (PHONE, "light")}
-"""Sizes beside the usual one, each with the scheme that it is taken in."""
+SHOTS = {"dark": (DESKTOP, "dark"), "tablet": (TABLET, "light"), "phone": (PHONE, "light"), "wide": (WIDE, "dark")}
+"""What is taken beside the light picture at the usual size, by the end of its name: size and scheme."""
 
-AT_EACH_SIZE = ("-run", "-tripped", "-result", "-running", "-no-answer", "flight", "runs-compared", "sign-in")
-"""States whose name ends like this are taken at the other sizes too."""
+FURTHER = {
+    "": (),
+    "-viewer": ("dark",),
+    **dict.fromkeys(("-tripped", "-running", "-no-answer", "flight", "sign-in"), ("dark", "tablet", "phone")),
+    **dict.fromkeys(("-run", "-result", "runs-compared"), ("dark", "tablet", "phone", "wide")),
+}
+"""Which of them, by how the name of the state ends; of several ends the last one in the list counts."""
 
-COLOURS = 32
+FREQUENT, RARE = 24, 40
+"""Colours of areas, kept as they are, and of lines, chosen to cover all hues."""
 
 
 def main() -> None:
@@ -38,25 +44,21 @@ def main() -> None:
         old.unlink()
 
     def look(page: Page, name: str) -> None:
-        for scheme in ("light", "dark"):
-            _in_scheme(page, scheme)
-            take(page, folder / f"{name}-{scheme}{SUFFIX}")
-        if name.endswith(AT_EACH_SIZE):
-            for words, (size, scheme) in OTHER_SIZES.items():
-                _in_scheme(page, scheme)
-                page.set_viewport_size(size)
-                take(page, folder / f"{name}-{words}{SUFFIX}")
-            page.set_viewport_size(DESKTOP)
+        page.emulate_media(color_scheme="light")
+        take(page, folder / f"{name}-light{SUFFIX}")
+        further = [words for end, words in FURTHER.items() if name.endswith(end)][-1]
+        for words in further:
+            size, scheme = SHOTS[words]
+            page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+            page.set_viewport_size(size)
+            take(page, folder / f"{name}-{words}{SUFFIX}")
+        page.set_viewport_size(DESKTOP)
         page.emulate_media(color_scheme="null")
 
     with tempfile.TemporaryDirectory() as data, running_service(Path(data)) as service, chromium() as browser:
         journey(browser, service, look)
     total = sum(path.stat().st_size for path in folder.glob(f"*{SUFFIX}"))
     print(f"{total / 1e6:.2f} MB in {folder}")
-
-
-def _in_scheme(page: Page, scheme: str) -> None:
-    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
 
 
 def take(page: Page, path: Path) -> None:
@@ -69,7 +71,12 @@ def take(page: Page, path: Path) -> None:
 def compact(png: bytes) -> bytes:
     """Reduce a picture to the colours that matter, each pixel to the nearest of them, and write it as lossless WebP."""
     picture = Image.open(io.BytesIO(png)).convert("RGB")
-    few = picture.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    counted = sorted(picture.getcolors(picture.width * picture.height) or [], reverse=True)
+    areas = [value for _, colour in counted[:FREQUENT] for value in colour]  # type: ignore[union-attr]
+    lines = picture.quantize(RARE, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*areas, *lines[: 3 * RARE]])
+    few = picture.quantize(palette=palette, dither=Image.Dither.NONE)
     written = io.BytesIO()
     few.convert("RGB").save(written, "WEBP", lossless=True, quality=100, method=4)
     return written.getvalue()

@@ -170,7 +170,9 @@ def banks(moment: Moment) -> Findings:
     found.same("entries of banks", [row[3] for row in rows], [str(len(one["entries"])) for one in told])
     found.same("active banks", [row[5] == "active" for row in rows], [one["active"] for one in told])
     said = shown.told.get("In force", "")
-    found.same("of when the tuning is", said.startswith("In force again after the run"), not may_retune(state))
+    found.same(
+        "of when the tuning is", said.startswith("In force again after the run"), state["own_tuning"] is not None
+    )
     bank = own["bank"]
     words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
     found.holds("bank in force", said, words)
@@ -178,8 +180,11 @@ def banks(moment: Moment) -> Findings:
     found.holds("λ in force", said, template)
     free = may_retune(state)
     offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
-               for region in ("Banks",) if not one["active"]}  # fmt: skip
-    offered |= {("Banks", "Back to geometry"): bank is not None and free, ("Banks", "Undo change"): may_undo(state)}
+               for region in ("Versions",) if not one["active"]}  # fmt: skip
+    offered |= {
+        ("Versions", "Back to geometry"): bank is not None and free,
+        ("Versions", "Undo change"): may_undo(state),
+    }
     compared(found, moment, offered)
     return found
 
