@@ -195,7 +195,7 @@ class Robot:
         after = self.around.state()
         moved = [name for name in _CAUSES if _still(before, name) != _still(after, name)]
         for response in [one for person in self.people for one in person.refused]:
-            if response.status in deed.refused or moved:
+            if response.status in deed.refused or moved or _is_resumed(response):
                 continue
             self._found(deed.name, Findings([f"{deed.name} was offered, and refused: {_body(response)}"]))
 
@@ -225,12 +225,16 @@ def _there(deed: Deed, here: str) -> bool:
     return deed.place in (None, here)
 
 
+def _is_resumed(response: Response) -> bool:
+    """Whether a page that was loaded again asked for the control that it had, which somebody took meanwhile."""
+    asked = response.request
+    return asked.url.endswith("/api/control") and "resume" in (asked.post_data or "")
+
+
 def _body(response: Response) -> str:
+    """What was asked and refused; its text is not read, as that waits for ever once the page was loaded again."""
     request = response.request
-    try:
-        return f"{request.method} {request.url} {request.post_data}: {response.status} {response.text()}"
-    except Error as error:
-        return f"{request.method} {request.url}: {response.status}, its words are gone ({error.message})"
+    return f"{request.method} {request.url} {request.post_data}: {response.status}"
 
 
 def _give_banks(around: Around) -> None:
