@@ -69,11 +69,14 @@ export function ValueBox(props: ValueBoxProps) {
   useDescribedBy(ref, odd || refused || isUnsent ? saidAt : undefined);
   const reminder = useRef<number | undefined>(undefined);
   useEffect(() => () => window.clearTimeout(reminder.current), []);
-  // a reload leaves no box: what a form would keep on leaving it is kept now
+  // a reload, and the way back of the browser, take the box away with the focus in it: no blur is heard then
   const keep = useEffectEvent(() => isInForm && commit());
   useEffect(() => {
     window.addEventListener("pagehide", keep);
-    return () => window.removeEventListener("pagehide", keep);
+    return () => {
+      window.removeEventListener("pagehide", keep);
+      keep();
+    };
   }, []);
 
   function take(text: string | null, problem: string | null = null): void {
