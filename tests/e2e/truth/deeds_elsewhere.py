@@ -12,6 +12,9 @@ WAYS = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log",
 ADDRESSES = ("docs", "docs/first-hour", "glossary", "system/developer", "bring-up", "runs/metrics")
 """Pages that no link of the navigation leads to."""
 
+BUSY = frozenset({429})
+"""Another page has something played: no state tells it."""
+
 DRY_RUN_TIMEOUT_MS = 600_000
 """The first dry run of a service starts the process that plays it."""
 
@@ -217,7 +220,7 @@ ELSEWHERE = (
     pressing("Abort softly", "experiments", 3),
     pressing("Abort softly", "identify", 1),
     Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
-    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value),
+    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value | BUSY),
     pressing("Close dry run", "experiments", 0.5),
     pressing("Apply to the parameters", "identify", 10, Value),
     Deed("undo a version of the parameters", "identify", 4, _offers("Undo version"), _undo_version, Value),

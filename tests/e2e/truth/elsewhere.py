@@ -234,6 +234,8 @@ def log(moment: Moment) -> Findings:
 
 def system(moment: Moment) -> Findings:
     """The safety chain, watchdog included, and the loop's figures."""
+    if moment.shown.all["hash"] != "#/system":
+        return Findings()
     found, facts, state = Findings(), moment.shown.all["facts"], moment.state
     names = {
         "page": "Page in control",
