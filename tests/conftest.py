@@ -67,6 +67,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--truth-seed", type=int, help="of the robot at the page (tests/e2e/truth); drawn afresh if left out"
     )
+    parser.addoption("--truth-go-on", action="store_true", help="collect what is untrue, do not end at the first")
+    parser.addoption("--truth-deeds", type=int, help="how much that robot does; 300 deeds if left out")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -25,7 +25,7 @@ FILES = tracked()
 TEXTS = {
     path: path.read_text(encoding="utf-8")
     for path in FILES
-    if path.suffix not in {".png", ".ico", ".woff2", ".pdf"} and path != Path(__file__)
+    if path.suffix not in {".png", ".webp", ".ico", ".woff2", ".pdf"} and path != Path(__file__)
 }
 
 

@@ -1,8 +1,8 @@
 """Pictures for the documentation, taken from the running system: ``python -m tests.e2e.screenshots [FOLDER]``.
 
-Each page in each state of the service, in the light and in the dark, and on a phone where its layout is another one;
-all data are made on the way, in real time. The pictures have the colours that a page needs, no more: they are kept
-with the sources.
+Each page in each state of the service at 1440x900; the states that matter most in the dark and at three more sizes. All
+data are made on the way, in real time. The pictures are kept with the sources: lossless WebP with as many colours as a
+page needs, so that text stays crisp and the folder small.
 """
 
 import io
@@ -10,50 +10,77 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
-from playwright.sync_api import Page
+from playwright.sync_api import Page, ViewportSize
 
-from tests.e2e.browser import DESKTOP, chromium
+from tests.e2e.browser import DESKTOP, TABLET, chromium
 from tests.e2e.looks.journey import journey
 from tests.e2e.service import running_service
 from tests.e2e.test_accessibility import PHONE
 
 FOLDER = Path(__file__).parents[2] / "docs" / "screenshots"
-ON_A_PHONE = ("-idle", "-running", "-run", "-tripped", "-result", "flight", "runs-compared", "sign-in")
-"""Pages whose name ends like this are taken on a phone too."""
+SUFFIX = ".webp"
+WIDE = ViewportSize(width=1920, height=1080)
+SHOTS = {"dark": (DESKTOP, "dark"), "tablet": (TABLET, "light"), "phone": (PHONE, "light"), "wide": (WIDE, "dark")}
+"""What is taken beside the light picture at the usual size, by the end of its name: size and scheme."""
 
-COLOURS = 256
+FURTHER = {
+    "": (),
+    "-viewer": ("dark",),
+    **dict.fromkeys(("-tripped", "-running", "-no-answer", "flight", "sign-in"), ("dark", "tablet", "phone")),
+    **dict.fromkeys(("-run", "-result", "runs-compared"), ("dark", "tablet", "phone", "wide")),
+}
+"""Which of them, by how the name of the state ends; of several ends the last one in the list counts."""
+
+FREQUENT, RARE = 24, 40
+"""Colours of areas, kept as they are, and of lines, chosen to cover all hues."""
 
 
 def main() -> None:
     """Take all pictures; those of pages that are no more go."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.png"):
+    for old in [*folder.glob("*.png"), *folder.glob(f"*{SUFFIX}")]:
         old.unlink()
 
     def look(page: Page, name: str) -> None:
-        for scheme in ("light", "dark"):
-            page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
-            take(page, folder / f"{name}-{scheme}.png")
         page.emulate_media(color_scheme="light")
-        if name.endswith(ON_A_PHONE):
-            page.set_viewport_size(PHONE)
-            take(page, folder / f"{name}-phone.png")
-            page.set_viewport_size(DESKTOP)
+        take(page, folder / f"{name}-light{SUFFIX}")
+        further = [words for end, words in FURTHER.items() if name.endswith(end)][-1]
+        for words in further:
+            size, scheme = SHOTS[words]
+            page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+            page.set_viewport_size(size)
+            take(page, folder / f"{name}-{words}{SUFFIX}")
+        page.set_viewport_size(DESKTOP)
         page.emulate_media(color_scheme="null")
 
     with tempfile.TemporaryDirectory() as data, running_service(Path(data)) as service, chromium() as browser:
         journey(browser, service, look)
+    total = sum(path.stat().st_size for path in folder.glob(f"*{SUFFIX}"))
+    print(f"{total / 1e6:.2f} MB in {folder}")
 
 
 def take(page: Page, path: Path) -> None:
     """Keep what the page shows, once it has been drawn."""
     page.evaluate("new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
-    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    few = picture.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    few.save(path, optimize=True)
+    path.write_bytes(compact(page.screenshot()))
     print(path.name)
+
+
+def compact(png: bytes) -> bytes:
+    """Reduce a picture to the colours that matter, each pixel to the nearest of them, and write it as lossless WebP."""
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    colours, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
+    areas = colours[np.argsort(-counts)[:FREQUENT]].ravel().tolist()
+    lines = picture.quantize(RARE, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*areas, *lines[: 3 * RARE]])
+    few = picture.quantize(palette=palette, dither=Image.Dither.NONE)
+    written = io.BytesIO()
+    few.convert("RGB").save(written, "WEBP", lossless=True, quality=100, method=4)
+    return written.getvalue()
 
 
 if __name__ == "__main__":

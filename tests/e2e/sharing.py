@@ -63,11 +63,11 @@ def give_up_control(page: Page) -> None:
     expect(mine).to_have_count(0)
 
 
-def sign_in_at(page: Page, service: Service, address: str) -> None:
-    """Sign in, as a person who said before that they go by their role, and open a page by what follows its #/."""
+def sign_in_at(page: Page, service: Service, address: str, name: str = "") -> None:
+    """Sign in and open a page by what follows its #/; without a name as a person who said to go by their role."""
     page.add_init_script("if (location.origin !== 'null') localStorage.setItem('sinew-goes-by-role', '')")
     token = (service.data / "token").read_text(encoding="utf-8").strip()
-    assert page.request.post(f"{service.url}/api/session", data={"token": token}).ok
+    assert page.request.post(f"{service.url}/api/session", data={"token": token, "name": name}).ok
     page.goto(f"{service.url}/#/{address}")
     expect(page.get_by_role("banner")).to_be_visible()
 

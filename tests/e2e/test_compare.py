@@ -51,7 +51,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         for run_id, at_s in FAULT_AT_S.items():
             run, span = runs.get(session, run_id), recordings.span(session, run_id)
             tick, at = span.first_tick + round(1e3 * at_s), run.started_at + timedelta(microseconds=1)
-            events.add(session, "fault", "put here by a test", run_id=run_id, tick=tick, at=at)
+            events.add(session, "trip", "put here by a test", run_id=run_id, tick=tick, at=at)
     database.close()
     with running_service(data) as running:
         yield running
@@ -220,7 +220,8 @@ def test_where_a_run_leaves_the_band_is_told_as_the_samples_have_it(
         assert number(outside) == pytest.approx(told["outside"] / 1e3, abs=6e-4)
         assert number(longest) == pytest.approx(told["longest"] / 1e3, abs=6e-4)
         assert number(largest) == pytest.approx(told["largest"] * DEG, rel=1e-3, abs=1e-6)
-        assert number(at) == pytest.approx(told["largest_at"] / 1e3, abs=6e-4)
+        # many samples of counted angles differ alike
+        assert abs(told["apart"][round(1e3 * number(at))]) == pytest.approx(abs(told["largest"]), rel=1e-6)
         assert number(compared.split(" of ")[0]) == pytest.approx(told["compared"] / 1e3, abs=6e-4)
     assert plain_look(recorded[1], recorded[3], 1.5 / DEG)["left_at"] is not None
     expect(operator.legend("Difference of q", "Δq′′")).to_be_visible()
@@ -242,7 +243,7 @@ def plain_look(own: Columns, other: Columns, band: float) -> dict[str, Any]:
         "outside": len(outside),
         "longest": longest,
         "largest": apart[worst],
-        "largest_at": worst,
+        "apart": apart,
         "compared": len(apart),
     }
 

@@ -13,7 +13,7 @@ from tests.e2e.truth.checked import lasting, settled
 from tests.e2e.truth.moment import Around
 from tests.e2e.truth.robot import fresh_seed, robot_at_work
 
-DEEDS = 25
+DEEDS = 300
 LOOKS = 4
 
 
@@ -81,10 +81,12 @@ def honest(page: Page) -> None:
     expect(page.get_by_role("banner")).to_be_visible()
 
 
-def test_after_each_deed_of_a_robot_all_that_is_shown_is_so(
+@pytest.mark.timeout(5400)  # a few seconds for each deed; each wait has an end of its own
+def test_after_each_deed_of_two_people_all_that_is_shown_is_so(
     browser: Browser, service: Service, pytestconfig: pytest.Config
 ) -> None:
-    asked = pytestconfig.getoption("--truth-seed")
+    asked, count = pytestconfig.getoption("--truth-seed"), pytestconfig.getoption("--truth-deeds")
     seed = fresh_seed() if asked is None else int(asked)
     print(f"seed {seed}: pytest --truth-seed={seed} does the same deeds")
-    robot_at_work(browser, service, seed, DEEDS, print)
+    go_on = bool(pytestconfig.getoption("--truth-go-on"))
+    robot_at_work(browser, service, seed, DEEDS if count is None else int(count), print, go_on=go_on)

@@ -151,7 +151,7 @@ def test_values_are_those_of_the_sample_at_or_before(
     stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]]
 ) -> None:
     database, run = stored
-    times = [0.0, 35.7, 35.7009, 61.35, 129.999]
+    times = [-1e-16, 0.0, 35.7, 35.7009, 61.35, 129.999, 129.999 * (1.0 + 4e-16)]
     found = values_at(database, run, times, SIGNALS)
     for time_s, moment in zip(times, found.moments, strict=True):
         row = np.flatnonzero(whole["t"] <= time_s + 1e-9)[-1]

@@ -1,23 +1,29 @@
 /** Derived signals: an expression over signals under a name, to draw, measure, compare and export. */
 
 import { Button } from "@mantine/core";
-import { type FormEvent, useState } from "react";
+import type { FormEvent } from "react";
 import { TbPencil, TbTrash } from "react-icons/tb";
 import { OperatorsOnly } from "../components/OperatorsOnly";
 import { Refusal } from "../components/Refusal";
 import { TextField } from "../components/TextField";
 import { useFormulas, usePutFormula, useRemoveFormula } from "../service/formulas";
 import { RefusedFields } from "../service/refusedFields";
+import { isPlainRecord, isText, useDraft } from "../service/useDraft";
 import styles from "./LayoutEditor.module.css";
 
 const EMPTY = { name: "", expression: "", unit: "1", meaning: "" };
+
+function isFormula(value: unknown): value is typeof EMPTY {
+  return isPlainRecord(value) && [value.name, value.expression, value.unit, value.meaning].every(isText);
+}
 
 export function FormulaEditor() {
   const formulas = useFormulas();
   const put = usePutFormula();
   const remove = useRemoveFormula();
-  const [text, setText] = useState(EMPTY);
-  const set = (part: Partial<typeof EMPTY>) => setText((before) => ({ ...before, ...part }));
+  const draft = useDraft("formula", EMPTY, isFormula);
+  const text = draft.value;
+  const set = (part: Partial<typeof EMPTY>) => draft.set((before) => ({ ...before, ...part }));
   const ready = text.name.trim() !== "" && text.expression.trim() !== "" && text.unit.trim() !== "";
   const changes = formulas.some(({ name }) => name === text.name.trim());
 
@@ -31,7 +37,7 @@ export function FormulaEditor() {
         unit: text.unit.trim(),
         meaning: text.meaning.trim(),
       },
-      { onSuccess: () => setText(EMPTY) },
+      { onSuccess: draft.discard },
     );
   }
 
@@ -54,7 +60,7 @@ export function FormulaEditor() {
                 variant="default"
                 leftSection={<TbPencil size={12} />}
                 aria-label={`Edit ${name}`}
-                onClick={() => setText({ name, expression, unit, meaning })}
+                onClick={() => draft.set({ name, expression, unit, meaning })}
               >
                 Edit
               </Button>

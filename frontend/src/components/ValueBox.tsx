@@ -5,7 +5,7 @@
  */
 
 import { TextInput } from "@mantine/core";
-import { type KeyboardEvent, useEffect, useRef, useState } from "react";
+import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
 import { withUnit } from "../samples/quantity";
 import { close } from "../service/explaining";
@@ -70,6 +70,15 @@ export function ValueBox(props: ValueBoxProps) {
   useDescribedBy(ref, odd || refused || isUnsent ? saidAt : undefined);
   const reminder = useRef<number | undefined>(undefined);
   useEffect(() => () => window.clearTimeout(reminder.current), []);
+  // a reload, and the way back of the browser, take the box away with the focus in it: no blur is heard then
+  const keep = useEffectEvent(() => isInForm && commit());
+  useEffect(() => {
+    window.addEventListener("pagehide", keep);
+    return () => {
+      window.removeEventListener("pagehide", keep);
+      keep();
+    };
+  }, []);
 
   function take(text: string | null, problem: string | null = null): void {
     window.clearTimeout(reminder.current);

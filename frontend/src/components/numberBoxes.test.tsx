@@ -142,3 +142,26 @@ it("keeps what is being typed while it means the same number", () => {
   }
   expect(seen).toHaveBeenLastCalledWith(1.05);
 });
+
+it("keeps a value of a form that is typed when the page is loaded again, and sends none of the others", () => {
+  const form = openBox({ isInForm: true });
+  type("25.04");
+  window.dispatchEvent(new Event("pagehide"));
+  expect(form.sent.mock.calls).toEqual([[25]]);
+  cleanup();
+  const { sent } = openBox();
+  type("25.04");
+  window.dispatchEvent(new Event("pagehide"));
+  expect(sent).not.toHaveBeenCalled();
+});
+
+it("keeps a value of a form that is typed when its page goes away, and sends none of the others", () => {
+  const form = openBox({ isInForm: true });
+  type("25.04");
+  cleanup();
+  expect(form.sent.mock.calls).toEqual([[25]]);
+  const { sent } = openBox();
+  type("25.04");
+  cleanup();
+  expect(sent).not.toHaveBeenCalled();
+});

@@ -46,13 +46,24 @@ export function useUndoParameters() {
 }
 
 /** Whatever is predicted rests on the parameters. */
-const RESTS_ON_THEM = ["parameters", "prediction", "identification-trend", "tuning", "banks", "checklist"];
+export const RESTS_ON_PARAMETERS = [
+  "parameters",
+  "prediction",
+  "identification-trend",
+  "identification-kinds",
+  "experiment-kinds",
+  "plant-numbers",
+  "tuning",
+  "banks",
+  "checklist",
+];
 
 function useParameterChange<Asked>(change: (asked: Asked) => Promise<Parameters>) {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: change,
     // after a refusal, too: others may have changed them, and those that no loop started with are in force all the same
-    onSettled: () => Promise.all(RESTS_ON_THEM.map((key) => queries.invalidateQueries({ queryKey: [key] }))),
+    onSettled: () =>
+      Promise.all(RESTS_ON_PARAMETERS.map((key) => queries.invalidateQueries({ queryKey: [key] }))),
   });
 }

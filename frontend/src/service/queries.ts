@@ -6,6 +6,8 @@ import { answered, api } from "../wire/client";
 import { decodeCurves } from "../wire/curves";
 import type { IdentificationRequest, Tuning } from "../wire/types";
 
+/** How often the page asks again for what another person may change and the state does not tell [ms]. */
+const OTHERS_MS = 3000;
 const WHILE_RUNNING_MS = 700;
 
 /** End states of the service, beside which a run is still going. */
@@ -61,6 +63,7 @@ export function motorMarginsQuery(lam_motor: number, bank: number | null) {
 export function savedTuningQuery(bank: number | null) {
   return queryOptions({
     queryKey: ["tuning", "saved", bank],
+    refetchInterval: OTHERS_MS,
     queryFn: () => answered(api.GET("/api/tuning/saved")),
   });
 }
@@ -152,6 +155,7 @@ export function bankDetailQuery(id: number, lambdas: string) {
 
 export const banksQuery = queryOptions({
   queryKey: ["banks"],
+  refetchInterval: OTHERS_MS,
   queryFn: async () => (await answered(api.GET("/api/banks"))).banks,
 });
 
@@ -163,6 +167,7 @@ export const experimentKindsQuery = queryOptions({
 
 export const queueQuery = queryOptions({
   queryKey: ["queue"],
+  refetchInterval: OTHERS_MS,
   queryFn: () => answered(api.GET("/api/experiments/queue")),
 });
 

@@ -54,6 +54,11 @@ export function isPlainRecord(value: unknown): value is Record<string, boolean |
   );
 }
 
+/** A box of a number keeps a text that is no number yet. */
+export function isNumberOrText(value: unknown): value is number | string {
+  return typeof value === "number" || typeof value === "string";
+}
+
 export function isText(value: unknown): value is string {
   return typeof value === "string";
 }

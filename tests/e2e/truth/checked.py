@@ -1,7 +1,7 @@
 """One page against one service: what differs once the page has settled."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from tests.e2e.operator import LOOK_MS
 from tests.e2e.truth import elsewhere
@@ -41,10 +41,13 @@ def looked_over(around: Around) -> Findings:
     return found and differences(after)
 
 
-def settled(around: Around, within_s: float = SETTLED_S) -> Findings:
-    """Look until page and service agree in everything at one moment; what still differs at the end."""
+def settled(around: Around, within_s: float = SETTLED_S, known: Collection[str] = ()) -> Findings:
+    """Look until page and service agree in everything at one moment, but for what is ``known`` to differ.
+
+    Returns what still differs at the end.
+    """
     deadline = time.monotonic() + within_s
-    while (found := looked_over(around)) and time.monotonic() < deadline:
+    while (found := _but(looked_over(around), known)) and time.monotonic() < deadline:
         around.page.wait_for_timeout(LOOK_MS)
     return found
 
@@ -55,10 +58,14 @@ def lasting(around: Around, looks: int) -> Findings:
     for _ in range(looks - 1):
         around.page.wait_for_timeout(LOOK_MS)
         again = looked_over(around)
-        kept = {_what(one) for one in again}
-        found = Findings(one for one in found if _what(one) in kept)
+        kept = {what_of(one) for one in again}
+        found = Findings(one for one in found if what_of(one) in kept)
     return found
 
 
-def _what(sentence: str) -> str:
+def _but(found: Findings, known: Collection[str]) -> Findings:
+    return Findings(one for one in found if what_of(one) not in known)
+
+
+def what_of(sentence: str) -> str:
     return sentence.partition(":")[0]

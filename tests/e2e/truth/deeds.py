@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from playwright.sync_api import Locator, Page
 
 from backend.documents.run_settings import MOTIONS
+from tests.e2e.truth.drafts import Typed
 from tests.e2e.truth.moment import Around, State
 from tests.e2e.truth.shown import Shown
 
@@ -26,6 +27,7 @@ class Scene:
     state: State
     chance: random.Random
     around: Around
+    typed: Typed
     said: list[str] = field(default_factory=list)
 
     def say(self, words: str) -> None:

@@ -4,12 +4,17 @@ from collections.abc import Callable
 
 from backend.documents.run_settings import MOTIONS
 from tests.e2e.truth.deeds import Deed, Scene, Value, pressing
+from tests.e2e.truth.drafts import TRACKING
 from tests.e2e.truth.legality import may_retune
 from tests.e2e.truth.moment import DRY_RUN
 
 WAYS = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
+ADDRESSES = ("docs", "docs/first-hour", "glossary", "system/developer", "bring-up", "runs/metrics")
+"""Pages that no link of the navigation leads to."""
 
-_TRACKING = "Tracking of position and stiffness"
+BUSY = frozenset({429})
+"""Another page has something played: no state tells it."""
+
 DRY_RUN_TIMEOUT_MS = 600_000
 """The first dry run of a service starts the process that plays it."""
 
@@ -28,7 +33,7 @@ def _offers_queue(scene: Scene) -> bool:
 
 
 def _short(scene: Scene) -> None:
-    _fill(scene, _TRACKING, {"q_duration_s": "2", "S_duration_s": "2"})
+    _fill(scene, TRACKING, {"q_duration_s": "2", "S_duration_s": "2"})
 
 
 def _set_loop(scene: Scene) -> None:
@@ -43,7 +48,7 @@ def _set_loop(scene: Scene) -> None:
     }
     chosen = {name: values[name] for name in chance.sample(sorted(values), chance.randint(0, len(values)))}
     scene.say(f"settings of the loop {chosen}")
-    form = scene.main.locator(f"form[aria-label='{_TRACKING}']")
+    form = scene.main.locator(f"form[aria-label='{TRACKING}']")
     for folded in form.locator("details:not([open]) > summary").all():
         folded.click()
     for name, value in chosen.items():
@@ -135,6 +140,38 @@ def _go(scene: Scene) -> None:
     scene.page.get_by_role("navigation", name="Main").get_by_role("link", name=name, exact=True).click()
 
 
+def _go_by_address(scene: Scene) -> None:
+    """Open a page by its address: of the help, or what a list leads to."""
+    runs = scene.around.script.get("/api/runs?limit=5").raise_for_status().json()["runs"]
+    flights = scene.around.script.get("/api/flights").raise_for_status().json()["flights"]
+    found = [*ADDRESSES, *(f"runs/{one['id']}" for one in runs), *(f"flights/{one['id']}" for one in flights[:2])]
+    address = scene.chance.choice(found)
+    scene.say(address)
+    scene.page.evaluate("address => { location.hash = '#/' + address; }", address)
+
+
+def _back(scene: Scene) -> None:
+    way = scene.chance.choice(("back", "forward"))
+    scene.say(way)
+    scene.page.evaluate(f"history.{way}()")
+    scene.page.wait_for_timeout(300)
+    if scene.page.url.startswith("about:"):  # before the first page of the application
+        scene.page.go_forward()
+        scene.page.get_by_role("banner").wait_for()
+
+
+def _go_by_key(scene: Scene) -> None:
+    key = scene.chance.choice("oibetrhsdg")
+    scene.say(key)
+    scene.page.evaluate("document.activeElement?.blur()")
+    scene.page.keyboard.press(key)
+
+
+def _take_here(scene: Scene) -> None:
+    scene.say("where it lacks")
+    scene.page.get_by_role("button", name="Take control", exact=True).first.click()
+
+
 def _stop(scene: Scene) -> None:
     if scene.chance.random() < 0.5:
         scene.say("by key")
@@ -183,7 +220,7 @@ ELSEWHERE = (
     pressing("Abort softly", "experiments", 3),
     pressing("Abort softly", "identify", 1),
     Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
-    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value),
+    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value | BUSY),
     pressing("Close dry run", "experiments", 0.5),
     pressing("Apply to the parameters", "identify", 10, Value),
     Deed("undo a version of the parameters", "identify", 4, _offers("Undo version"), _undo_version, Value),
@@ -194,6 +231,10 @@ ELSEWHERE = (
     pressing("Redo change", "banks", 1),
     Deed("note in the log", "log", 2, _offers("Say something of: "), _note),
     Deed("go", None, 6, always, _go),
+    Deed("go by address", None, 4, always, _go_by_address),
+    Deed("go by key", None, 2, always, _go_by_key),
+    Deed("go back", None, 1, always, _back),
+    Deed("take control", None, 4, lambda scene: scene.shown.offers("Take control"), _take_here),
     Deed("STOP", None, 2.5, always, _stop),
     pressing("Reset", None, 12),
     Deed("control", None, 2, always, _control),

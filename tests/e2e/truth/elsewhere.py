@@ -5,7 +5,7 @@ from datetime import datetime
 
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
-from tests.e2e.truth.legality import compared, legal_modes, may_retune, may_start, may_undo, undo_named
+from tests.e2e.truth.legality import compared, legal_modes, may_command, may_retune, may_start, may_undo, undo_named
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
 
@@ -119,7 +119,7 @@ def _parameters(found: Findings, moment: Moment) -> None:
         _parameter_changes(found, tables.get("Parameters that would change", []), changes)
         offered = moment.shown.button("Apply to the parameters") is not None
         found.same("whether the identification is offered to be applied", offered, not proposal["problem"])
-    off = moment.state["mode"] == "off"
+    off = may_command(moment.state) and moment.state["mode"] == "off"
     for button in moment.shown.buttons:
         if button.name == "Apply to the parameters" or button.name.startswith("Undo version"):
             found.same(f"whether {button.name!r} can be pressed", button.enabled, off)
@@ -170,7 +170,9 @@ def banks(moment: Moment) -> Findings:
     found.same("entries of banks", [row[3] for row in rows], [str(len(one["entries"])) for one in told])
     found.same("active banks", [row[5] == "active" for row in rows], [one["active"] for one in told])
     said = shown.told.get("In force", "")
-    found.same("of when the tuning is", said.startswith("In force again after the run"), not may_retune(state))
+    found.same(
+        "of when the tuning is", said.startswith("In force again after the run"), state["own_tuning"] is not None
+    )
     bank = own["bank"]
     words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
     found.holds("bank in force", said, words)
@@ -178,25 +180,36 @@ def banks(moment: Moment) -> Findings:
     found.holds("λ in force", said, template)
     free = may_retune(state)
     offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
-               for region in ("Banks",) if not one["active"]}  # fmt: skip
-    offered |= {("Banks", "Back to geometry"): bank is not None and free, ("Banks", undo_named(state)): may_undo(state)}
+               for region in ("Versions",) if not one["active"]}  # fmt: skip
+    offered |= {
+        ("Versions", "Back to geometry"): bank is not None and free,
+        ("Versions", undo_named(state)): may_undo(state),
+    }
     compared(found, moment, offered)
     return found
 
 
 def runs(moment: Moment) -> Findings:
-    found = Findings()
+    """The list of all runs, or one run."""
+    found, number = Findings(), moment.shown.all["hash"].rpartition("/")[2]
+    if number.isdigit():
+        one = moment.get(f"/api/runs/{number}")
+        found.same("title of a run", moment.shown.all["heading"], f"Runs / Run {number}: {one['title']}")
+        found.holds(f"end of run {number}", "; ".join(moment.shown.all["ends"]), _end(one["end_state"]))
+        return found
+    if moment.shown.all["hash"] != "#/runs":
+        return found
     told = moment.get("/api/runs?limit=50&offset=0")["runs"]
-    rows = moment.shown.tables.get("Runs", [])
+    rows, heads = moment.shown.tables.get("Runs", []), moment.shown.all["heads"].get("Runs", [])
+    kind, who, end = (heads.index(name) if name in heads else 0 for name in ("Kind", "Who", "End"))
     found.same("runs", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
     for row, one in zip(rows, told, strict=False):
-        found.same(f"kind of run {one['id']}", row[2], one["title"])
-        found.same(f"who made run {one['id']}", row[5], one["who"])
-        found.holds(f"end of run {one['id']}", row[7], _end(one["end_state"]))
-        if one["missing_samples"] is None:
-            found.holds(f"samples missing in run {one['id']}", row[8], "not known")
-        else:
-            found.figure(f"samples missing in run {one['id']}", row[8], one["missing_samples"])
+        found.same(f"kind of run {one['id']}", row[kind], one["title"])
+        found.same(f"who made run {one['id']}", row[who], one["who"])
+        found.holds(f"end of run {one['id']}", row[end], _end(one["end_state"]))
+        missing = one["missing_samples"]
+        words = "not known" if missing is None else f"{missing} samples missing" if missing else ""
+        found.holds(f"samples missing in run {one['id']}", row[end], words)
     return found
 
 
@@ -221,6 +234,8 @@ def log(moment: Moment) -> Findings:
 
 def system(moment: Moment) -> Findings:
     """The safety chain, watchdog included, and the loop's figures."""
+    if moment.shown.all["hash"] != "#/system":
+        return Findings()
     found, facts, state = Findings(), moment.shown.all["facts"], moment.state
     names = {
         "page": "Page in control",

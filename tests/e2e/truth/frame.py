@@ -46,9 +46,9 @@ def _timing(found: Findings, moment: Moment) -> None:
 
 
 def _control(found: Findings, moment: Moment) -> None:
-    """There is one page only: where a page holds control it is this one."""
+    """Compare whose control it is; each person has one page."""
     holder = moment.state["holder"]
-    told = "nobody" if holder is None else "you" if holder["page"] else holder["name"]
+    told = "nobody" if holder is None else "you" if moment.holds else holder["name"]
     names = [one.name for one in moment.shown.buttons if one.name.startswith("Control: ")]
     found.same("holder of control", names, [f"Control: {told}"])
     if "Control lost" in moment.shown.told:

@@ -7,15 +7,20 @@ from backend.loop.hand_push import PUSHED_IN
 from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 from tests.e2e.truth.findings import Findings
-from tests.e2e.truth.moment import Moment, State
+from tests.e2e.truth.moment import MINE, Moment, State
 
 MOVES = {"Pretension": "pretension", "Run": "run", "Compliance": "compliance", "Soft stop": "stopping", "Off": "off"}
+
+
+def may_command(state: State) -> bool:
+    """Whether the person at the page commands, or takes control with the first command, as nobody holds it."""
+    return bool(state[MINE])
 
 
 def legal_modes(state: State) -> list[str]:
     """Where the loop's own table lets an operator go from here."""
     mode = Mode(state["mode"])
-    if not state["link"]["alive"] or (mode is Mode.OFF and state["unready"]):
+    if not may_command(state) or not state["link"]["alive"] or (mode is Mode.OFF and state["unready"]):
         return []
     if mode is Mode.PRETENSION and not state["pretension_done"]:
         return ["stopping", "off"]
@@ -30,12 +35,12 @@ def may_start(state: State, mode: str) -> bool:
 
 def may_retune(state: State) -> bool:
     """Whether the operator may change the tuning: ``Retuning._require_own``."""
-    return state["own_tuning"] is None
+    return may_command(state) and state["own_tuning"] is None
 
 
 def may_move(state: State) -> bool:
     """Whether references may be set: ``ModeMachine.set_references``."""
-    return state["mode"] in PUSHED_IN and state["touch"]["felt"] is None
+    return may_command(state) and state["mode"] in PUSHED_IN and state["touch"]["felt"] is None
 
 
 def may_reject(state: State) -> bool:
@@ -50,21 +55,21 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
     touch, trial, tuning = state["touch"], state["trial"], state["tuning"]
     sweeping = bool(touch["sweep"] and touch["sweep"]["under_way"])
     learned, armed = bool(touch["learned"]), touch["contact_N"] > 0.0
-    run, own = state["mode"] == "run", may_retune(state)
+    run, own, mine = state["mode"] == "run", may_retune(state), may_command(state)
     differs = any(saved[name] != tuning[name] for name in NAMES if name != "bank")
     changes = "Changes of the tuning"
     offered = {("Mode", name): mode in legal_modes(state) for name, mode in MOVES.items()}
     offered |= {
-        ("Push", "Push"): state["mode"] in PUSHED_IN,
-        ("Push", "Let go"): True,
-        ("Wall", "Put up"): True,
-        ("Wall", "Take away"): True,
-        ("Touch", "Change" if armed else "Give way"): learned and not sweeping,
-        ("Touch", "Hold on"): armed,
-        ("Touch", "Learn here"): run and not sweeping,
-        ("Touch", "Stop learning" if sweeping else "Learn over S"): sweeping
-        or (run and not armed and state["task"] is None),
-        ("Touch", "Forget"): learned and not armed and not sweeping and tuning["k_ext"] == 0.0,
+        ("Push", "Push"): mine and state["mode"] in PUSHED_IN,
+        ("Push", "Let go"): mine,
+        ("Wall", "Put up"): mine,
+        ("Wall", "Take away"): mine,
+        ("Touch", "Change" if armed else "Give way"): mine and learned and not sweeping,
+        ("Touch", "Hold on"): mine and armed,
+        ("Touch", "Learn here"): mine and run and not sweeping,
+        ("Touch", "Stop learning" if sweeping else "Learn over S"): mine
+        and (sweeping or (run and not armed and state["task"] is None)),
+        ("Touch", "Forget"): mine and learned and not armed and not sweeping and tuning["k_ext"] == 0.0,
     }
     if trial is None:
         brought_back = saved["k_ext"] == 0.0 or may_reject(state)
@@ -72,7 +77,7 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
         offered[changes, "Save"] = differs
         offered[changes, undo_named(state)] = may_undo(state)
     else:
-        offered |= {(changes, "Keep"): True, (changes, "Revert now"): True}
+        offered |= {(changes, "Keep"): mine, (changes, "Revert now"): mine}
     for symbol in ("λ_q", "λ_S"):
         offered |= {("Tuning", f"{verb} {symbol}"): own for verb in ("Decrease", "Increase", "Reset")}
     return offered

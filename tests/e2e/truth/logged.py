@@ -116,13 +116,17 @@ def _told_if_changed(
     new: Sequence[Line],
     begins: tuple[str, ...] | None,
 ) -> None:
-    """Find a line for a change; ``begins`` None: any line of the kind "fault"."""
+    """Find a line for a change; ``begins`` None: a fault, a trip, or the note of a reset."""
     before, after = [of(state) for state in earlier.states], [of(state) for state in now.states]
     if any(one in before for one in after):
         return
-    told = [line for line in new if (line["kind"] == "fault" if begins is None else begins_with(line, begins))]
+    told = [line for line in new if (_is_of_faults(line) if begins is None else begins_with(line, begins))]
     if not told:
         found.append(f"{what}: {before[-1]!r} became {after[-1]!r}, of which the log has no line")
+
+
+def _is_of_faults(line: Line) -> bool:
+    return line["kind"] in ("fault", "trip") or "reset" in line["text"]
 
 
 def begins_with(line: Line, begins: tuple[str, ...]) -> bool:

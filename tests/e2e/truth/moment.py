@@ -19,9 +19,12 @@ LATE_S = 1.5
 """What the page shows may be so old [s]: the state is told twice a second, a legend written ten times."""
 
 _TIMING_S = 2.5
+PREFERENCES = "/api/preferences"
 DRY_RUN = "/api/experiments/dry-run"
 
 State = dict[str, Any]
+MINE = "may command"
+"""Key of a state: whether the person at the page commands, which the service does not tell as such."""
 
 
 class Moment:
@@ -32,6 +35,11 @@ class Moment:
         self._asked: dict[str, Any] = around.asked
         self.dry_run = around.dry_run
 
+    @property
+    def holds(self) -> bool:
+        """Whether the person at the page holds control."""
+        return self._around.holds(self.state)
+
     def get(self, path: str) -> Any:
         """What the service answers to a GET, asked once for each reading of the page."""
         if path not in self._asked:
@@ -39,6 +47,14 @@ class Moment:
             answer.raise_for_status()
             self._asked[path] = answer.json()
         return self._asked[path]
+
+    def preferences(self) -> Any:
+        """What the person at the page prefers, who is not the script that asks for all else."""
+        if PREFERENCES not in self._asked:
+            answer = self._around.page.request.get(f"{self._around.service.url}{PREFERENCES}")
+            assert answer.ok, answer.text()
+            self._asked[PREFERENCES] = answer.json()
+        return self._asked[PREFERENCES]
 
     def of(self, signal: str, factor: float = 1.0) -> tuple[Range | None, bool]:
         """Between which values a signal was [SI times ``factor``], None for none; whether it was not there at times."""
@@ -70,10 +86,10 @@ class Moment:
 
 
 class Around:
-    """One page and one service, read together."""
+    """One page and one service, read together; ``name`` is that of the person at the page, where there are several."""
 
-    def __init__(self, page: Page, service: Service) -> None:
-        self.page, self.service = page, service
+    def __init__(self, page: Page, service: Service, name: str | None = None) -> None:
+        self.page, self.service, self.name = page, service, name
         self.script = client_with(service, "token")
         self.timings: deque[tuple[float, dict[str, Any]]] = deque()
         self.asked: dict[str, Any] = {}
@@ -86,6 +102,11 @@ class Around:
     def close(self) -> None:
         self._loop.close()
         self.script.close()
+
+    @property
+    def place(self) -> str:
+        """The address of the page."""
+        return self.page.url.partition("#/")[2]
 
     def state(self) -> State:
         """What the service tells of the actuator now."""
@@ -100,7 +121,13 @@ class Around:
             self._loop.close()
             self._loop = Loop(self.service.pid)
         self._starts = told["link"]["starts"]
+        told[MINE] = told["holder"] is None or told["holder"]["lost"] or self.holds(told)
         return told
+
+    def holds(self, told: State) -> bool:
+        """Whether the person at the page is who holds control."""
+        holder = told["holder"]
+        return holder is not None and bool(holder["page"]) and self.name in (None, holder["name"])
 
     def _hear(self, response: Response) -> None:
         if response.ok and response.url.endswith(DRY_RUN):

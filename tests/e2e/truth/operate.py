@@ -1,6 +1,7 @@
 """The page Operate beside the service: curves, references, tuning, wall, push, touch, and what is offered."""
 
 import math
+import re
 from urllib.parse import urlencode
 
 from backend.documents.run_settings import MOTIONS, TIME_OPTIMAL
@@ -52,19 +53,24 @@ def _references(found: Findings, moment: Moment) -> None:
     read, factor = ("°", 180.0 / math.pi) if angles == "deg" else ("rad", 1.0)
     references = state["references"]
     for name, unit, scale, column in (("q_ref", read, factor, "q"), ("S_ref", "N·m/rad", 1.0, "S")):
+        hint = shown.all["refusals"].get(f"refusal-of-{name}", "")
+        box, slider = shown.box(f"{name} value [{unit}]"), shown.slider(name)
+        found.same(f"whether {name} has a slider", slider is not None, True)
+        found.same(f"whether {name} is said to be slack", "slack" in hint, references[name] is None)
+        if references[name] is None:
+            found.same(f"box of {name}, slack", box.value if box else None, "")
+            found.same(f"slider of {name}, slack", slider.value if slider else None, "slack")
+            continue
         told = references[name] * scale
         values, _ = moment.of(column, scale)
         among = (
             (told, told) if references["in_force"] or values is None else (min(told, values[0]), max(told, values[1]))
         )
-        box, slider = shown.box(f"{name} value [{unit}]"), shown.slider(name)
         found.figure(f"box of {name} [{unit}]", box.value if box else None, among)
-        found.same(f"whether {name} has a slider", slider is not None, True)
         if slider is not None and slider.value is not None:
             said = slider.value.removesuffix(f" {unit}")
             found.figure(f"slider of {name} [{unit}]", said if "e" not in said else f"{float(said):.6f}", among)
-        hint = shown.all["refusals"].get(f"refusal-of-{name}", "")
-        if "…" in hint:
+        if re.match(r"[-\u22120-9.]+ (…|to) ", hint):  # the range, no refusal
             found.same(f"whether {name} is said to be only measured", "measured" in hint, not references["in_force"])
 
 
@@ -135,7 +141,8 @@ def _preview_of(moment: Moment) -> str:
     wanted |= _staged(moment)
     references, limits = moment.state["references"], moment.state["limits"]
     step = 0.01 if references["in_force"] else 0.5
-    S = min(max(round(round(references["S_ref"] / step) * step, 2), limits["S_min"]), limits["S_max"])
+    S_ref = limits["S_min"] if references["S_ref"] is None else references["S_ref"]
+    S = min(max(round(round(S_ref / step) * step, 2), limits["S_min"]), limits["S_max"])
     return f"/api/tuning/preview?{urlencode({**wanted, 'S': S})}"
 
 
@@ -246,4 +253,4 @@ def _boxes(found: Findings, moment: Moment) -> None:
 
 def angles_of(moment: Moment) -> str:
     """The unit in which the signed-in person reads angles, as the service keeps it."""
-    return str(moment.get("/api/preferences")["angles"])
+    return str(moment.preferences()["angles"])

@@ -1,4 +1,4 @@
-"""A robot operator: random deeds that the page offers, and after each of them the page is held against the service.
+"""A robot of two operators: random deeds that a page offers; after each both pages are compared with the service.
 
 The seed tells all of its choices; what the machine makes of them in time it does not tell, so that a run of the same
 seed does the same deeds as long as page and loop come to the same states.
@@ -8,23 +8,29 @@ import json
 import random
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import closing
 
-from playwright.sync_api import Browser, Error, Response, expect
+from playwright.sync_api import Browser, Error, Page, Response, expect
 
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.service import Service
 from tests.e2e.sharing import sign_in_at
-from tests.e2e.truth.checked import SETTLED_S, settled
+from tests.e2e.truth.checked import SETTLED_S, settled, what_of
 from tests.e2e.truth.deeds import ON_OPERATE, Deed, Scene
 from tests.e2e.truth.deeds_elsewhere import ELSEWHERE
+from tests.e2e.truth.deeds_typing import TYPING
+from tests.e2e.truth.drafts import Typed
+from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.logged import Account, account_of, unlogged
 from tests.e2e.truth.moment import Around, State
 
-DEEDS = (*ON_OPERATE, *ELSEWHERE)
-_NAMES = {"operate": "Operate", "experiments": "Experiments", "identify": "Identify", "banks": "Banks", "log": "Log"}
+DEEDS = (*ON_OPERATE, *ELSEWHERE, *TYPING)
+NAMES = ("Ada", "Grace")
+OTHER_ONE = 0.15
+"""How likely the other person does the next deed."""
+
 _ENTRY = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 _CAUSES = ("mode", "task", "trial", "own_tuning", "pretension_done", "fault", "holder", "touch", "earlier")
 """Where one of these has changed by itself, what was offered before may rightly be refused."""
@@ -38,25 +44,67 @@ class UntrueError(AssertionError):
     """The page says something otherwise than the service, or offers what is refused."""
 
 
-class Robot:
-    """One robot at one page; ``say`` is told of each deed."""
+class Person:
+    """Somebody with a name at a page of their own browser."""
 
-    def __init__(self, browser: Browser, service: Service, seed: int, say: Callable[[str], None]) -> None:
-        self.seed, self.say = seed, say
-        self._chance = random.Random(seed)
-        self._watched = Watched(browser.new_context(viewport=DESKTOP, accept_downloads=True).new_page())
-        self.page = self._watched.page
+    def __init__(self, browser: Browser, service: Service, name: str) -> None:
+        self.name = name
+        self.watched = Watched(browser.new_context(viewport=DESKTOP, accept_downloads=True).new_page())
+        self.page = self.watched.page
         self.page.set_default_timeout(MOTION_TIMEOUT_MS)
-        sign_in_at(self.page, service, "operate")
-        self.around = Around(self.page, service)
-        self._trail: list[str] = []
-        self._logged: Account
-        self._refused: list[Response] = []
+        sign_in_at(self.page, service, "operate", name)
+        self.around = Around(self.page, service, name)
+        self.typed = Typed(self.page)
+        self.refused: list[Response] = []
         self.page.on("response", self._hear)
 
     def close(self) -> None:
         self.around.close()
         self.page.context.close()
+
+    def untrue(self, known: Collection[str]) -> Findings:
+        """What the page shows otherwise than the service says, and what of the typed texts is lost."""
+        found = settled(self.around, known=known)
+        return Findings([*found, *(one for one in self.typed.lost() if what_of(one) not in known)])
+
+    def complaints(self) -> list[str]:
+        """What the console said, but for the refusals that are looked at by themselves."""
+        return [one for one in self.watched.complaints if "the server responded with a status of 4" not in one]
+
+    def _hear(self, response: Response) -> None:
+        if response.status >= 400 and response.request.method != "GET":
+            self.refused.append(response)
+
+
+class Robot:
+    """One robot at the pages of two people; ``say`` is told of each deed.
+
+    It ends at the first thing that is untrue; with ``go_on`` it collects these things, each kind once.
+    """
+
+    def __init__(
+        self, browser: Browser, service: Service, seed: int, say: Callable[[str], None], *, go_on: bool = False
+    ) -> None:
+        self.seed, self.say, self._go_on = seed, say, go_on
+        self._known: set[str] = set()
+        self._collected: list[str] = []
+        self._chance = random.Random(seed)
+        self.people = [Person(browser, service, name) for name in NAMES]
+        self._person = self.people[0]
+        self._trail: list[str] = []
+        self._logged: Account
+
+    @property
+    def around(self) -> Around:
+        return self._person.around
+
+    @property
+    def page(self) -> Page:
+        return self._person.page
+
+    def close(self) -> None:
+        for person in self.people:
+            person.close()
 
     def work(self, count: int) -> None:
         """Do so many deeds. Raises UntrueError."""
@@ -65,29 +113,48 @@ class Robot:
         self._logged = account_of(self.around)
         self._check("beginning")
         for number in range(1, count + 1):
+            if self._chance.random() < OTHER_ONE:
+                self._person = next(one for one in self.people if one is not self._person)
+                self.page.bring_to_front()
             self._step(number)
-        odd = [one for one in self._watched.complaints if "the server responded with a status of 4" not in one]
+        odd = {person.name: person.complaints() for person in self.people if person.complaints()}
         if odd:
-            raise UntrueError(self._told(f"the console complained: {odd}"))
+            self._found("at the end", Findings([f"the console complained: {odd}"]))
+        if self._collected:
+            raise UntrueError(self._told("\n".join(self._collected)))
+
+    def _found(self, after: str, found: Findings) -> None:
+        """Raise what is untrue, or collect it. Raises UntrueError."""
+        words = f"after {after}:\n" + "\n".join(f"  {one}" for one in found)
+        if not self._go_on:
+            raise UntrueError(self._told(words))
+        self._known |= {what_of(one) for one in found}
+        self._collected.append(words)
+        self.say(f"UNTRUE {words}\n  state {json.dumps(self.around.state(), ensure_ascii=False)}")
+
+    def _scene(self) -> Scene:
+        before, _ = self.around.look()
+        return Scene(self.page, before.shown, before.state, self._chance, self.around, self._person.typed)
 
     def _step(self, number: int) -> None:
-        before, _ = self.around.look()
-        scene = Scene(self.page, before.shown, before.state, self._chance, self.around)
+        scene = self._scene()
         deed = self._chosen(scene)
         if deed.place is not None and deed.place != scene.shown.place:
             self._go(deed.place)
-            before, _ = self.around.look()
-            scene = Scene(self.page, before.shown, before.state, self._chance, self.around)
+            scene = self._scene()
             if not deed.offered(scene):  # what was trusted in is not offered there now: something else is done
                 deed = self._chosen(scene, elsewhere=False)
-        self._refused.clear()
-        words = f"{number}. {deed.name}"
+        for person in self.people:
+            person.refused.clear()
+        words = f"{number}. {self._person.name}: {deed.name}"
         self.say(f"{words} (mode {scene.state['mode']})")
         try:
             deed.do(scene)
         except Error as error:  # something went out of sight by itself while it was reached for
             scene.say(f"not done: {error.message.splitlines()[0]}")
             self.page.keyboard.press("Escape")
+        except AssertionError as error:
+            self._found(", ".join([words, *scene.said]), Findings([str(error)]))
         self.page.wait_for_timeout(_BETWEEN_DEEDS_MS)
         said = f"{words} on {scene.shown.place}: {', '.join(scene.said)}"
         self._trail.append(f"{said} (mode {scene.state['mode']})")
@@ -103,40 +170,38 @@ class Robot:
         return self._chance.choices(possible, [one.weight * _ease(one, here) for one in possible])[0]
 
     def _go(self, place: str) -> None:
-        name = _NAMES[place]
+        name = place.capitalize()
         self.page.get_by_role("navigation", name="Main").get_by_role("link", name=name, exact=True).click()
         expect(self.page.get_by_role("heading", level=1, name=name)).to_be_attached()
         self._check(f"going to {name}")
 
     def _check(self, after: str) -> None:
-        found = settled(self.around)
-        if found:
-            raise UntrueError(self._told(f"after {after}:\n" + "\n".join(f"  {one}" for one in found)))
+        """Both pages, that of who acted first."""
+        for person in sorted(self.people, key=lambda one: one is not self._person):
+            if found := person.untrue(self._known):
+                self._found(f"{after}, at the page of {person.name} ({person.around.place})", found)
 
     def _check_log(self, after: str) -> None:
         """Compare the log with the state; what happened last may be on its way to the log."""
         deadline = time.monotonic() + SETTLED_S
         while found := unlogged(self._logged, now := account_of(self.around)):
             if time.monotonic() > deadline:
-                raise UntrueError(self._told(f"after {after}:\n" + "\n".join(f"  {one}" for one in found)))
+                self._found(f"{after}, in the log", found)
+                break
             self.page.wait_for_timeout(_BETWEEN_DEEDS_MS)
         self._logged = now
 
     def _look_at_refusals(self, deed: Deed, before: State) -> None:
         after = self.around.state()
         moved = [name for name in _CAUSES if _still(before, name) != _still(after, name)]
-        for response in self._refused:
-            if response.status in deed.refused or moved:
+        for response in [one for person in self.people for one in person.refused]:
+            if response.status in deed.refused or moved or _is_resumed(response):
                 continue
-            raise UntrueError(self._told(f"{deed.name} was offered, and refused: {_body(response)}"))
-
-    def _hear(self, response: Response) -> None:
-        if response.status >= 400 and response.request.method != "GET":
-            self._refused.append(response)
+            self._found(deed.name, Findings([f"{deed.name} was offered, and refused: {_body(response)}"]))
 
     def _told(self, what: str) -> str:
         state = json.dumps(self.around.state(), ensure_ascii=False)
-        trail = "\n".join(self._trail[-15:])
+        trail = "\n".join(self._trail)
         return f"seed {self.seed}, deed {len(self._trail)}: {what}\nbefore that:\n{trail}\nstate: {state}"
 
 
@@ -160,12 +225,16 @@ def _there(deed: Deed, here: str) -> bool:
     return deed.place in (None, here)
 
 
+def _is_resumed(response: Response) -> bool:
+    """Whether a page that was loaded again asked for the control that it had, which somebody took meanwhile."""
+    asked = response.request
+    return asked.url.endswith("/api/control") and "resume" in (asked.post_data or "")
+
+
 def _body(response: Response) -> str:
+    """What was asked and refused; its text is not read, as that waits for ever once the page was loaded again."""
     request = response.request
-    try:
-        return f"{request.method} {request.url} {request.post_data}: {response.status} {response.text()}"
-    except Error as error:
-        return f"{request.method} {request.url}: {response.status}, its words are gone ({error.message})"
+    return f"{request.method} {request.url} {request.post_data}: {response.status}"
 
 
 def _give_banks(around: Around) -> None:
@@ -201,7 +270,9 @@ def fresh_seed() -> int:
     return secrets.randbelow(1_000_000)
 
 
-def robot_at_work(browser: Browser, service: Service, seed: int, count: int, say: Callable[[str], None]) -> None:
+def robot_at_work(
+    browser: Browser, service: Service, seed: int, count: int, say: Callable[[str], None], *, go_on: bool = False
+) -> None:
     """Let a robot do ``count`` deeds. Raises UntrueError, which tells the seed."""
-    with closing(Robot(browser, service, seed, say)) as robot:
+    with closing(Robot(browser, service, seed, say, go_on=go_on)) as robot:
         robot.work(count)

@@ -1,7 +1,7 @@
 /** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
 
 import { Button, Loader } from "@mantine/core";
-import { type FormEvent, useState } from "react";
+import type { FormEvent } from "react";
 import type { IconType } from "react-icons";
 import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX, TbPlayerPlay } from "react-icons/tb";
 import { Shown } from "../../components/Absent";
@@ -19,6 +19,7 @@ import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { useStepCommand } from "../../service/bringUp";
 import { RefusedFields } from "../../service/refusedFields";
+import { isPlainRecord, useDraft } from "../../service/useDraft";
 import type { BringUpResult, BringUpRunning, BringUpStep } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./BringUp.module.css";
@@ -44,10 +45,20 @@ interface StepCardProps {
   readonly open: boolean;
 }
 
+const NOTHING: Typed = {};
+
+function isTyped(value: unknown): value is Typed {
+  return isPlainRecord(value) && !Object.values(value).some((one) => typeof one === "boolean");
+}
+
 export function StepCard({ step, number, open }: StepCardProps) {
   const { id, title, instruction, state, why, result, running } = step;
   // outlives the run of the step: whoever does it again finds the numbers that they typed
-  const [changed, setChanged] = useState<Typed>({});
+  const { value: changed, set: setChanged } = useDraft<Typed>(
+    `numbers of bring-up step ${id}`,
+    NOTHING,
+    isTyped,
+  );
   const standing: Standing = running === null ? state : "running";
   const { word, Icon } = STANDING[standing];
   return (

@@ -11,6 +11,7 @@ import { counted } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
 import { usePauseOrder } from "../../service/pauseOrder";
 import { lastRefusal } from "../../service/refusedFields";
+import { useNoControl } from "../../service/useNoControl";
 import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
@@ -32,6 +33,7 @@ export function RunningCard({ place }: PlaceProps) {
 function Running({ task }: { task: Task }) {
   const setMode = useSetMode();
   const pause = usePauseOrder();
+  const noControl = useNoControl();
   return (
     <Card title="Running now" aside={<output aria-label="Time left">{timeLeft(task)}</output>}>
       <div className={page.fields}>
@@ -50,7 +52,7 @@ function Running({ task }: { task: Task }) {
           <Progress.Section value={100 * taskProgress(task)} aria-label="Progress of what runs now" />
         </Progress.Root>
         {task.part !== null && <PlannedProfile run={task.run} at_s={task.part.t} />}
-        <Refusal error={lastRefusal(setMode, pause)} about={task.run} />
+        <Refusal error={lastRefusal(setMode, pause)} about={task.run} text={noControl} />
       </div>
       <div className={page.charts} style={{ marginTop: 12 }}>
         <LiveCharts />
@@ -65,10 +67,9 @@ interface AbortProps {
 }
 
 function AbortButton({ task, setMode }: AbortProps) {
-  const reason = whyNot(
-    useLive((live) => live.state),
-    "stopping",
-  );
+  const noControl = useNoControl();
+  const illegal = useLive((live) => whyNot(live.state, "stopping"));
+  const reason = noControl ?? illegal;
   return (
     <Button
       variant="default"
@@ -98,18 +99,22 @@ interface PauseProps {
 /** Between two runs of an order: within one the loop plays its program whole. */
 function PauseButton({ task, pause }: PauseProps) {
   const { pause_wanted, phase } = task;
+  const noControl = useNoControl();
   const waits = phase === "paused" ? "" : " It waits once this run is over.";
   return (
     <Button
       variant={pause_wanted ? "light" : "default"}
       aria-pressed={pause_wanted}
+      aria-disabled={noControl !== null}
+      data-disabled={noControl !== null || undefined}
       title={
-        pause_wanted
+        noControl ??
+        (pause_wanted
           ? `The next run waits in pretension until you go on.${waits}`
-          : "Let the next run wait in pretension once this one is over."
+          : "Let the next run wait in pretension once this one is over.")
       }
       loading={pause.isPending}
-      onClick={() => pause.mutate(!pause_wanted)}
+      onClick={() => noControl === null && pause.mutate(!pause_wanted)}
     >
       {pause_wanted ? "Go on" : "Pause after this run"}
     </Button>

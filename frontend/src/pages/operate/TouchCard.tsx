@@ -12,6 +12,7 @@ import { useAngles } from "../../service/angles";
 import { useTouch } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
+import { useDraft } from "../../service/useDraft";
 import { useNoControl } from "../../service/useNoControl";
 import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -19,6 +20,10 @@ import styles from "./Operate.module.css";
 const LOOK_MS = 100;
 const USUAL_N = 2;
 const NOT_IN_RUN = "Learned in run, where the joint is held";
+
+function isNumber(value: unknown): value is number {
+  return typeof value === "number";
+}
 
 export function TouchCard() {
   const touch = useLive((live) => live.state?.touch);
@@ -34,9 +39,9 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
   const rejects = useLive((live) => (live.state?.tuning.k_ext ?? 0) > 0);
   const armed = touch.contact_N > 0;
   const sweeping = touch.sweep?.under_way ?? false;
-  const [chosen, setChosen] = useState<number | null>(null);
+  const chosen = useDraft("threshold of contacts", armed ? touch.contact_N : USUAL_N, isNumber);
   const [problem, setProblem] = useState<string | null>(null);
-  const contact_N = chosen ?? (armed ? touch.contact_N : USUAL_N);
+  const contact_N = chosen.value;
   const about = [contact_N, touch.learned.length];
   const refusal = problem === null ? order.error : null;
   const now = told(touch);
@@ -59,7 +64,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
               minimum: limits.F_contact_min,
               maximum: limits.F_contact_max,
             })}
-            onCommit={setChosen}
+            onCommit={chosen.set}
             onProblem={setProblem}
           />
           <Button

@@ -2,7 +2,6 @@
 
 import { Button, Switch } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useState } from "react";
 import { Shown } from "../../components/Absent";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
@@ -17,6 +16,8 @@ import { fieldEntry } from "../../service/fieldHelp";
 import { savedTuningQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { ON_TRIAL, whyNoRejection } from "../../service/retuning";
+import { isNumberOrText, useDraft } from "../../service/useDraft";
+import { useNoControl } from "../../service/useNoControl";
 import type { LambdaName, Staging } from "../../service/useStaged";
 import type { SavedTuning, Trial, Tuning } from "../../wire/types";
 import styles from "./TuningChanges.module.css";
@@ -52,7 +53,9 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
   const tryOut = useTryTuning();
   const end = useEndTrial();
   const undo = useUndo();
-  const [seconds, setSeconds] = useState<number | string>(TRIAL_S);
+  const noControl = useNoControl();
+  const length = useDraft<number | string>("length of a trial", TRIAL_S, isNumberOrText);
+  const seconds = length.value;
   const unlearned = useLive((live) => whyNoRejection(live.state, saved?.k_ext));
   const changed = saved !== undefined && PARTS.some(([name]) => saved[name] !== tuning[name]);
   const something = Object.keys(staged.values).length > 0;
@@ -133,7 +136,12 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
             />
           </div>
           {trial !== null && (
-            <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
+            <TrialRow
+              trial={trial}
+              tuning={tuning}
+              locked={busy || noControl !== null}
+              onEnd={(keep) => end.mutate(keep)}
+            />
           )}
           {offersTrial && (
             <div className={styles.actions}>
@@ -162,7 +170,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
                 size="xs"
                 w={54}
                 value={seconds}
-                onChange={setSeconds}
+                onChange={length.set}
                 styles={{ input: { height: 22, minHeight: 22 } }}
               />
               <span>s</span>
@@ -187,11 +195,12 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
 interface TrialRowProps {
   readonly trial: Trial;
   readonly tuning: Tuning;
-  readonly busy: boolean;
+  /** Whether the trial cannot be ended from this page now. */
+  readonly locked: boolean;
   onEnd(keep: boolean): void;
 }
 
-function TrialRow({ trial, tuning, busy, onEnd }: TrialRowProps) {
+function TrialRow({ trial, tuning, locked, onEnd }: TrialRowProps) {
   const others = PARTS.filter(([name]) => !isStaged(name) && trial[name] !== tuning[name]);
   return (
     <div className={styles.actions}>
@@ -200,10 +209,10 @@ function TrialRow({ trial, tuning, busy, onEnd }: TrialRowProps) {
         {others.map(([name, symbol]) => `, ${symbol} ${inWords(name, trial[name])}`)} in{" "}
         {fixed(Math.ceil(trial.remaining_s), 0)} s
       </output>
-      <Button size="compact-xs" disabled={busy} onClick={() => onEnd(true)}>
+      <Button size="compact-xs" disabled={locked} onClick={() => onEnd(true)}>
         Keep
       </Button>
-      <Button variant="default" size="compact-xs" disabled={busy} onClick={() => onEnd(false)}>
+      <Button variant="default" size="compact-xs" disabled={locked} onClick={() => onEnd(false)}>
         Revert now
       </Button>
     </div>

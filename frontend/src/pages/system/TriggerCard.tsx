@@ -2,7 +2,7 @@
 
 import { Button } from "@mantine/core";
 import { useQueryClient } from "@tanstack/react-query";
-import { type FormEvent, useEffect, useState } from "react";
+import { type FormEvent, useEffect } from "react";
 import { Link } from "wouter";
 import { signalChoices } from "../../charts/signalChoices";
 import { Card } from "../../components/Card";
@@ -18,11 +18,40 @@ import { useDerived } from "../../service/formulas";
 import { RefusedFields } from "../../service/refusedFields";
 import { flightsQuery } from "../../service/system";
 import { CONDITIONS, isWindow, triggerWords, useArm, useDisarm } from "../../service/trigger";
+import { isNumberOrText, isPlainRecord, isText, useDraft } from "../../service/useDraft";
 import { unitOf } from "../../theme/signals";
 import type { TriggerOrder } from "../../wire/types";
 import styles from "./Trigger.module.css";
 
 type Typed = number | string;
+
+/** The boxes of the form. */
+interface Condition {
+  readonly signal: string;
+  readonly condition: TriggerOrder["condition"];
+  readonly level: Typed;
+  readonly upper: Typed;
+  readonly before_s: Typed;
+  readonly after_s: Typed;
+  readonly captures: Typed;
+}
+
+const USUAL: Condition = {
+  signal: "F_A",
+  condition: "rising",
+  level: 20,
+  upper: 30,
+  before_s: 1,
+  after_s: 1,
+  captures: 1,
+};
+
+function isCondition(value: unknown): value is Condition {
+  if (!isPlainRecord(value)) return false;
+  const { signal, condition, level, upper, before_s, after_s, captures } = value;
+  const known = isText(signal) && CONDITIONS.some((one) => one.value === condition);
+  return known && [level, upper, before_s, after_s, captures].every(isNumberOrText);
+}
 
 export function TriggerCard() {
   const trigger = useLive((live) => live.state?.trigger ?? null);
@@ -62,13 +91,9 @@ function ArmForm() {
   const arm = useArm();
   const angles = useAngles();
   const derived = useDerived();
-  const [signal, setSignal] = useState("F_A");
-  const [condition, setCondition] = useState<TriggerOrder["condition"]>("rising");
-  const [level, setLevel] = useState<Typed>(20);
-  const [upper, setUpper] = useState<Typed>(30);
-  const [before_s, setBefore] = useState<Typed>(1);
-  const [after_s, setAfter] = useState<Typed>(1);
-  const [captures, setCaptures] = useState<Typed>(1);
+  const draft = useDraft<Condition>("trigger", USUAL, isCondition);
+  const { signal, condition, level, upper, before_s, after_s, captures } = draft.value;
+  const set = (part: Partial<Condition>) => draft.set((before) => ({ ...before, ...part }));
   const window = isWindow(condition);
   const unit = unitOf(signal);
   const read = unit === "1" ? "" : ` [${readingOf(unit, angles).unit}]`;
@@ -105,7 +130,7 @@ function ArmForm() {
               items: items.map(({ value }) => ({ value, label: value })),
             }))}
             entry={fieldEntry("trigger.signal", angles)}
-            onChange={setSignal}
+            onChange={(value) => set({ signal: value })}
           />
           <ChoiceField
             {...box}
@@ -114,7 +139,7 @@ function ArmForm() {
             value={condition}
             data={CONDITIONS}
             entry={fieldEntry("trigger.condition", angles)}
-            onChange={(value) => setCondition(value as TriggerOrder["condition"])}
+            onChange={(value) => set({ condition: value as TriggerOrder["condition"] })}
           />
           <NumberField
             {...box}
@@ -124,7 +149,7 @@ function ArmForm() {
             unit={unit}
             value={level}
             entry={fieldEntry("trigger.level", angles)}
-            onChange={setLevel}
+            onChange={(value) => set({ level: value })}
           />
           {window && (
             <NumberField
@@ -135,7 +160,7 @@ function ArmForm() {
               unit={unit}
               value={upper}
               entry={fieldEntry("trigger.upper", angles)}
-              onChange={setUpper}
+              onChange={(value) => set({ upper: value })}
             />
           )}
           <NumberField
@@ -146,7 +171,7 @@ function ArmForm() {
             unit="s"
             value={before_s}
             entry={fieldEntry("trigger.before_s", angles)}
-            onChange={setBefore}
+            onChange={(value) => set({ before_s: value })}
           />
           <NumberField
             {...box}
@@ -156,7 +181,7 @@ function ArmForm() {
             unit="s"
             value={after_s}
             entry={fieldEntry("trigger.after_s", angles)}
-            onChange={setAfter}
+            onChange={(value) => set({ after_s: value })}
           />
           <NumberField
             {...box}
@@ -165,7 +190,7 @@ function ArmForm() {
             w={76}
             value={captures}
             entry={fieldEntry("trigger.captures", angles)}
-            onChange={setCaptures}
+            onChange={(value) => set({ captures: value })}
           />
           <Button
             type="submit"

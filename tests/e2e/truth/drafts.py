@@ -1,0 +1,99 @@
+"""What people type and do not send: drafts of forms, which stay, and number boxes, which are restored and say so.
+
+The robot remembers the text of each box that it filled in as a draft. Wherever that box is in sight again it shows this
+text, after other pages, after reloads, and with another person at work in between, until the draft is discarded.
+"""
+
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from playwright.sync_api import Locator, Page
+
+from tests.e2e.truth.findings import Findings
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box that keeps what is typed: its page, how to find it there, and a text for it by chance."""
+
+    place: str
+    find: Callable[[Page], Locator]
+    text: Callable[[random.Random], str]
+    draft: str | None = None
+    """What the draft is of, as its mark and its button name it; None where the box has no mark."""
+
+
+def _in(region: str, label: str) -> Callable[[Page], Locator]:
+    return lambda page: page.get_by_role("region", name=region, exact=True).get_by_label(label, exact=True)
+
+
+def _setting(form: str, name: str) -> Callable[[Page], Locator]:
+    return lambda page: page.locator(f"form[aria-label='{form}'] [name={name}]")
+
+
+def _number(low: float, high: float, decimals: int) -> Callable[[random.Random], str]:
+    return lambda chance: f"{chance.uniform(low, high):.{decimals}f}"
+
+
+def _study(chance: random.Random) -> str:
+    return f"format: 1\nname: typed_{chance.randrange(1000)}\n"
+
+
+TRACKING = "Tracking of position and stiffness"
+BOXES: Mapping[str, Box] = {
+    "name of an own experiment": Box("experiments", _in("Own experiments", "Name"),
+                                     lambda one: f"own_{one.randrange(999)}", "experiment"),
+    "setting of tracking": Box("experiments", _setting(TRACKING, "S_hold"), _number(9.01, 11.99, 2),
+                               f"settings of {TRACKING.lower()}"),
+    "text of a study": Box("studies", _in("New study", "Text of the study"), _study, "study"),
+    "setting of an identification": Box("identify", _setting("New identification", "levels"),
+                                        lambda one: str(one.randint(3, 9)), "identification"),
+    "push": Box("operate", _in("Push", "Push [N]"), _number(-8.9, 8.9, 1)),
+    "stiffness of a wall": Box("operate", _in("Wall", "Stiffness of the wall [N/m]"), _number(5000, 30000, 0)),
+    "threshold of contacts": Box("operate", _in("Touch", "Gives way from [N]"), _number(2.1, 8.9, 1)),
+    "length of a trial": Box("operate", _in("Changes of the tuning", "Length of the trial [s]"),
+                             lambda one: str(one.randint(3, 9))),
+    "level of a trigger": Box("system", _setting("Trigger", "before_s"), _number(1.1, 4.9, 1)),
+    "note of a run": Box("runs", lambda page: page.get_by_role("textbox", name="Note", exact=True),
+                         lambda one: f"noted {one.randrange(1000)}"),
+}  # fmt: skip
+
+
+class Typed:
+    """What one person typed: the text of each draft, with the address where a box of that name is the same one."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._texts: dict[str, tuple[str, str]] = {}
+
+    def keep(self, name: str, text: str) -> None:
+        self._texts[name] = (_address(self._page), text)
+
+    def forget(self, name: str) -> None:
+        self._texts.pop(name, None)
+
+    def known(self, place: str) -> list[str]:
+        """The drafts of a page."""
+        return [name for name in self._texts if BOXES[name].place == place]
+
+    def lost(self) -> Findings:
+        """What a box in sight shows otherwise than it was typed."""
+        found, address = Findings(), _address(self._page)
+        for name, (where, text) in self._texts.items():
+            box = BOXES[name].find(self._page)
+            if where == address and box.count() == 1:
+                found.same(f"draft: {name}", _plain(box.input_value()), _plain(text))
+        return found
+
+
+def _plain(text: str) -> str:
+    """A number without the zeros at its end, as boxes of forms write it."""
+    try:
+        return f"{float(text):g}"
+    except ValueError:
+        return text
+
+
+def _address(page: Page) -> str:
+    return page.url.partition("#/")[2]
