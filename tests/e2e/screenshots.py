@@ -28,8 +28,10 @@ SHOTS = {"dark": (DESKTOP, "dark"), "tablet": (TABLET, "light"), "phone": (PHONE
 FURTHER = {
     "": (),
     "-viewer": ("dark",),
-    **dict.fromkeys(("-tripped", "-running", "-no-answer", "flight", "sign-in"), ("dark", "tablet", "phone")),
-    **dict.fromkeys(("-run", "-result", "runs-compared"), ("dark", "tablet", "phone", "wide")),
+    **dict.fromkeys(
+        ("-tripped", "-running", "-no-answer", "-result", "flight", "sign-in"), ("dark", "tablet", "phone")
+    ),
+    **dict.fromkeys(("-run", "runs-compared"), ("dark", "tablet", "phone", "wide")),
 }
 """Which of them, by how the name of the state ends; of several ends the last one in the list counts."""
 
