@@ -89,7 +89,7 @@ class Assembled:
     draw: Callable[[], None]
 
 
-def assemble(
+def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those above it
     settings: Settings,
     foundation: Foundation,
     folder: HeldFolder,
