@@ -74,7 +74,7 @@ from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision
-from plant.choice import PlantKind
+from plant.interface import PlantKind
 from plant.parameters import PlantParameters
 
 

@@ -12,7 +12,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
 from backend.station import require_station_name
-from plant.choice import DEFAULT_WIRING, PlantChoice, PlantKind
+from plant.interface import DEFAULT_WIRING, PlantChoice, PlantKind
 
 _PREFIX = "SINEW_"
 _HOST_NAME = re.compile(r"[\w.-]{1,253}", re.ASCII)

@@ -1,14 +1,446 @@
 """The whole plant as one ordinary differential equation, and its integration (classical Runge-Kutta)."""
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from plant.compiled import compiled
-from plant.friction import bristle_after, bristle_rate
-from plant.interface import NO_LOAD, ShaftLoad
-from plant.joint import Joint, elongation_A, elongation_B, joint_acceleration
-from plant.motor import Motor, motor_acceleration, motor_torque_rate
-from plant.obstacle import NO_OBSTACLE, Obstacle, beside
-from plant.spring import Spring, tension
+from plant.interface import NO_LOAD, PlantError, ShaftLoad
+
+# Friction ------------------------------------------------------------------------------------------
+#
+# Dry friction at the gearbox outlet, growing with the tendon load: smoothed Coulomb friction, or
+# LuGre's, that sticks.
+#
+# LuGre: Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with
+# friction" (IEEE TAC 1995). Surfaces meet as bristles of mean deflection z that bend before they
+# slip:
+#
+#     z' = ω − σ_0 |ω| z / g(ω),   τ = σ_0 z + σ_1 z',   g(ω) = F_c + (F_s − F_c) e^(−(ω/ω_s)²),   F_c = c0 + c1 r_m F
+#
+# What is viscous is in the motor's B_m. Whether ``lugre`` is None is known to the compiler, so that
+# the smoothed law runs without the bristles.
+
+
+_NO_TURN = 1e-200
+"""Turns [rad] below leave bristles as they are; the quotient of two such turns would not be a number."""
+
+
+class LuGre(NamedTuple):
+    """Bristles: ``sigma_0`` [N·m/rad] stiff, ``sigma_1`` [N·m·s/rad] damped; F_s/F_c [1]; Stribeck speed [rad/s].
+
+    They turn with the outlet: z is in rad, σ_0 z in N·m.
+    """
+
+    sigma_0: float
+    sigma_1: float
+    stiction_ratio: float
+    omega_s: float
+
+
+class Friction(NamedTuple):
+    """``c0`` [N·m] without load, ``c1`` [1] times the load torque r_m F, smoothed over ``omega_smooth`` [rad/s].
+
+    With ``lugre`` it is not smoothed but sticks.
+    """
+
+    c0: float
+    c1: float
+    omega_smooth: float
+    lugre: LuGre | None
+
+
+@compiled
+def coulomb_torque(friction: Friction, load: float) -> float:
+    """F_c [N·m] under load torque r_m F [N·m]."""
+    return friction.c0 + friction.c1 * load
+
+
+@compiled
+def friction_torque(friction: Friction, omega: float, load: float, z: float) -> float:
+    """Torque [N·m] against the motion at outlet speed omega [rad/s], load torque r_m F [N·m], bristles at z [rad]."""
+    return _torque(friction.lugre, friction.omega_smooth, omega, coulomb_torque(friction, load), z)
+
+
+@compiled
+def bristle_rate(friction: Friction, omega: float, load: float, z: float) -> float:
+    """Z' [rad/s], 0 without bristles."""
+    return _rate(friction.lugre, omega, coulomb_torque(friction, load), z)
+
+
+@compiled
+def bristle_after(
+    friction: Friction, z: float, turned: float, duration_s: float, load: float, load_after: float
+) -> float:
+    """Deflection [rad] after a turn [rad] in ``duration_s`` [s], under a load [N·m] that grows to ``load_after``.
+
+    Exact at constant speed and load. It is the turn that counts: where bristles only bend, they bend by it. They hold
+    no more than F_s of the load at the end.
+    """
+    F_c = coulomb_torque(friction, load)
+    return _after(friction.lugre, z, turned, duration_s, F_c, coulomb_torque(friction, load_after))
+
+
+@compiled
+def _level(lugre: LuGre, omega: float, F_c: float) -> float:
+    """g(ω) [N·m]: friction at constant speed, Stribeck's curve."""
+    return F_c * (1.0 + (lugre.stiction_ratio - 1.0) * math.exp(-((omega / lugre.omega_s) ** 2)))
+
+
+@compiled
+def _torque(lugre: LuGre | None, omega_smooth: float, omega: float, F_c: float, z: float) -> float:
+    if lugre is None:
+        return F_c * math.tanh(omega / omega_smooth)
+    return lugre.sigma_0 * z + lugre.sigma_1 * _rate(lugre, omega, F_c, z)
+
+
+@compiled
+def _rate(lugre: LuGre | None, omega: float, F_c: float, z: float) -> float:
+    if lugre is None:
+        return 0.0
+    return omega - lugre.sigma_0 * abs(omega) * z / _level(lugre, omega, F_c)
+
+
+@compiled
+def _after(lugre: LuGre | None, z: float, turned: float, duration_s: float, F_c: float, F_c_after: float) -> float:
+    if lugre is None:
+        return z
+    after = z
+    if abs(turned) > _NO_TURN:
+        speed, way = turned / duration_s, math.copysign(1.0 / lugre.sigma_0, turned)
+        level, level_after = _level(lugre, speed, F_c), _level(lugre, speed, F_c_after)
+        slips = lugre.sigma_0 * abs(turned) / (0.5 * (level + level_after))
+        forgets = math.expm1(-slips)
+        # The second part: slipping bristles follow a level that changes; without it friction is off by per cents.
+        after = z + (z - way * level) * forgets + way * (level_after - level) * (slips + forgets) / slips
+    # A tendon that lets go relieves bristles faster than they slip; left bent they would drive the motor by σ_1 z'.
+    most = lugre.stiction_ratio * F_c_after / lugre.sigma_0
+    return min(max(after, -most), most)
+
+
+# Motor ---------------------------------------------------------------------------------------------
+#
+# The geared DC motor: equations 6-9 at the gearbox outlet.
+
+
+class Motor(NamedTuple):
+    """Constants at the gearbox outlet.
+
+    ``J_m`` [kg·m²], ``B_m`` [N·m·s/rad] with the back-EMF in it, ``K_t`` [N·m/V] = μ N K_mu / R,
+    ``tau_e`` [s] = L/R, and the friction.
+    """
+
+    J_m: float
+    B_m: float
+    K_t: float
+    tau_e: float
+    friction: Friction
+
+
+@compiled
+def motor_torque_rate(motor: Motor, tau: float, u: float) -> float:
+    """D tau_m/dt [N·m/s]: tau_m = K_t/(L/R s + 1) u (equations 8, 9)."""
+    return (motor.K_t * u - tau) / motor.tau_e
+
+
+@compiled
+def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: float) -> float:
+    """Theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m (equations 6, 7), bristles at z [rad]."""
+    return (tau - motor.B_m * omega - load - friction_torque(motor.friction, omega, load, z)) / motor.J_m
+
+
+# Root ----------------------------------------------------------------------------------------------
+#
+# Roots of rising functions, without SciPy: the tick may not need it, and loading it takes longer
+# than most runs.
+
+
+def root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Root of a function that rises between low and high, by bisection to the last bit."""
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
+    return high
+
+
+# Spring --------------------------------------------------------------------------------------------
+#
+# The non-linear tendon spring: tension over elongation (equations 3-4), slack below, solid above.
+#
+# A spring is a polynomial or, where ``pieces`` is given, a table joined by cubics. Whether
+# ``pieces`` is None is known to the compiler, so that the polynomial runs without the table's
+# search.
+
+
+class Spring(NamedTuple):
+    """A spring ready for the compiled functions; ``polynomial_spring`` and ``tabulated_spring`` make it.
+
+    ``k`` [N/m^i], lowest power first. ``pieces`` (n, 5): where a piece starts [m], then its polynomial of the
+    elongation counted from there. ``x_slack`` [m] is the root of zero force, ``x_solid`` [m] where the coils touch,
+    ``F_solid`` [N] the force there and ``k_solid`` [N/m] the slope beyond.
+    """
+
+    k: tuple[float, ...]
+    pieces: NDArray[np.float64] | None
+    x_slack: float
+    x_solid: float
+    F_solid: float
+    k_solid: float
+
+
+@compiled
+def _derivative(k: tuple[float, ...], s: float, order: int) -> float:
+    """Differentiate a polynomial ``order`` times, 0 to 2; Horner's rule."""
+    total = 0.0
+    for power in range(len(k) - 1, order - 1, -1):
+        factor = 1.0
+        for down in range(order):
+            factor *= power - down
+        total = total * s + factor * k[power]
+    return total
+
+
+@compiled
+def _curve(k: tuple[float, ...], pieces: NDArray[np.float64] | None, x: float, order: int) -> float:
+    if pieces is None:
+        return _derivative(k, x, order)
+    low, high = 0, pieces.shape[0]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x < pieces[middle, 0]:
+            high = middle
+        else:
+            low = middle
+    piece = (pieces[low, 1], pieces[low, 2], pieces[low, 3], pieces[low, 4])
+    return _derivative(piece, x - pieces[low, 0], order)
+
+
+@compiled
+def polynomial(spring: Spring, x: float) -> float:
+    """Force [N] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
+    return _curve(spring.k, spring.pieces, x, 0)
+
+
+@compiled
+def slope(spring: Spring, x: float) -> float:
+    """F'(x) [N/m] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
+    return _curve(spring.k, spring.pieces, x, 1)
+
+
+@compiled
+def curvature(spring: Spring, x: float) -> float:
+    """F''(x) [N/m²] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
+    return _curve(spring.k, spring.pieces, x, 2)
+
+
+@compiled
+def tension(spring: Spring, x: float) -> float:
+    """Force in the tendon [N] at elongation x [m]: never pushes, steep once the spring is solid."""
+    if x <= spring.x_slack:
+        return 0.0
+    if x > spring.x_solid:
+        return spring.F_solid + spring.k_solid * (x - spring.x_solid)
+    return polynomial(spring, x)
+
+
+@compiled
+def tension_slope(spring: Spring, x: float) -> float:
+    """dF/dx [N/m] of ``tension``: zero while slack, ``k_solid`` when solid."""
+    if x <= spring.x_slack:
+        return 0.0
+    if x > spring.x_solid:
+        return spring.k_solid
+    return slope(spring, x)
+
+
+def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: float) -> Spring:
+    """Spring F(x) = k0 + k1 x + k2 x² + ... (coefficients lowest power first).
+
+    Raises ValueError where the curve has no zero-force root below ``x_solid`` or does not rise from there on.
+    """
+    curve = np.polynomial.Polynomial(coefficients)
+    x = np.linspace(-x_solid, x_solid, 4001)
+    negative = np.flatnonzero(curve(x) <= 0.0)
+    if negative.size == 0 or negative[-1] == x.size - 1:
+        raise ValueError(f"the spring polynomial has no zero-force root below x_solid = {x_solid:g} m")
+    below = int(negative[-1])
+    x_slack = root(lambda value: float(curve(value)), float(x[below]), float(x[below + 1]))
+    falling = np.flatnonzero(curve.deriv()(x[below + 1 :]) <= 0.0)
+    if falling.size:
+        at = x[below + 1 + int(falling[0])]
+        raise ValueError(f"the spring polynomial must rise up to x_solid = {x_solid:g} m, but falls at x = {at:.4f} m")
+    k = tuple(float(coefficient) for coefficient in coefficients)
+    return Spring(k, None, x_slack, x_solid, float(curve(x_solid)), k_solid)
+
+
+def require_stiffening(spring: Spring) -> None:
+    """Raise ValueError unless F' rises all the way from slack to solid: else stiffness could not be set by tension."""
+    x = np.linspace(spring.x_slack, spring.x_solid, 2001)[1:-1]
+    slopes = np.array([slope(spring, value) for value in x])
+    flat = np.flatnonzero(np.diff(slopes) <= 1e-9 * slopes[-1])
+    if flat.size:
+        raise ValueError(
+            f"the spring does not stiffen at x = {x[flat[0]]:.4f} m, so that tension cannot set the joint's stiffness "
+            "there: fit a polynomial of order 2, or give fewer and smoother points"
+        )
+
+
+def elongation(spring: Spring, F: float) -> float:
+    """Elongation [m] at which the taut spring carries F [N], 0 < F <= force at ``x_solid``; else ValueError."""
+    if not 0.0 < F <= spring.F_solid:
+        raise ValueError(
+            f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor solid"
+        )
+    return root(lambda x: polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
+
+
+# Joint ---------------------------------------------------------------------------------------------
+#
+# The joint: tendon elongations, torque balance, stiffness (equations 1, 2, 5, 13-16).
+
+
+class Joint(NamedTuple):
+    """``r_m``, ``r_j`` [m], ``J_j`` [kg·m²], ``B_j`` [N·m·s/rad]."""
+
+    r_m: float
+    r_j: float
+    J_j: float
+    B_j: float
+
+
+@compiled
+def elongation_A(joint: Joint, theta_A: float, q: float) -> float:
+    """Elongation of spring A [m] (equation 1)."""
+    return joint.r_m * theta_A - joint.r_j * q
+
+
+@compiled
+def elongation_B(joint: Joint, theta_B: float, q: float) -> float:
+    """Elongation of spring B [m] (equation 2)."""
+    return joint.r_m * theta_B + joint.r_j * q
+
+
+@compiled
+def joint_acceleration(joint: Joint, q_dot: float, F_A: float, F_B: float, tau_ext: float) -> float:
+    """Q'' [rad/s²]: J_j q'' + B_j q' = r_j (F_A − F_B) + tau_ext (equations 5, 13)."""
+    return (joint.r_j * (F_A - F_B) + tau_ext - joint.B_j * q_dot) / joint.J_j
+
+
+@compiled
+def joint_stiffness(joint: Joint, spring_A: Spring, spring_B: Spring, x_A: float, x_B: float) -> float:
+    """S = −∂φ/∂q = r_j² (F_A'(x_A) + F_B'(x_B)) [N·m/rad] (equation 14; exact off equilibrium too, erratum E4)."""
+    return joint.r_j**2 * (tension_slope(spring_A, x_A) + tension_slope(spring_B, x_B))
+
+
+# Obstacle ------------------------------------------------------------------------------------------
+#
+# An obstacle in the joint's way: a wall that gives way like a spring with damping, and never pulls.
+# Pure.
+#
+# The contact law is that of Hunt and Crossley (1975), linear in the depth: F = k δ (1 + c δ') while
+# δ > 0 and never below 0. Its force begins and ends at 0, where a spring with a damper beside it
+# jumps at the touch and sticks at the end. On a rate of approach v it gives back the speed -w with
+# c v − ln(1 + c v) = −c w − ln(1 − c w), whatever stiffness and mass.
+
+
+class Obstacle(NamedTuple):
+    """A wall at ``q_wall`` [rad]. ``side``: 1 stands above it and lets the joint be below, -1 below, 0 is no wall.
+
+    ``k_wall`` [N/m] is its stiffness and ``c_wall`` [s/m] its damping, both where the tendon runs, tangential at r_j.
+    """
+
+    side: float
+    q_wall: float
+    k_wall: float
+    c_wall: float
+
+
+NO_OBSTACLE = Obstacle(0.0, 0.0, 0.0, 0.0)
+
+
+@runtime_checkable
+class Obstructed(Protocol):
+    """A plant in whose way a wall can be put (what is simulated)."""
+
+    def obstacle(self, obstacle: Obstacle | None) -> None:
+        """Put a wall in the joint's way from the next period on, None takes it away. PlantError for what cannot be."""
+        ...
+
+
+K_LEAST = 100.0
+"""Least stiffness of a wall [N/m]; a softer one would let the whole joint's range through."""
+
+STEP_ANGLE = 0.15
+"""Largest angle [rad] by which the undamped joint at the wall oscillates in an integration step: 21 in each contact."""
+
+
+@compiled
+def contact_force(obstacle: Obstacle, joint: Joint, q: float, q_dot: float) -> float:
+    """Force [N] of the wall on the joint at r_j, positive towards +q; 0 without contact and without a wall."""
+    depth = joint.r_j * obstacle.side * (q - obstacle.q_wall)
+    if depth <= 0.0 or obstacle.side == 0.0:
+        return 0.0
+    pressed = obstacle.k_wall * depth * (1.0 + obstacle.c_wall * joint.r_j * obstacle.side * q_dot)
+    return -obstacle.side * max(pressed, 0.0)
+
+
+@compiled
+def beside(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, tau_ext: float) -> float:
+    """Return the external joint torque [N·m] with the wall's; to the last bit what it was where there is none."""
+    if obstacle.side == 0.0:
+        return tau_ext
+    return tau_ext + joint.r_j * contact_force(obstacle, joint, q, q_dot)
+
+
+def stiffest(joint: Joint, step_s: float) -> float:
+    """Stiffness [N/m] of the wall at which the joint alone turns its phase by STEP_ANGLE in a step of the integration.
+
+    With m = J_j/r_j² it oscillates at √(k/m); the Runge-Kutta steps are stable up to an angle of 2.8 and off by less
+    than a thousandth of the peak up to this one.
+    """
+    return joint.J_j / joint.r_j**2 * (STEP_ANGLE / step_s) ** 2
+
+
+def most_damped(joint: Joint, F_max: float, step_s: float) -> float:
+    """Damping [s/m] that brakes the joint, pressed by F_max [N], with a time constant of one step: c F = m/h."""
+    return joint.J_j / (joint.r_j**2 * step_s * F_max)
+
+
+def require_possible(obstacle: Obstacle, joint: Joint, F_max: float, q_max: float, step_s: float) -> None:
+    """Raise PlantError for a wall that cannot be, or that steps of ``step_s`` [s] do not resolve on this joint."""
+    if obstacle.side not in (-1.0, 1.0):
+        raise PlantError(f"side of the wall: {obstacle.side:g} is neither 1 (above q_wall) nor -1 (below it)")
+    k_max, c_max = stiffest(joint, step_s), most_damped(joint, F_max, step_s)
+    for words, value, low, high, unit, remedy in (
+        ("angle of the wall", obstacle.q_wall, -q_max, q_max, "rad", "the safety module stops the joint there"),
+        (
+            "stiffness of the wall",
+            obstacle.k_wall,
+            K_LEAST,
+            k_max,
+            "N/m",
+            "the simulator's steps resolve no stiffer one",
+        ),
+        ("damping of the wall", obstacle.c_wall, 0.0, c_max, "s/m", "the simulator's steps resolve no stronger one"),
+    ):
+        if not (math.isfinite(value) and low <= value <= high):
+            raise PlantError(f"{words}: {value:g} {unit} is outside {low:.6g} to {high:.6g} {unit}; {remedy}")
+
+
+def require_free(obstacle: Obstacle, q: float) -> None:
+    """Raise PlantError for a wall that would stand where the joint is [rad]: it would be thrown out."""
+    if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
+        where = "above" if obstacle.side < 0.0 else "below"
+        raise PlantError(
+            f"the joint stands at {q:.4g} rad, in a wall at {obstacle.q_wall:.4g} rad: bring it {where} that first, "
+            "or put the wall elsewhere"
+        )
+
+
+# Dynamics ------------------------------------------------------------------------------------------
+
 
 SUBSTEPS = 4
 """Runge-Kutta steps per sampling period: 0.25 ms against a fastest time constant of 2 ms."""
@@ -173,3 +605,57 @@ def advance(
         x.z_A,
         x.z_B,
     )
+
+
+# Spring table --------------------------------------------------------------------------------------
+#
+# A spring from measured points, joined by a curve that rises wherever the points do.
+
+
+Array = NDArray[np.float64]
+
+
+def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spring:
+    """Spring through measured points (elongation [m], force [N]) by monotone cubic interpolation (Fritsch-Carlson).
+
+    The first point is at zero force; ``x_solid``, where the coils touch, lies inside the table. Raises ValueError for
+    points that do not rise.
+    """
+    if x.ndim != 1 or x.shape != F.shape or x.size < 3:
+        raise ValueError(
+            f"a spring table needs two columns of equal length, 3 rows or more; got {x.shape} and {F.shape}"
+        )
+    if not (np.all(np.isfinite(x)) and np.all(np.isfinite(F))):
+        raise ValueError("the spring table holds values that are not finite: remove those rows")
+    wrong = np.flatnonzero((np.diff(x) <= 0.0) | (np.diff(F) <= 0.0))
+    if wrong.size:
+        raise ValueError(
+            f"elongation [m] and force [N] of the spring table must both rise from row to row, but do not after "
+            f"row {wrong[0] + 1}: ({x[wrong[0]]:g} m, {F[wrong[0]]:g} N)"
+        )
+    if abs(F[0]) > 1e-9:
+        raise ValueError(f"the spring table must begin at zero force, not {F[0]:g} N")
+    if not x[0] < x_solid <= x[-1]:
+        raise ValueError(f"x_solid = {x_solid:g} m lies outside the spring table, {x[0]:g} to {x[-1]:g} m")
+    h, secant = np.diff(x), np.diff(F) / np.diff(x)
+    at_node = _monotone_slopes(h, secant)
+    left, right = at_node[:-1], at_node[1:]
+    pieces = np.column_stack(
+        (x[:-1], F[:-1], left, (3.0 * secant - 2.0 * left - right) / h, (left + right - 2.0 * secant) / h**2)
+    )
+    no_polynomial = (0.0,)
+    spring = Spring(no_polynomial, pieces, float(x[0]), x_solid, 0.0, k_solid)
+    return spring._replace(F_solid=polynomial(spring, x_solid))
+
+
+def _monotone_slopes(h: Array, secant: Array) -> Array:
+    """Slopes at the nodes of a table: weighted harmonic means inside, limited three-point formula at the ends."""
+    w_left, w_right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
+    inner = (w_left + w_right) / (w_left / secant[:-1] + w_right / secant[1:])
+
+    def end(h0: float, h1: float, s0: float, s1: float) -> float:
+        return min(max(((2.0 * h0 + h1) * s0 - h0 * s1) / (h0 + h1), 0.0), 3.0 * s0)
+
+    first = end(h[0], h[1], secant[0], secant[1])
+    last = end(h[-1], h[-2], secant[-1], secant[-2])
+    return np.concatenate(([first], inner, [last]))

@@ -1,9 +1,79 @@
 """What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
 
 import math
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from plant.breakage import Broken
+# Breakage ------------------------------------------------------------------------------------------
+#
+# Faults to order, by name: what a plant may be asked to break, so that every reaction of the loop
+# can be tried.
+
+
+class Sensor(StrEnum):
+    """A reading of the plant, by its name in ``Measurement``."""
+
+    Q = "q"
+    THETA_A = "theta_A"
+    THETA_B = "theta_B"
+    F_A = "F_A"
+    F_B = "F_B"
+
+
+class Breakage(StrEnum):
+    """What breaks. The first five are about one sensor; those from LATE to WATCHDOG_DEATH and LOST_SAMPLE happen once.
+
+    All others last until they are mended. From DEVICE_GONE on only a card has them: they are tried on the virtual card.
+    """
+
+    NO_NUMBER = "no_number"
+    STUCK = "stuck"
+    JUMP = "jump"
+    DRIFT_UP = "drift_up"
+    DRIFT_DOWN = "drift_down"
+    READ_ERROR = "read_error"
+    WRITE_ERROR = "write_error"
+    LATE = "late"
+    HANG = "hang"
+    SAFETY_TRIP = "safety_trip"
+    WATCHDOG_DEATH = "watchdog_death"
+    DEVICE_GONE = "device_gone"
+    BUFFER_OVERRUN = "buffer_overrun"
+    LOST_SAMPLE = "lost_sample"
+    SATURATION = "saturation"
+    LOST_COUNTS = "lost_counts"
+    SWAPPED_LOAD_CELLS = "swapped_load_cells"
+    SWAPPED_ENCODERS = "swapped_encoders"
+    SWAPPED_MOTORS = "swapped_motors"
+
+
+@dataclass(frozen=True)
+class Broken:
+    """One thing to break; ``sensor`` counts where ``kind`` is about a sensor."""
+
+    kind: Breakage
+    sensor: Sensor = Sensor.Q
+
+    @property
+    def words(self) -> str:
+        """What is broken, as a person reads it: "drift up of θ_A"."""
+        kind = str(self.kind).replace("_", " ")
+        named = self.kind in (*ON_SENSORS, *_AT_TERMINALS)
+        return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if named else kind
+
+
+ONLY_OF_A_CARD = tuple(Breakage)[tuple(Breakage).index(Breakage.DEVICE_GONE) :]
+"""What a simulator without a card does not have."""
+
+ON_SENSORS = (Breakage.NO_NUMBER, Breakage.STUCK, Breakage.JUMP, Breakage.DRIFT_UP, Breakage.DRIFT_DOWN)
+"""What is done to one reading on its way to the loop."""
+
+_AT_TERMINALS = (Breakage.SATURATION, Breakage.LOST_COUNTS)
+
+
+# Interface -----------------------------------------------------------------------------------------
+
 
 T_s = 1e-3
 """Sampling period of everything [s] (method section 1)."""
@@ -85,7 +155,7 @@ class Plant(Protocol):
     ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
     waits, a rig moves on. ``description`` says what is driven and how it is timed, for people; it is complete once the
     plant is open. ``raw`` is what the newest measurement was made from. ``unready`` says why the plant may not be
-    controlled yet and what to do; empty when it may. ``plant/contract.py`` checks all of it.
+    controlled yet and what to do; empty when it may. ``plant/conformance.py`` checks all of it.
     """
 
     paces_loop: bool
@@ -184,3 +254,57 @@ class EndSwitched(Protocol):
     def unproven(self) -> str:
         """Why its motors may not be driven yet, even where no position is known; empty where they may."""
         ...
+
+
+# Choice --------------------------------------------------------------------------------------------
+#
+# Which plant is to be driven, as one says it at the start and as every run remembers it.
+
+
+DEFAULT_WIRING = "pcie-6323"
+
+NAME_MAX = 100
+"""Longest name of a plant [characters]: every run remembers it whole."""
+
+FILE_NAME_MAX = 200
+"""Longest name of a file with parameters or a wiring [characters], without its ending: runs remember it whole."""
+
+
+class PlantKind(StrEnum):
+    """What is behind the Plant interface."""
+
+    SIMULATOR = "simulator"
+    RIG = "rig"
+    VIRTUAL_CARD = "virtual_card"
+    REPLAY = "replay"
+    PACKAGE = "package"
+
+
+@dataclass(frozen=True)
+class PlantChoice:
+    """One plant: ``wiring`` and ``address`` (of a device server) count for a card, the others for their kind.
+
+    ``recording`` is a file, ``package`` the name of an entry point of the group ``sinew.plants``.
+    """
+
+    kind: PlantKind = PlantKind.SIMULATOR
+    wiring: str = DEFAULT_WIRING
+    address: str = ""
+    recording: str = ""
+    package: str = ""
+
+    @property
+    def name(self) -> str:
+        """What a run remembers, and what stands on badge, report and export."""
+        return self.package if self.kind is PlantKind.PACKAGE else str(self.kind).replace("_", " ")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether what moves is computed: it can be pushed, and broken to order."""
+        return self.kind in (PlantKind.SIMULATOR, PlantKind.VIRTUAL_CARD)
+
+
+SIMULATOR = PlantChoice()
+
+SIMULATED = frozenset(choice.name for kind in PlantKind if (choice := PlantChoice(kind)).simulated)
+"""Names of the plants of which every run has a seed."""

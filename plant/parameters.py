@@ -4,32 +4,286 @@
 ``motor_B`` gives entries of ``motor`` that differ on side B.
 """
 
+import math
 import tomllib
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
-from plant.choice import FILE_NAME_MAX
-from plant.dynamics import Dynamics
-from plant.joint import Joint
-from plant.motor import Motor
-from plant.parameter_entries import ParameterError as ParameterError
-from plant.parameter_entries import Value, completed, read_section
-from plant.parameter_sections import (
-    SECTIONS,
-    SIDED,
-    SIDES,
-    Asymmetry,
-    Geometry,
-    Identified,
-    MotorParameters,
-    Safety,
-    Sensors,
-    Side,
-    SpringParameters,
+import numpy as np
+
+from plant.dynamics import (
+    SUBSTEPS,
+    Dynamics,
+    Friction,
+    Joint,
+    LuGre,
+    Motor,
+    Spring,
+    polynomial_spring,
+    require_stiffening,
+    tabulated_spring,
 )
-from plant.spring import Spring, require_stiffening
-from plant.stiction_checks import require_stiction
+from plant.interface import FILE_NAME_MAX, T_s
+
+# Parameter entries ---------------------------------------------------------------------------------
+#
+# Reading one section of a parameter file: each number with unit and source, refused by name when
+# out of bounds.
+
+
+Value = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
+
+
+class ParameterError(ValueError):
+    """A parameter file is missing, incomplete or out of bounds; the message names the entry and the remedy."""
+
+
+def quantity(unit: str, minimum: float = -math.inf, maximum: float = math.inf) -> Any:
+    """Field of a section: a number, or a list of numbers, with its unit and bounds."""
+    return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None})
+
+
+def zero_if_left_out(unit: str, minimum: float, maximum: float) -> Any:
+    """Field of a section: a number with its unit and bounds, or left out."""
+    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "optional": True, "width": None}
+    return field(default=0.0, metadata=metadata)
+
+
+def alternative(unit: str, width: int | None = None) -> Any:
+    """Field of a section that may be left out: a list of numbers, or of rows of ``width`` numbers."""
+    return field(metadata={"unit": unit, "minimum": -math.inf, "maximum": math.inf, "optional": True, "width": width})
+
+
+def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[str, Value], dict[str, str]]:
+    """Return what the table of a section gives: values and sources by entry. Raises ParameterError."""
+    known = {entry.name: entry for entry in fields(kind)}
+    if not isinstance(table, dict):
+        raise ParameterError(f"{file}: {section} = {table!r} must be a section: [{section}]")
+    values: dict[str, Value] = {}
+    sources: dict[str, str] = {}
+    for name, given in table.items():
+        if name not in known:
+            raise ParameterError(f"{file}: unknown entry {section}.{name}; known are {', '.join(known)}")
+        label, entry = f"{file}: {section}.{name}", known[name]
+        if not isinstance(given, dict) or set(given) != {"value", "unit", "source"}:
+            raise ParameterError(_wanted(label, entry))
+        if given["unit"] != entry.metadata["unit"]:
+            raise ParameterError(f"{label} is in {given['unit']!r}: give it in {entry.metadata['unit']!r}")
+        values[name] = _value(label, given["value"], entry)
+        sources[name] = str(given["source"])
+    return values, sources
+
+
+def completed(file: str, section: str, kind: type, values: dict[str, Value]) -> dict[str, Value]:
+    """Return all entries of a section, those left out that may be as () or their default. Raises ParameterError."""
+    for entry in fields(kind):
+        if entry.name not in values and not entry.metadata["optional"]:
+            raise ParameterError(_wanted(f"{file}: {section}.{entry.name}", entry))
+    defaults: dict[str, Value] = {item.name: () if item.default is MISSING else item.default for item in fields(kind)}
+    return defaults | values
+
+
+def _wanted(label: str, entry: "Field[Any]") -> str:
+    return f'{label} must read {{ value = ..., unit = "{entry.metadata["unit"]}", source = "..." }}'
+
+
+def _value(label: str, value: Any, entry: "Field[Any]") -> Value:
+    if entry.type is float:
+        return _number(label, value, entry)
+    width = entry.metadata["width"]
+    if not isinstance(value, list) or not value:
+        raise ParameterError(f"{label} = {value!r} must be a list of {'numbers' if width is None else 'rows'}")
+    if width is None:
+        return tuple(_number(label, item, entry) for item in value)
+    for row in value:
+        if not isinstance(row, list) or len(row) != width:
+            raise ParameterError(f"{label}: row {row!r} must hold {width} numbers [{entry.metadata['unit']}]")
+    return tuple(tuple(_number(label, item, entry) for item in row) for row in value)
+
+
+def _number(label: str, value: Any, entry: "Field[Any]") -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ParameterError(f"{label} = {value!r} is not a finite number")
+    low, high, unit = entry.metadata["minimum"], entry.metadata["maximum"], entry.metadata["unit"]
+    if not low <= value <= high:
+        raise ParameterError(f"{label} = {value:g} {unit} is outside {low:g} to {high:g} {unit}")
+    return float(value)
+
+
+# Parameter sections --------------------------------------------------------------------------------
+#
+# The sections of a parameter file: frozen dataclasses, each entry with its unit and its bounds.
+
+
+Side = Literal["A", "B"]
+SIDES: tuple[Side, ...] = get_args(Side)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Reel and pulley radii, joint inertia and damping, joint range (±)."""
+
+    r_m: float = quantity("m", 1e-4, 1.0)
+    r_j: float = quantity("m", 1e-3, 1.0)
+    J_j: float = quantity("kg·m²", 1e-7, 10.0)
+    B_j: float = quantity("N·m·s/rad", 0.0, 100.0)
+    q_max: float = quantity("rad", 0.01, 10.0)
+
+
+@dataclass(frozen=True)
+class SpringParameters:
+    """Force over elongation, as a polynomial (lowest power first) or as measured points, and where it turns solid."""
+
+    k: tuple[float, ...] = alternative("N/m^i")
+    points: tuple[tuple[float, ...], ...] = alternative("m, N", width=2)
+    x_solid: float = quantity("m", 1e-3, 1.0)
+    k_solid: float = quantity("N/m", 1.0, 1e6)
+
+    def spring(self, factor: float = 1.0) -> Spring:
+        """Spring with its force multiplied by ``factor``. Raises ValueError."""
+        if self.points:
+            x, F = np.array(self.points).T
+            return tabulated_spring(x, factor * F, self.x_solid, self.k_solid)
+        return polynomial_spring(tuple(factor * k for k in self.k), self.x_solid, self.k_solid)
+
+
+@dataclass(frozen=True)
+class MotorParameters:
+    """Geared motor seen at the gearbox outlet (equations 8, 9, 17), Coulomb friction, output range (±).
+
+    The last four make friction stick (LuGre); without ``sigma_0``, or where it is 0, it is smoothed.
+    """
+
+    K_m: float = quantity("rad/(V·s)", 1e-3, 1e3)
+    T_m: float = quantity("s", 1e-3, 10.0)
+    K_t: float = quantity("N·m/V", 1e-4, 1e3)
+    tau_e: float = quantity("s", 1e-3, 0.1)
+    c0: float = quantity("N·m", 0.0, 10.0)
+    c1: float = quantity("1", 0.0, 0.9)
+    omega_smooth: float = quantity("rad/s", 1e-3, 1.0)
+    u_max: float = quantity("V", 0.1, 10.0)
+    sigma_0: float = zero_if_left_out("N·m/rad", 0.0, 1e5)
+    sigma_1: float = zero_if_left_out("N·m·s/rad", 0.0, 1e3)
+    stiction_ratio: float = zero_if_left_out("1", 1.0, 10.0)
+    omega_s: float = zero_if_left_out("rad/s", 1e-4, 10.0)
+
+    def motor(self, factor: float = 1.0) -> Motor:
+        """Motor with its torque constant multiplied by ``factor``."""
+        B_m = self.K_t / self.K_m
+        lugre = LuGre(self.sigma_0, self.sigma_1, self.stiction_ratio, self.omega_s) if self.sigma_0 > 0.0 else None
+        friction = Friction(self.c0, self.c1, self.omega_smooth, lugre)
+        return Motor(B_m * self.T_m, B_m, factor * self.K_t, self.tau_e, friction)
+
+    @property
+    def stiction(self) -> float:
+        """Torque that breaks it away, per Coulomb friction [1]; 1 where friction is smoothed."""
+        return self.stiction_ratio if self.sigma_0 > 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What the controller knows of the motor (equation 17) and of the spring: results of their identification."""
+
+    K_m: float = quantity("rad/(V·s)", 1e-3, 1e3)
+    T_m: float = quantity("s", 1e-3, 10.0)
+    k: tuple[float, ...] = alternative("N/m^i")
+    points: tuple[tuple[float, ...], ...] = alternative("m, N", width=2)
+
+
+@dataclass(frozen=True)
+class Asymmetry:
+    """Factors on the force of each spring and on the torque constant of each motor."""
+
+    spring_A: float = quantity("1", 0.5, 2.0)
+    spring_B: float = quantity("1", 0.5, 2.0)
+    motor_A: float = quantity("1", 0.5, 2.0)
+    motor_B: float = quantity("1", 0.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Encoder counts per revolution (0: exact), load cell delay and noise, converter resolution (0: exact)."""
+
+    joint_counts: float = quantity("1/rev", 0.0, 1e7)
+    motor_counts: float = quantity("1/rev", 0.0, 1e7)
+    force_delay: float = quantity("s", 0.0, 0.060)
+    force_noise: float = quantity("N", 0.0, 10.0)
+    converter_bits: float = quantity("1", 0.0, 24.0)
+
+    @property
+    def joint_step(self) -> float:
+        """One count of the joint encoder [rad], 0 where it is exact."""
+        return 2.0 * math.pi / self.joint_counts if self.joint_counts else 0.0
+
+    @property
+    def motor_step(self) -> float:
+        """One count of a motor encoder [rad], 0 where it is exact."""
+        return 2.0 * math.pi / self.motor_counts if self.motor_counts else 0.0
+
+
+@dataclass(frozen=True)
+class Safety:
+    """Bound of the independent safety module on tendon force; the joint's is ``Geometry.q_max``."""
+
+    F_max: float = quantity("N", 1.0, 1e4)
+
+
+SECTIONS: dict[str, type] = {
+    "geometry": Geometry,
+    "spring": SpringParameters,
+    "motor": MotorParameters,
+    "identified": Identified,
+    "asymmetry": Asymmetry,
+    "sensors": Sensors,
+    "safety": Safety,
+}
+SIDED: dict[str, type] = {
+    f"{name}_{side}": SECTIONS[name] for name in ("spring", "motor", "identified") for side in SIDES
+}
+
+
+# Stiction checks -----------------------------------------------------------------------------------
+#
+# What a motor's numbers must have in common for its friction to stick.
+
+
+_COMPANIONS = ("sigma_1", "stiction_ratio", "omega_s")
+
+
+def require_stiction(label: str, motor: MotorParameters, *, given: bool) -> None:
+    """Raise ParameterError for friction that can neither stick nor be smoothed; ``given``: sigma_0 was, maybe as 0."""
+    if motor.sigma_0 == 0.0:
+        alone = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
+        if alone and not given:
+            raise ParameterError(
+                f"{label}.sigma_0 is missing, without which {' and '.join(alone)} say nothing: give it, 0 for smoothed "
+                "Coulomb friction"
+            )
+        return
+    for name in ("stiction_ratio", "omega_s"):
+        if getattr(motor, name) == 0.0:
+            raise ParameterError(f"{label}.{name} is missing: with sigma_0 above 0 friction sticks, and needs it")
+    if motor.c0 == 0.0:
+        raise ParameterError(
+            f"{label}.c0 = 0 N·m with sigma_0 above 0: a slack tendon leaves nothing to stick by, give c0 above 0"
+        )
+    _require_steps_short_enough(label, motor)
+
+
+def _require_steps_short_enough(label: str, motor: MotorParameters) -> None:
+    """Refuse bristles on which the motor swings faster than a Runge-Kutta step can follow."""
+    at_most, J_m = SUBSTEPS / T_s, motor.motor().J_m
+    for name, rate in (("sigma_0", math.sqrt(motor.sigma_0 / J_m)), ("sigma_1", motor.sigma_1 / J_m)):
+        if rate > at_most:
+            raise ParameterError(
+                f"{label}.{name} = {getattr(motor, name):g} on a motor of {J_m:.3g} kg·m² is {rate:.3g}/s fast, above "
+                f"the {at_most:g}/s that the simulator's steps resolve: lower it"
+            )
+
+
+# Parameters ----------------------------------------------------------------------------------------
+
 
 SHIPPED = ("ideal", "lab", "lab-stick")
 

@@ -1,12 +1,197 @@
 """A recording played back as a Plant: what was measured comes again, whatever is written."""
 
-from typing import NamedTuple
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plant.breakage import Broken
-from plant.interface import NO_RAW, Measurement, MotorCommand, PlantError, RawReading, ShaftLoad, require_numbers
-from plant.recording import Recording
+from plant.interface import (
+    NO_RAW,
+    Broken,
+    Measurement,
+    MotorCommand,
+    PlantError,
+    RawReading,
+    ShaftLoad,
+    T_s,
+    require_numbers,
+)
+
+# Recording -----------------------------------------------------------------------------------------
+#
+# A recording as a file: what ``sinew runs export`` and the downloads write, CSV or Parquet, read
+# and looked over.
+
+
+Signal = NDArray[np.float64]
+
+UNITS = {"t": "s", "q": "rad", "theta_A": "rad", "theta_B": "rad", "F_A": "N", "F_B": "N", "u_A": "V", "u_B": "V"}
+"""Columns that a recording has to have, with their units."""
+
+FURTHER = ("S_true", "F_push", "F_wall", "V_A", "V_B", "n_q", "n_A", "n_B", "fault")
+"""Columns that are used where they are there; else nan, and 0 for ``F_push`` and ``fault``."""
+
+_MEASURED = ("q", "theta_A", "theta_B", "F_A", "F_B")
+_LARGEST = {"q": np.pi, "u_A": 10.0, "u_B": 10.0}
+_JITTER = 0.1
+"""Part of a period that two times may be off."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Samples by column name, shape (N,) each, one every millisecond; further columns of the file as they are."""
+
+    path: Path
+    columns: dict[str, Signal]
+
+    def __len__(self) -> int:
+        return int(self.columns["t"].size)
+
+    @property
+    def duration_s(self) -> float:
+        """How long it is [s]."""
+        return len(self) * T_s
+
+
+_looked_over: dict[Path, tuple[tuple[int, int], Recording]] = {}
+"""What was read before it is asked for, with time of change [ns] and size [bytes] of the file."""
+
+
+def look_over(path: str | Path) -> None:
+    """Read a recording ahead of the next ``load_recording`` of this process. Raises PlantError as that does."""
+    path = Path(path)
+    _looked_over[path] = _stamp(path), _read(path)
+
+
+def load_recording(path: str | Path) -> Recording:
+    """Read a recording. Raises PlantError that says what is wrong with the file, where, and what it has to hold."""
+    path = Path(path)
+    stamp, recording = _looked_over.pop(path, (None, None))
+    return recording if recording is not None and stamp == _stamp(path) else _read(path)
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0  # reading it says what is wrong
+    return found.st_mtime_ns, found.st_size
+
+
+def _read(path: Path) -> Recording:
+    table = _table(path)
+    columns = {name: _column(path, table, name, unit) for name, unit in UNITS.items()}
+    rows = columns["t"].size
+    if rows < 2:
+        raise _unusable(path, f"it holds {rows} samples: two are the least")
+    for name in FURTHER:
+        nothing = 0.0 if name in ("F_push", "fault") else np.nan
+        columns[name] = _column(path, table, name) if name in table.column_names else np.full(rows, nothing)
+    columns |= _further(table, set(table.column_names) - columns.keys())
+    _check_times(path, columns["t"])
+    _check_values(path, columns)
+    return Recording(path, columns)
+
+
+def _unusable(path: Path, problem: str) -> PlantError:
+    return PlantError(f"the recording {path.name} cannot be played: {problem}")
+
+
+def _table(path: Path) -> Any:
+    # Read by a library that is large to import: only who plays a recording waits for it.
+    import pyarrow as pa
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    try:
+        if path.suffix == ".csv":
+            return pa.csv.read_csv(path, pa.csv.ReadOptions(skip_rows=_facts(path)))
+        if path.suffix == ".parquet":
+            return pa.parquet.read_table(path)
+    except OSError as error:
+        raise _unusable(path, error.strerror or str(error)) from None
+    except pa.ArrowException as error:
+        raise _unusable(path, str(error).splitlines()[0]) from None
+    raise _unusable(path, "only .csv and .parquet are read, as sinew runs export writes them")
+
+
+def _facts(path: Path) -> int:
+    """Return how many lines stand before the heading: they begin with # and say what the samples are."""
+    with path.open("rb") as lines:
+        told = (line.removeprefix(b"\xef\xbb\xbf") for line in lines)  # editors put a byte order mark before the first
+        return next((number for number, line in enumerate(told) if not line.startswith(b"#")), 0)
+
+
+def _column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
+    import pyarrow as pa
+
+    if name not in table.column_names:
+        missing = f"{name} [{unit}]"
+        raise _unusable(path, f"there is no column {missing}; the file has {', '.join(table.column_names)}")
+    if table.column_names.count(name) > 1:
+        raise _unusable(path, f"there are two columns {name}: leave one")
+    said = (table.schema.field(name).metadata or {}).get(b"unit", unit.encode()).decode()
+    if unit and said != unit:
+        raise _unusable(path, f"the column {name} is in {said}, it has to be in {unit}")
+    try:
+        values = table.column(name).cast(pa.float64()).to_numpy()
+    except pa.ArrowInvalid:
+        raise _unusable(path, f"the column {name} holds something else than numbers") from None
+    return np.asarray(values, dtype=np.float64)
+
+
+def _further(table: Any, names: set[str]) -> dict[str, Signal]:
+    """Return columns that nothing is asked of: those that hold numbers, once each."""
+    import pyarrow as pa
+
+    found = {}
+    for name in sorted(names):
+        if table.column_names.count(name) == 1:
+            with suppress(pa.ArrowException):
+                found[name] = np.asarray(table.column(name).cast(pa.float64()).to_numpy(), dtype=np.float64)
+    return found
+
+
+def _check_times(path: Path, t: Signal) -> None:
+    if not np.all(np.isfinite(t)):
+        raise _unusable(path, f"sample {int(np.argmin(np.isfinite(t))) + 1} has no time t")
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    if abs(usual - T_s) > _JITTER * T_s:
+        raise _unusable(path, f"its period is {1e3 * usual:g} ms, it has to be {1e3 * T_s:g} ms")
+    off = np.abs(steps - T_s) > _JITTER * T_s
+    if np.any(off):
+        at = int(np.argmax(off))
+        raise _unusable(
+            path,
+            f"after t = {t[at]:.3f} s the next sample comes {1e3 * steps[at]:g} ms later: samples are missing there, "
+            "cut the file to one side of it",
+        )
+
+
+def _check_values(path: Path, columns: dict[str, Signal]) -> None:
+    """Raise PlantError for what was not measured; a sensor without a number may be, where the loop latched a fault."""
+    t, fault = columns["t"], columns["fault"]
+    for name, unit in UNITS.items():
+        values = columns[name]
+        allowed = (fault > 0.0) if name in _MEASURED else np.zeros(t.size, dtype=bool)
+        wrong = ~np.isfinite(values) & ~allowed
+        if np.any(wrong):
+            raise _unusable(path, f"{name} is no number at t = {t[np.argmax(wrong)]:.3f} s, and no fault stands there")
+        if name in _LARGEST and float(np.nanmax(np.abs(values))) > 1.001 * _LARGEST[name]:
+            at = int(np.nanargmax(np.abs(values)))
+            raise _unusable(
+                path,
+                f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond {_LARGEST[name]:.4g} {unit}: "
+                f"the column has to be in {unit}",
+            )
+
+
+# Replay --------------------------------------------------------------------------------------------
+
 
 SAFETY_MODULE = 12.0
 """Number of the safety module's trip in the list of faults, as the column ``fault`` has it."""

@@ -5,12 +5,12 @@ import statistics
 import time
 from contextlib import suppress
 
-from plant.breakage import Broken
-from plant.card import Card, CardState
+from plant.calibration import LoadCell
 from plant.daq import Daq, Raw
 from plant.interface import (
     NO_RAW,
     ZERO_VOLTS,
+    Broken,
     Measurement,
     MotorCommand,
     PlantError,
@@ -18,8 +18,7 @@ from plant.interface import (
     ShaftLoad,
     require_numbers,
 )
-from plant.load_cell import LoadCell
-from plant.stillness import Stillness
+from plant.safety_card import Card, CardState, Stillness
 from plant.wiring import Wiring
 
 UNATTENDED = 0.8

@@ -1,33 +1,240 @@
 """The simulated rig: dynamics, sensors and safety module behind the Plant interface."""
 
 import math
+import time
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken
-from plant.broken_part import BrokenPart
-from plant.card import Card
-from plant.cell import Cell, keep
-from plant.compiled import Specialised, compiled
-from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
+from plant.compiled import Cell, Specialised, compiled, keep
+from plant.dynamics import (
+    AT_REST,
+    NO_OBSTACLE,
+    SUBSTEPS,
+    Dynamics,
+    Obstacle,
+    PlantState,
+    advance,
+    contact_force,
+    elongation_A,
+    elongation_B,
+    joint_stiffness,
+    require_free,
+    require_possible,
+    tension,
+)
 from plant.interface import (
     NO_LOAD,
     NO_RAW,
     NOT_MEASURED,
+    ON_SENSORS,
+    ONLY_OF_A_CARD,
     ZERO_VOLTS,
+    Breakage,
+    Broken,
     Measurement,
     MotorCommand,
     PlantError,
+    Sensor,
     ShaftLoad,
     T_s,
     require_numbers,
 )
-from plant.obstacle import NO_OBSTACLE, Obstacle, require_free, require_possible
-from plant.parameters import PlantParameters
-from plant.safety import SafetyBounds, exceeded
-from plant.sensors import DELAY_SLOTS, SensorModel, quantise, sense, sensor_model
+from plant.parameters import PlantParameters, Sensors
+from plant.safety_card import Card
+
+# Broken part ---------------------------------------------------------------------------------------
+#
+# One breakage at work: what a sensor pretends to read, how late a write comes.
+
+
+JUMPS = {Sensor.Q: 0.3, Sensor.THETA_A: 1.0, Sensor.THETA_B: 1.0, Sensor.F_A: 15.0, Sensor.F_B: 15.0}
+"""How far a reading jumps [rad, N]: further than the plant can move in a tick, and not beyond a bound by itself."""
+
+DRIFTS = {
+    Sensor.Q: (20.0, 3.0),
+    Sensor.THETA_A: (10.0, 2.0),
+    Sensor.THETA_B: (10.0, 2.0),
+    Sensor.F_A: (400.0, 100.0),
+    Sensor.F_B: (400.0, 100.0),
+}
+"""How fast a reading drifts, and how far at most [rad/s, rad; N/s, N]; at a motor encoder, a tendon slips."""
+
+LATE_S = 0.41
+"""How long LATE keeps the loop from its next tick [s]: more than the simulator may be left alone. By no more than it
+takes: on a busy machine too the loop is to be back before the card's watchdog expires."""
+
+HANG_S = 0.65
+"""How long HANG does [s]: more than the card's watchdog waits, less than the service does before it kills the loop."""
+
+
+class BrokenPart:
+    """One breakage at work, from construction on."""
+
+    def __init__(self, broken: Broken) -> None:
+        self._broken = broken
+        self._ticks = 0
+        self._frozen: float | None = None
+
+    @property
+    def description(self) -> str:
+        """What is broken, in words."""
+        return self._broken.words
+
+    @property
+    def keeps_from_working(self) -> bool:
+        """Whether the plant cannot be read or written while this lasts."""
+        return self._broken.kind in (Breakage.READ_ERROR, Breakage.WRITE_ERROR)
+
+    def seen(self, m: Measurement) -> Measurement:
+        """Return what the loop is shown of a measurement. Raises PlantError."""
+        kind, sensor = self._broken.kind, self._broken.sensor
+        if kind is Breakage.READ_ERROR:
+            raise PlantError("the readings do not arrive (injected)")
+        if kind not in ON_SENSORS:
+            return m
+        self._ticks += 1
+        return m._replace(**{sensor.value: self._reading(getattr(m, sensor.value))})
+
+    def _reading(self, true: float) -> float:
+        sensor = self._broken.sensor
+        rate, most = DRIFTS[sensor]
+        drift = min(rate * T_s * self._ticks, most)
+        match self._broken.kind:
+            case Breakage.NO_NUMBER:
+                return math.nan
+            case Breakage.STUCK:
+                self._frozen = true if self._frozen is None else self._frozen
+                return self._frozen
+            case Breakage.JUMP:
+                return true + JUMPS[sensor]
+            case Breakage.DRIFT_UP:
+                return true + drift
+            case Breakage.DRIFT_DOWN:
+                # A load cell does not read less than nothing.
+                return max(true - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else true - drift
+            case _:
+                return true
+
+    def delay_write(self) -> None:
+        """Hold up the write. Raises PlantError."""
+        if self._broken.kind is Breakage.WRITE_ERROR:
+            raise PlantError("the outputs cannot be written (injected)")
+        pause_s = {Breakage.LATE: LATE_S, Breakage.HANG: HANG_S}.get(self._broken.kind, 0.0)
+        if pause_s and not self._ticks:
+            self._ticks += 1
+            time.sleep(pause_s)
+
+
+# Safety --------------------------------------------------------------------------------------------
+#
+# The independent safety module: watches the springs and the joint, cuts the motors, stays tripped.
+
+
+class SafetyBounds(NamedTuple):
+    """``F_max`` [N] on each tendon, ``q_max`` [rad] to either side."""
+
+    F_max: float
+    q_max: float
+
+
+@compiled
+def exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> bool:
+    """Tell whether a tendon force or the joint position is beyond its bound, by the module's own sensors."""
+    F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
+    F_B = tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
+    return bounds.F_max < F_A or bounds.F_max < F_B or abs(x.q) > bounds.q_max
+
+
+# Sensors -------------------------------------------------------------------------------------------
+#
+# What the encoders, load cells and converters make of the true state.
+
+
+DELAY_SLOTS = 64
+"""Length of the load cells' delay line [ticks]."""
+
+
+class SensorModel(NamedTuple):
+    """Resolutions (0: exact) and load cell delay.
+
+    ``joint_step``, ``motor_step`` [rad] per count; ``force_step`` [N] and ``voltage_step`` [V] per converter step;
+    ``delay_ticks`` of the load cells.
+    """
+
+    joint_step: float
+    motor_step: float
+    force_step: float
+    voltage_step: float
+    delay_ticks: int
+
+
+@compiled
+def quantise(value: float, step: float) -> float:
+    """Round to the nearest multiple of ``step``; exact where step is 0."""
+    if step == 0.0:
+        return value
+    return math.floor(value / step + 0.5) * step
+
+
+@compiled
+def delayed(line: NDArray[np.float64], tick: int, delay_ticks: int, F_A: float, F_B: float) -> tuple[float, float]:
+    """Put this tick's forces [N] into the delay line (2, DELAY_SLOTS), return those of ``delay_ticks`` ago."""
+    slots = line.shape[1]
+    line[0, tick % slots] = F_A
+    line[1, tick % slots] = F_B
+    past = tick - delay_ticks
+    if past < 0:
+        past = 0
+    return line[0, past % slots], line[1, past % slots]
+
+
+@compiled
+def sense(
+    plant: Dynamics,
+    sensors: SensorModel,
+    x: PlantState,
+    line: NDArray[np.float64],
+    tick: int,
+    noise_A: float,
+    noise_B: float,
+    F_push: float,
+    safety_trip: float,
+    obstacle: Obstacle = NO_OBSTACLE,
+) -> Measurement:
+    """Measurement of the true state x; ``noise_A``, ``noise_B`` [N] are this tick's load cell errors."""
+    x_A = elongation_A(plant.joint, x.theta_A, x.q)
+    x_B = elongation_B(plant.joint, x.theta_B, x.q)
+    F_A, F_B = delayed(line, tick, sensors.delay_ticks, tension(plant.spring_A, x_A), tension(plant.spring_B, x_B))
+    return Measurement(
+        quantise(x.q, sensors.joint_step),
+        quantise(x.theta_A, sensors.motor_step),
+        quantise(x.theta_B, sensors.motor_step),
+        quantise(F_A + noise_A, sensors.force_step),
+        quantise(F_B + noise_B, sensors.force_step),
+        joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B),
+        F_push,
+        safety_trip,
+        contact_force(obstacle, plant.joint, x.q, x.q_dot),
+    )
+
+
+def sensor_model(parameters: Sensors, F_max: float, u_max: float) -> SensorModel:
+    """Resolutions from counts per revolution and converter bits over the ranges ±2 F_max and ±u_max."""
+    steps = 2.0**parameters.converter_bits
+    exact = parameters.converter_bits == 0.0
+    return SensorModel(
+        joint_step=parameters.joint_step,
+        motor_step=parameters.motor_step,
+        force_step=0.0 if exact else 4.0 * F_max / steps,
+        voltage_step=0.0 if exact else 2.0 * u_max / steps,
+        delay_ticks=round(parameters.force_delay / T_s),
+    )
+
+
+# Simulator -----------------------------------------------------------------------------------------
+
 
 _NOISE_BLOCK = 4096
 """Ticks of load cell noise drawn at a time: drawing in the tick would cost more than the physics."""

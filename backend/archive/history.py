@@ -6,9 +6,10 @@ from collections.abc import Callable
 from backend.archive import checklist
 from backend.archive.lineage import READ_AT_ONCE_BYTES, LineageGraph, SampleDigests
 from backend.messages.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
-from backend.storage import Database, Session, banks, events, identifications, recordings, runs
+from backend.storage import banks, events, identifications, recordings, runs
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
+from backend.storage.database import Database, Session
 from backend.storage.events import Event, EventKind
 from backend.storage.records import UnknownRecordError
 from plant.parameters import PlantParameters

@@ -23,7 +23,7 @@ from backend.messages.identification import (
 from backend.plain_text import as_line
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
-from plant.parameter_sections import SIDES
+from plant.parameters import SIDES
 
 
 def identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:

@@ -14,9 +14,10 @@ from backend.documents.edge import UnreadableDocumentError
 from backend.messages.history import LineageKind, LineageNode
 from backend.recording.codec import CodecError
 from backend.recording.digest import digest_of_recording
-from backend.storage import Session, banks, bring_up, identifications, origins, recordings, runs
+from backend.storage import banks, bring_up, identifications, origins, recordings, runs
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
+from backend.storage.database import Session
 from backend.storage.identifications import Identification
 from backend.storage.origins import Origin
 from backend.storage.records import UnknownRecordError
@@ -25,7 +26,7 @@ from backend.storage.run_title import title_of
 from backend.storage.runs import EndState, Run
 from backend.storage.schema import Document
 from backend.storage.stations import station_of
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantChoice, PlantKind
 
 READ_AT_ONCE_BYTES = 30_000_000
 """Stored recordings up to this size are read through while somebody waits: twenty minutes, in half a second."""

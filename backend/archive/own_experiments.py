@@ -26,8 +26,8 @@ from backend.messages.own_experiment import (
     WrittenExperiment,
 )
 from backend.plain_text import as_folded
-from backend.storage import Database
 from backend.storage import experiments as stored
+from backend.storage.database import Database
 from backend.storage.experiments import StoredExperiment
 from backend.storage.records import UnknownRecordError
 from plant.parameters import PlantParameters

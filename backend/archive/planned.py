@@ -13,7 +13,8 @@ from backend.experiments.plans.stored_plan import stored_plan
 from backend.messages.history import Planned, PlannedLine, PlannedPart
 from backend.recording.reader import read_samples
 from backend.sample import FIELDS
-from backend.storage import Database, Session, runs
+from backend.storage import runs
+from backend.storage.database import Database, Session
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
 from plant.parameters import ParameterError, parameters_of

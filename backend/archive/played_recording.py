@@ -14,11 +14,12 @@ from backend.faults import EXPLAINED, FAULTS
 from backend.loop.mode import MODES
 from backend.messages.history import RunMark
 from backend.messages.player import PlayedRecording
-from backend.storage import Database, runs
+from backend.storage import runs
+from backend.storage.database import Database
 from backend.storage.events import EventKind
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
-from plant.recording import Recording, Signal, load_recording
+from plant.replay import Recording, Signal, load_recording
 
 _RUN = re.compile(r"run (\d{1,15})")
 

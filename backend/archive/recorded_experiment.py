@@ -20,7 +20,8 @@ from backend.loop.program import MAX_TUNINGS, MAX_WALLS, Law
 from backend.messages.history import RunMark
 from backend.messages.own_experiment import RecordedExperiment
 from backend.recording.reader import read_samples
-from backend.storage import Database, Session, banks, runs
+from backend.storage import banks, runs
+from backend.storage.database import Database, Session
 from backend.storage.events import EventKind
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import Run

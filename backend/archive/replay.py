@@ -10,9 +10,10 @@ from backend.documents.kept_wall import standing
 from backend.recording.flight import flight_columns
 from backend.recording.reader import read_samples
 from backend.sample import INDEX, NAMES
-from backend.storage import Database, runs
+from backend.storage import runs
+from backend.storage.database import Database
+from plant.dynamics import Obstacle
 from plant.interface import T_s
-from plant.obstacle import Obstacle
 
 _NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
 

@@ -23,9 +23,10 @@ from backend.messages.bank import (
     EntryLineage,
 )
 from backend.offload import Offload
-from backend.storage import Database, Session, banks, identifications, runs
+from backend.storage import banks, identifications, runs
 from backend.storage.bank_entry import fits_of, method_of
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database, Session
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters

@@ -22,7 +22,8 @@ from backend.messages.study import (
 )
 from backend.plain_text import as_line
 from backend.refusal import RefusedValueError
-from backend.storage import Database, studies
+from backend.storage import studies
+from backend.storage.database import Database
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies import maps
 from backend.studies.design import Design

@@ -14,10 +14,10 @@ from backend.loop.commands import TryMotor
 from backend.loop.mode import Mode
 from backend.loop.motor_trial import COAST_S, TRIAL_MAX_V
 from backend.sample import INDEX
-from plant.hand import Hand
+from plant.dynamics import elongation
 from plant.interface import T_s
-from plant.parameter_sections import SIDES, Side
-from plant.spring import elongation
+from plant.manual_input import Hand
+from plant.parameters import SIDES, Side
 
 START_N = 2.0
 START_RANGE_N = (0.8, 5.0)

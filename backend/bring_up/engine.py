@@ -16,7 +16,7 @@ from backend.loop.access import LoopDiedError
 from backend.loop.commands import ByHand, ProveDirections, SetMode
 from backend.loop.mode import Mode
 from backend.refusal import require_within
-from plant.hand import NO_HAND
+from plant.manual_input import NO_HAND
 
 _WORK: dict[StepId, Callable[[Work], Awaitable[Finding]]] = {
     StepId.WIRING_TEST: wiring_test,

@@ -7,9 +7,11 @@ from dataclasses import replace
 from backend.loop.access import LoopDiedError
 from backend.loop.commands import Accepted, Refused, SwitchDrives
 from backend.loop.supervisor import Supervisor
-from backend.storage import Database, StorageError, settings
+from backend.storage import settings
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.settings import StoredSetting
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantChoice, PlantKind
 
 _log = logging.getLogger(__name__)
 

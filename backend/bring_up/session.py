@@ -14,11 +14,11 @@ from backend.bring_up.work import Confirmed, Finding, Work
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
-from backend.storage import Database
 from backend.storage.bring_up import StepResult
+from backend.storage.database import Database
 from backend.supervision import Supervision
-from plant.brought_up import calibrated, fingerprint
-from plant.catalog import wiring_of_choice
+from plant.calibration import calibrated, fingerprint
+from plant.factory import wiring_of_choice
 from plant.parameters import PlantParameters
 from plant.wiring import Wiring
 

@@ -10,11 +10,12 @@ from typing import NamedTuple
 from backend.bring_up.steps import INSTEAD, STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding
 from backend.reading import counted
-from backend.storage import Database, bring_up
+from backend.storage import bring_up
 from backend.storage.bring_up import NewStepResult, StepResult
-from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
-from plant.catalog import wiring_of_choice
-from plant.choice import PlantChoice, PlantKind
+from backend.storage.database import Database
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
+from plant.factory import wiring_of_choice
+from plant.interface import PlantChoice, PlantKind
 from plant.wiring import Wiring
 
 

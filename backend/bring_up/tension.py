@@ -9,8 +9,8 @@ from backend.loop.mode import Mode
 from backend.loop.module_trial import DRIVEN_S
 from backend.sample import INDEX
 from backend.tick.winding import PRETENSION_N
-from plant.hand import Hand
 from plant.interface import T_s
+from plant.manual_input import Hand
 
 TENSION_MAX_N = 18.0
 """Beyond this [N] the pretension of 10 N has gone wrong, and is stopped hard."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from backend.bring_up.work import SLACK, Figure, Finding, Signal, Work, blocks, known
-from plant.hand import Hand
+from plant.manual_input import Hand
 
 
 class _Sensor(NamedTuple):

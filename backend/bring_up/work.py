@@ -11,9 +11,9 @@ from backend.loop.access import LoopAccess
 from backend.loop.commands import Accepted, ByHand, Command, Refused
 from backend.loop.mode import MODES, Mode
 from backend.sample import INDEX
-from plant.brought_up import CellCalibration
-from plant.hand import NO_HAND, Hand
+from plant.calibration import CellCalibration
 from plant.interface import T_s
+from plant.manual_input import NO_HAND, Hand
 from plant.parameters import PlantParameters
 from plant.wiring import Wiring
 

@@ -5,7 +5,7 @@ import math
 from backend.bring_up.work import SLACK, Figure, Finding, StepFailedError, Work
 from backend.loop.commands import Zero
 from backend.sample import INDEX
-from plant.hand import Hand
+from plant.manual_input import Hand
 
 NEAR_RAD = 0.01
 """The joint reads so near [rad] to where it was put, once that was said."""

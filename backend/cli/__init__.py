@@ -62,7 +62,7 @@ app.command()(doctor.doctor)
 
 def main() -> None:
     """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
-    from plant.wiring_errors import WiringError
+    from plant.wiring import WiringError
 
     import_nothing_from_here()
     print_what_can_be_printed()
@@ -98,7 +98,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.recording.recorder import RecordingError
     from backend.refusal import OutOfRangeError, RefusalError
     from backend.settings import UnusableSettingError
-    from backend.storage import StorageError
+    from backend.storage.errors import StorageError
     from backend.storage.maintenance import BackupError
     from backend.storage.migrate import SchemaError
     from backend.storage.records import UnknownRecordError

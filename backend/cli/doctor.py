@@ -74,9 +74,8 @@ def _cores() -> Finding:
 
 
 def _card() -> Finding:
-    from plant.catalog import require_available
-    from plant.choice import PlantChoice, PlantKind
-    from plant.interface import PlantError
+    from plant.factory import require_available
+    from plant.interface import PlantChoice, PlantError, PlantKind
 
     try:
         require_available(PlantChoice(PlantKind.RIG))

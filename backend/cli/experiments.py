@@ -18,7 +18,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.archive.own_experiments import Checked
     from backend.experiments.banks.tuning_choice import TuningChoice
-    from backend.storage import Database
+    from backend.storage.database import Database
     from plant.parameters import PlantParameters
 
 app = typer.Typer(

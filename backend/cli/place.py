@@ -11,7 +11,7 @@ import typer
 from backend.settings import Settings, settings_of_environment
 
 if TYPE_CHECKING:
-    from backend.storage import Database
+    from backend.storage.database import Database
     from plant.parameters import PlantParameters
 
 CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
@@ -63,7 +63,7 @@ def database_of(settings: Settings, *, reading: bool = False, held: bool = False
     A writer migrates a database of an earlier schema, unless a service works on it. A reader never does: it reads the
     database as it is, where it can. Raises SchemaError.
     """
-    from backend.storage import open_database
+    from backend.storage.database import open_database
     from backend.storage.migrate import OutdatedError, is_outdated
 
     _complete_restore(settings, held=held)
@@ -100,7 +100,7 @@ def _complete_restore(settings: Settings, *, held: bool) -> None:
 def _migrated(settings: Settings, *, held: bool) -> "Database":
     """Migrate the database and open it, unless somebody works in its folder: that may be a service of before claims."""
     from backend.data_folder import held_by_nobody
-    from backend.storage import open_database
+    from backend.storage.database import open_database
     from backend.storage.migrate import SchemaError
 
     with nullcontext(True) if held or settings.database_url else held_by_nobody(settings.data) as free:
@@ -136,8 +136,9 @@ def has_database(settings: Settings) -> bool:
 def _close_interrupted(settings: Settings, database: "Database") -> None:
     """Close the runs of commands and services that were killed; of a database server only a service can tell them."""
     from backend.data_folder import held_by_nobody
-    from backend.storage import StorageError, runs
+    from backend.storage import runs
     from backend.storage.claims import claimed_by
+    from backend.storage.errors import StorageError
 
     if settings.database_url is not None:
         return

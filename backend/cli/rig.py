@@ -8,18 +8,10 @@ import typer
 
 from backend.cli import rig_bring_up, rig_check
 from backend.cli.output import AsJson, errors, fail, out, print_json
-from backend.cli.place import (
-    CardAddress,
-    ParameterSet,
-    PlantName,
-    Recording,
-    VirtualCard,
-    WiringFile,
-    settings_with,
-)
+from backend.cli.place import CardAddress, ParameterSet, PlantName, Recording, VirtualCard, WiringFile, settings_with
 
 if TYPE_CHECKING:
-    from plant.promises import Finding
+    from plant.conformance import Finding
 
 app = typer.Typer(help="Look at what is driven, and bring it up.", no_args_is_help=True, rich_markup_mode=None)
 app.command()(rig_check.check)
@@ -50,11 +42,10 @@ def conformance(
     as_json: AsJson = False,
 ) -> None:
     """Check a plant against the contract that the loop relies on; exit 1 when it does not keep it."""
-    from plant.catalog import make_plant
-    from plant.choice import PlantKind
-    from plant.contract import run_contract
+    from plant.conformance import Outcome, Subject, run_contract
+    from plant.factory import make_plant
+    from plant.interface import PlantKind
     from plant.parameters import load_parameters
-    from plant.promises import Outcome, Subject
     from plant.replay import Replay
 
     settings = settings_with(

@@ -23,8 +23,7 @@ def check(
 
     Signs and swapped wires cannot be told from a file: the bring-up's wiring test and direction step find them.
     """
-    from plant.wiring import load_wiring
-    from plant.wiring_errors import WiringError
+    from plant.wiring import WiringError, load_wiring
 
     try:
         found = load_wiring(settings_with(wiring=wiring).wiring)
@@ -48,8 +47,8 @@ def check(
 
 
 def _read_once(wiring: str) -> "Raw":
-    from plant.catalog import require_available, wiring_of_choice
-    from plant.choice import PlantChoice, PlantKind
+    from plant.factory import require_available, wiring_of_choice
+    from plant.interface import PlantChoice, PlantKind
 
     choice = PlantChoice(PlantKind.RIG, wiring=wiring)
     require_available(choice)

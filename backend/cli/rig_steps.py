@@ -18,8 +18,8 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.bring_up.session import Session
     from backend.bring_up.standing import Standing
-    from backend.storage import Database
     from backend.storage.bring_up import StepResult
+    from backend.storage.database import Database
 
 _STANDS = {"never": "to do", "current": "done", "out_of_date": "out of date", "failed": "failed"}
 """The page's words."""
@@ -36,8 +36,8 @@ class Order:
 
 def require_rig(settings: Settings) -> None:
     """End the command where there is nothing to bring up. Raises PlantError where what a card needs is missing."""
-    from plant.catalog import require_available
-    from plant.choice import PlantKind
+    from plant.factory import require_available
+    from plant.interface import PlantKind
 
     choice = settings.plant_choice
     if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
@@ -53,7 +53,7 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     from datetime import UTC, datetime
 
     from backend.bring_up import standing
-    from plant.catalog import wiring_of_choice
+    from plant.factory import wiring_of_choice
 
     return standing.states(standing.kept(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
 

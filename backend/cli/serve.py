@@ -55,7 +55,7 @@ def serve(
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
     from backend.web_server.listening import served_by
-    from plant.catalog import require_available
+    from plant.factory import require_available
 
     settings = settings_with(
         plant=plant,

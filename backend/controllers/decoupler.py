@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from backend.controllers.equilibrium_table import OFFSET, STIFFNESS, SUM, TENSION, equilibrium_table
 from plant.compiled import compiled
-from plant.parameter_sections import SpringParameters
-from plant.parameters import PlantParameters
+from plant.parameters import PlantParameters, SpringParameters
 
 
 class Decoupler(NamedTuple):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.spring import Spring, polynomial, slope
+from plant.dynamics import Spring, polynomial, slope
 
 SUM, STIFFNESS, OFFSET, TENSION = 0, 1, 2, 3
 """Columns of the table: θ_A + θ_B [rad], S [N·m/rad], (x_A − x_B)/(2 r_m) [rad], tension of both tendons [N]."""
@@ -21,7 +21,7 @@ def equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float
 
     At rest F_A(x_A) = F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and
     θ_A + θ_B = (x_A + x_B)/r_m by equations 1 and 2, whatever q. The springs must stiffen
-    (``plant.spring.require_stiffening``), so that S rises from row to row.
+    (``plant.dynamics.require_stiffening``), so that S rises from row to row.
     """
     x_A, F_A, slope_A = _sampled(spring_A)
     x_B, F_B, slope_B = _sampled(spring_B)

@@ -20,12 +20,21 @@ from typing import NamedTuple
 from backend.controllers import cascade, decoupler, governor
 from backend.controllers.decoupler import Decoupler
 from plant.compiled import compiled
-from plant.dynamics import SUBSTEPS, Dynamics, PlantState, advance
-from plant.friction import friction_torque
+from plant.dynamics import (
+    SUBSTEPS,
+    Dynamics,
+    Motor,
+    PlantState,
+    advance,
+    curvature,
+    elongation_A,
+    elongation_B,
+    friction_torque,
+    joint_acceleration,
+    slope,
+    tension,
+)
 from plant.interface import Measurement, T_s
-from plant.joint import elongation_A, elongation_B, joint_acceleration
-from plant.motor import Motor
-from plant.spring import curvature, slope, tension
 
 
 class Gains(NamedTuple):

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.compiled import compiled
+from plant.dynamics import Spring, tension, tension_slope
 from plant.interface import Measurement, MotorCommand, T_s
-from plant.parameter_sections import SIDES, Side
-from plant.parameters import PlantParameters
-from plant.spring import Spring, tension, tension_slope
+from plant.parameters import SIDES, PlantParameters, Side
 
 CONTRADICTION_N = 6.0
 """Difference between load cell and spring that is a fault [N]: several times a spring's misfit and a cell's error."""

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from backend.controllers.plausibility import Tendons, tendons_for
 from plant.compiled import compiled
+from plant.dynamics import tension
 from plant.interface import Measurement, T_s
 from plant.parameters import PlantParameters
-from plant.spring import tension
 
 POLE = 300.0
 """Of the observer [1/s], three times: 10 ms of mean delay, a count of the encoder reads as 0.1 N."""

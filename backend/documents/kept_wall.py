@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 
 MOST = 1000
 """So many changes are kept of a run; after the last of them no wall is known to stand."""

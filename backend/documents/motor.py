@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from backend.documents.edge import ABSENT, Edge
 from backend.identification.result import Grade
-from plant.parameter_sections import Side
+from plant.parameters import Side
 
 VERSION = 1
 

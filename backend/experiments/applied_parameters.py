@@ -12,10 +12,10 @@ from typing import Any
 from backend.documents.applied_parameters import APPLIED, AppliedParameters
 from backend.documents.digest import digest_of
 from backend.experiments.banks import kept_choice
-from backend.storage import Database, Session, settings
+from backend.storage import settings
+from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
-from plant.parameter_sections import SIDES, Side
-from plant.parameters import PlantParameters
+from plant.parameters import SIDES, PlantParameters, Side
 
 NAME = "identified in force"
 

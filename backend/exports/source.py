@@ -12,8 +12,9 @@ from backend.recording.codec import CodecError
 from backend.recording.columns import Columns, recorded_columns
 from backend.recording.digest import SamplesDigest
 from backend.recording.reader import read_samples
-from backend.storage import Database, formulas, recordings, runs
+from backend.storage import formulas, recordings, runs
 from backend.storage.carried import RUN, document_of
+from backend.storage.database import Database
 from backend.storage.formulas import Formula
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s

@@ -14,8 +14,8 @@ from backend.loop.now import Now
 from backend.loop.tick_desk import TickDesk
 from backend.refusal import require_within
 from backend.tick.decision import NO_REFERENCE
-from plant.hand import Handled
 from plant.interface import EndSwitched, Plant, PlantError, Proven, Switched
+from plant.manual_input import Handled
 
 SHORTEST_RAD = 0.1
 """An end switch nearer to the joint's middle than this [rad] is none."""

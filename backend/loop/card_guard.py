@@ -5,8 +5,7 @@ import logging
 from asyncio.subprocess import Process
 
 from backend.supervision import Part
-from plant.card import WATCHDOG_S, Card
-from plant.stillness import Stillness
+from plant.safety_card import WATCHDOG_S, Card, Stillness
 
 PART = Part("The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone.")
 

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Literal, Union, get_args
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
 from backend.loop.channel_ends import MAX_BYTES
-from backend.loop.commands import Command, Event, RunProgram, SetTuning
+from backend.loop.commands import Command, Event, RunProgram
 from backend.loop.pacer import Granted
 from backend.loop.program import Segment, require_few
-from plant.brought_up import NOT_BROUGHT_UP, BroughtUp
-from plant.choice import PlantChoice
+from backend.loop.set_tuning import SetTuning
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp
+from plant.interface import PlantChoice
 
 PART_SEGMENTS = 24
 """Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""

@@ -17,10 +17,10 @@ from backend.loop.set_touch import TouchForgotten as TouchForgotten
 from backend.loop.set_tuning import EntryGains as EntryGains
 from backend.loop.set_tuning import MotorGains as MotorGains
 from backend.loop.set_tuning import SetTuning as SetTuning
-from plant.breakage import Broken
-from plant.hand import Hand
-from plant.obstacle import Obstacle
-from plant.parameter_sections import Side
+from plant.dynamics import Obstacle
+from plant.interface import Broken
+from plant.manual_input import Hand
+from plant.parameters import Side
 
 
 @dataclass(frozen=True)

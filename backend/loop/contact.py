@@ -18,11 +18,19 @@ from numpy.typing import NDArray
 from backend.controllers import decoupler
 from backend.controllers.cascade import Tuning
 from backend.controllers.limits import Bounds
-from backend.loop.commands import ContactFelt, Event, SetTouch, TouchForgotten
+from backend.loop.commands import Event
 from backend.loop.mode import Mode, RefusedError
 from backend.loop.motion import Tracking
 from backend.loop.program import MAX_TOUCHES, Law, Program, Segment, Touch
-from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS
+from backend.loop.set_touch import (
+    CONTACT_MAX_N,
+    CONTACT_MIN_N,
+    NEIGHBOUR,
+    SIGMAS,
+    ContactFelt,
+    SetTouch,
+    TouchForgotten,
+)
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tunings import Tunings
 from backend.refusal import require_within

@@ -4,10 +4,12 @@ import asyncio
 from collections.abc import Callable
 
 from backend.loop.access import Listener
-from backend.loop.commands import Accepted, Command, Event, Refused, SetTouch, SetTuning, TouchForgotten
+from backend.loop.commands import Accepted, Command, Event, Refused
 from backend.loop.loop import Loop
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
+from backend.loop.set_touch import SetTouch, TouchForgotten
+from backend.loop.set_tuning import SetTuning
 from plant.interface import Plant, T_s
 from plant.parameters import PlantParameters
 

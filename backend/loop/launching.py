@@ -10,7 +10,7 @@ from contextlib import suppress
 
 from backend.loop.channel_ends import Channel, channel_pair
 from backend.loop.ring import Ring
-from plant.card import Card
+from plant.safety_card import Card
 
 
 class Launched:

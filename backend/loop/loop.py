@@ -17,15 +17,12 @@ from backend.loop.commands import (
     Heartbeat,
     Inject,
     Obstruct,
-    PlayRecording,
     Push,
     Refused,
     Reset,
     RunProgram,
     SetMode,
     SetReferences,
-    SetTouch,
-    SetTuning,
     Shutdown,
     Stop,
     Zero,
@@ -36,7 +33,10 @@ from backend.loop.mode_machine import ModeMachine
 from backend.loop.now import Now
 from backend.loop.orders import orders_of
 from backend.loop.plant_watch import PlantWatch
+from backend.loop.play_recording import PlayRecording
 from backend.loop.ring import Ring, SampleRing
+from backend.loop.set_touch import SetTouch
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
@@ -45,9 +45,9 @@ from backend.tick.decision import AT_REST
 from backend.tick.desk import DONE, FELT, FOUND, PUSHES, QUIET, TUNES
 from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
-from plant.card import WatchdogDeadError, WatchdogExpiredError
 from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError
 from plant.parameters import PlantParameters
+from plant.safety_card import WatchdogDeadError, WatchdogExpiredError
 from plant.simulator import Simulator
 
 _AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)

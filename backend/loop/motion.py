@@ -16,7 +16,7 @@ from backend.tick.decision import NO_REFERENCE, Carry, Decision, Target, follow
 from backend.tick.desk import Moving, Resting
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.models import Lambdas
-from plant.cell import Cell
+from plant.compiled import Cell
 from plant.interface import Measurement
 from plant.parameters import PlantParameters
 

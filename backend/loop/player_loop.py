@@ -16,7 +16,7 @@ from backend.loop.play_recording import SPEED_MAX, SPEED_MIN, PlayerMoved, PlayR
 from backend.loop.ring import SampleRing
 from backend.sample import FIELDS, INDEX
 from plant.interface import T_s
-from plant.recording import Recording
+from plant.replay import Recording
 
 UNREADY = "a recording is played: nothing real moves, and no mode starts"
 REFUSED = "a recording is played: nothing real moves, so it takes no commands but play, pause, speed and position"

@@ -13,7 +13,7 @@ from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.loop.set_tuning import SetTuning
 from backend.refusal import require_within
 from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 
 MAX_SEGMENTS = 1000
 """Most segments of a program: forty packets, each taken in a tick of its own."""

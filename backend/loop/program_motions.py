@@ -12,9 +12,9 @@ from backend.tick.decision import Carry
 from backend.tick.voltage_steps import Room
 from backend.tick.winding import PRETENSION_N
 from backend.tuning.models import Lambdas
+from plant.dynamics import elongation
 from plant.interface import Measurement, Plant
 from plant.parameters import PlantParameters
-from plant.spring import elongation
 
 
 class ProgramMotions:

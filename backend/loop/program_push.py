@@ -8,8 +8,8 @@ from backend.loop.mode import RefusedError
 from backend.loop.program import IDENTIFYING, MAX_WALLS, NO_WALL, Program
 from backend.refusal import require_within
 from backend.tick.decision import Target
+from plant.dynamics import Obstacle, Obstructed
 from plant.interface import NO_LOAD, Plant, PlantError, ShaftLoad
-from plant.obstacle import Obstacle, Obstructed
 
 
 class ProgramPush:

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
-from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
+from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.homing import Homing
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.motion import BASELINES, Rest
 from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, VoltageStep
 from backend.loop.ring import Ring
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_of
 from backend.tick.decision import NO_REFERENCE
 from backend.tuning.gains import knowledge

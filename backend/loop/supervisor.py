@@ -27,9 +27,9 @@ from backend.loop.ring import Ring
 from backend.loop.ticking import HUNG_BEATS, Ticking
 from backend.sample import INDEX
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
-from plant.brought_up import found_with
-from plant.card import Card
+from plant.calibration import found_with
 from plant.interface import T_s
+from plant.safety_card import Card
 
 START_TIMEOUT_S = 120.0
 """Long enough to compile the control laws on a machine that has never done so."""

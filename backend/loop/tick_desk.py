@@ -14,8 +14,7 @@ from backend.tick import batch, checks, desk, velocity
 from backend.tick.batch import Stretch
 from backend.tick.decision import AT_REST, Decision
 from backend.tick.desk import NO_ORDERS, Desk, Moving, Orders
-from plant.cell import Cell
-from plant.compiled import Specialised
+from plant.compiled import Cell, Specialised
 from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 from plant.parameters import PlantParameters
 from plant.simulator import Simulated

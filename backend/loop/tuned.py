@@ -6,7 +6,7 @@ from dataclasses import astuple
 import numpy as np
 
 from backend.controllers import cascade, i_pd, motors
-from backend.loop.commands import EntryGains, MotorGains, SetTuning
+from backend.loop.set_tuning import EntryGains, MotorGains, SetTuning
 from backend.refusal import require_within
 from backend.tuning.gains import Knowledge, cascade_tuning, require_share, tuning_with
 from backend.tuning.models import Lambdas, MotorModel, PointModel

@@ -35,11 +35,11 @@ from backend.loop.player_loop import PlayerLoop
 from backend.loop.program_parts import ProgramParts
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
-from plant.card import Card
-from plant.catalog import make_plant
+from plant.factory import make_plant
 from plant.interface import Plant, PlantError, T_s, Wired
 from plant.parameters import ParameterError, load_parameters
 from plant.replay import Replay
+from plant.safety_card import Card
 from plant.simulator import Simulator
 
 SILENCE_S = 0.34

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from backend.faults import Fault
 from backend.messages.base import Schema
-from plant.breakage import Breakage, Sensor
+from plant.interface import Breakage, Sensor
 
 
 class Silence(StrEnum):

@@ -15,7 +15,7 @@ from backend.messages.session import PersonView
 from backend.messages.touch import TouchView
 from backend.messages.trigger import TriggerView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
-from plant.choice import PlantKind
+from plant.interface import PlantKind
 
 
 class PlantView(Schema):

@@ -12,19 +12,10 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.faults import EXPLAINED, Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
-from backend.loop.commands import (
-    Accepted,
-    Command,
-    Event,
-    ModeChanged,
-    PlayerMoved,
-    PushReleased,
-    Refused,
-    RunEnded,
-    Stopped,
-)
+from backend.loop.commands import Accepted, Command, Event, ModeChanged, PushReleased, Refused, RunEnded, Stopped
 from backend.loop.hand_push import PUSH_MAX_S
 from backend.loop.mode import Mode
+from backend.loop.play_recording import PlayerMoved
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
@@ -43,9 +34,8 @@ from backend.operating.touching import Touching
 from backend.reading import in_digits
 from backend.refusal import Because, RefusalError, require_within
 from backend.supervision import KeptTask, Part, Supervision
-from plant.breakage import Broken
-from plant.brought_up import BroughtUp
-from plant.choice import PlantKind
+from plant.calibration import BroughtUp
+from plant.interface import Broken, PlantKind
 
 STOP_PROOF_S = 1.0
 """How long a stop may take to be confirmed; the loop itself takes two ticks."""

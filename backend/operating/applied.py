@@ -19,7 +19,8 @@ from backend.operating.actuator import Actuator
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
 from backend.refusal import Because, RefusalError
-from backend.storage import Database, identifications
+from backend.storage import identifications
+from backend.storage.database import Database
 from backend.tuning.formulas import TuningError
 from plant.parameters import ParameterError, PlantParameters, load_parameters
 

@@ -22,8 +22,8 @@ from backend.operating.actuator import Actuator
 from backend.operating.bring_up_view import nothing_to_do, step_view
 from backend.operating.findings import NOT_YET, Findings
 from backend.refusal import Because, RefusalError, RefusedValueError
-from backend.storage import Database
-from plant.brought_up import calibrated
+from backend.storage.database import Database
+from plant.calibration import calibrated
 from plant.interface import PlantError
 from plant.parameters import PlantParameters
 from plant.wiring import Wiring

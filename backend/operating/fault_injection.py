@@ -5,8 +5,7 @@ from backend.faults import EXPLAINED, FAULTS, Fault
 from backend.messages.faults import CardFault, FaultKind, FaultList, Injection, Silence
 from backend.operating.actuator import Actuator
 from backend.refusal import Because, RefusalError
-from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, Sensor
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0
 """How long the service falls silent [s]: the loop waits for 0.34 s."""

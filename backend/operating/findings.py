@@ -13,11 +13,10 @@ from backend.loop.commands import Event, Stopped
 from backend.loop.supervisor import Supervisor
 from backend.operating.actuator import Actuator
 from backend.refusal import RefusalError
-from backend.storage import Database
-from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, fingerprint
-from plant.catalog import wiring_of_choice
-from plant.choice import PlantKind
-from plant.interface import PlantError
+from backend.storage.database import Database
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, fingerprint
+from plant.factory import wiring_of_choice
+from plant.interface import PlantError, PlantKind
 from plant.wiring import Wiring
 
 NOT_YET = "takes effect at the next start of the loop: do it again in off, or start the service anew"

@@ -16,9 +16,9 @@ from backend.operating.kept_figures import KeptFigures
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
 from backend.settings import Settings
-from backend.storage import Database, open_database, runs
+from backend.storage import runs
 from backend.storage.claims import HeldClaim
-from backend.storage.database import database_file
+from backend.storage.database import Database, database_file, open_database
 from backend.storage.maintenance import recover
 from backend.storage.stations import HeldStation
 from backend.supervision import Part, Supervision

@@ -9,7 +9,9 @@ from backend.experiments.banks.kept_choice import KeptChoice
 from backend.experiments.settings import SettingError
 from backend.operating.tuning_in_use import Chosen, TuningInUse, by_default, initial
 from backend.refusal import OutOfRangeError
-from backend.storage import Database, StorageError, banks
+from backend.storage import banks
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 from plant.parameters import PlantParameters

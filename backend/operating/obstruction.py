@@ -5,7 +5,7 @@ from backend.messages.state import Wall, WallOrder
 from backend.operating.actuator import Actuator
 from backend.operating.standing_wall import wall_bounds, wall_in_words
 from backend.refusal import Because, RefusalError, require_within
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 from plant.parameters import PlantParameters
 
 

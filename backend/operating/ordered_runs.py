@@ -39,11 +39,11 @@ from backend.operating.safe_stop import SafeStop
 from backend.operating.text_work import Compute, TextWork
 from backend.operating.tuning_in_use import Chosen
 from backend.refusal import Because, RefusalError, RefusedValueError
-from backend.storage import Database
 from backend.storage.banks import Bank
+from backend.storage.database import Database
 from backend.storage.runs import EndState, Run
 from backend.supervision import Supervision
-from plant.choice import PlantKind
+from plant.interface import PlantKind
 from plant.parameters import PlantParameters
 
 _log = logging.getLogger(__name__)

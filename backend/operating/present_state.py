@@ -9,24 +9,22 @@ from backend.faults import EXPLAINED, Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import (
     Accepted,
-    ContactFelt,
     Event,
     ModeChanged,
     PlantAnswers,
     PlantFailing,
-    PlayerMoved,
     PretensionReached,
     PushReleased,
     ReadinessChanged,
     Refused,
     RunEnded,
     Stopped,
-    TouchForgotten,
     TuningChanged,
     WallChanged,
 )
 from backend.loop.mode import LEGAL, MOVING, Mode
-from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
+from backend.loop.play_recording import PlayerMoved
+from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, ContactFelt, TouchForgotten
 from backend.loop.supervisor import Supervisor
 from backend.messages.control import HolderView, WishView
 from backend.messages.player import PlayerView
@@ -49,10 +47,9 @@ from backend.operating.observation import Observation, Sample, entry_of, fault_o
 from backend.operating.safety_chain import chain
 from backend.operating.standing_wall import NO_WALL_POSSIBLE, wall_bounds, wall_view
 from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view, shown_with
-from plant.choice import PlantChoice, PlantKind
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle, elongation, slope
+from plant.interface import PlantChoice, PlantKind
 from plant.parameters import PlantParameters
-from plant.spring import elongation, slope
 
 F_PUSH_MAX = 30.0
 """Largest push [N] that an operator may ask the simulator for."""

@@ -12,7 +12,7 @@ from backend.loop.program import NO_WALL, require_able
 from backend.messages.experiment import ExperimentKind, SettingView
 from backend.messages.identification import IdentificationKind
 from backend.messages.tuning import TuningView
-from plant.choice import PlantKind
+from plant.interface import PlantKind
 
 _MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
 

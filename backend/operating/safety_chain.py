@@ -8,8 +8,8 @@ from backend.loop.supervisor import Supervisor
 from backend.loop.worker import SILENCE_S
 from backend.messages.control import HolderView
 from backend.messages.state import ChainLinkView, LinkView
-from plant.card import CardState
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantChoice, PlantKind
+from plant.safety_card import CardState
 
 LOOP_SILENT_S = 1.0
 """A loop without a new sample for so long [s] is not well."""

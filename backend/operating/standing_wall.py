@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 from backend.messages.state import Wall
-from plant.dynamics import SUBSTEPS
+from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, most_damped, stiffest
 from plant.interface import T_s
-from plant.obstacle import K_LEAST, Obstacle, most_damped, stiffest
 from plant.parameters import PlantParameters
 
 

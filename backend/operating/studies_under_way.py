@@ -16,7 +16,7 @@ from backend.messages.study import CheckedStudy, PlantNumber, PlantNumbers, Stud
 from backend.offload import Offload, WorkerDiedError
 from backend.operating.text_work import TextWork
 from backend.refusal import Because, RefusalError
-from backend.storage import Database
+from backend.storage.database import Database
 from backend.studies.crew import cores
 from backend.studies.point import numbers_of
 from backend.studies.runner import local, run_study

@@ -13,7 +13,9 @@ from backend.recording.formula import Derived
 from backend.recording.trigger import Armed, Trigger, left_armed
 from backend.refusal import Because, RefusalError
 from backend.sample import UNIT_OF, nearest
-from backend.storage import Database, StorageError, formulas
+from backend.storage import formulas
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
 from plant.interface import T_s
 

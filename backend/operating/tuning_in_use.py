@@ -8,7 +8,7 @@ from typing import Any
 from backend.experiments.banks.bank_building import points_of, tuning_command
 from backend.experiments.banks.default_choice import DefaultChoice, default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.loop.commands import SetTuning
+from backend.loop.set_tuning import SetTuning
 from backend.messages.tuning import (
     BankReference,
     ChosenTuning,

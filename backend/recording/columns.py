@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from backend.recording.reader import read_envelope, read_samples
 from backend.sample import STORED_NAMES
-from backend.storage import Database, recordings
+from backend.storage import recordings
+from backend.storage.database import Database
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
 

@@ -21,7 +21,9 @@ from backend.loop.ring import Ring
 from backend.recording.codec import pack, unpack
 from backend.recording.columns import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
-from backend.storage import Database, Session, StorageError, events, flights
+from backend.storage import events, flights
+from backend.storage.database import Database, Session
+from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
 from backend.storage.flights import NewFlight
 from backend.supervision import Part

@@ -23,7 +23,9 @@ from backend.loop.ring import Ring
 from backend.recording.codec import Table, pack, summarise
 from backend.recording.walls import Walls
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
-from backend.storage import Database, GoneError, Session, StorageError, events, recordings, runs
+from backend.storage import events, recordings, runs
+from backend.storage.database import Database, Session
+from backend.storage.errors import GoneError, StorageError
 from backend.storage.events import EventKind
 from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.records import UnknownRecordError

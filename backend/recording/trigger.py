@@ -19,7 +19,9 @@ from backend.recording.codec import pack
 from backend.recording.condition import Condition
 from backend.recording.flight import Quota, make_room, run_of, time_of
 from backend.sample import STORED_COLUMNS, STORED_NAMES
-from backend.storage import Database, StorageError, events, flights, settings
+from backend.storage import events, flights, settings
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
 from backend.storage.flights import TRIGGER, NewFlight
 from backend.storage.schema import Document

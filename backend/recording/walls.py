@@ -2,8 +2,8 @@
 
 from backend.documents.kept_wall import KeptWall, kept_wall
 from backend.loop.commands import WallChanged
+from plant.dynamics import Obstacle
 from plant.interface import T_s
-from plant.obstacle import Obstacle
 
 _MOST_WAITING = 10_000
 

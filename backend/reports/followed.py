@@ -21,8 +21,7 @@ from backend.tuning.closed_loop import run
 from backend.tuning.formulas import TuningError
 from backend.tuning.gains import cascade_tuning
 from plant.interface import T_s
-from plant.parameter_entries import ParameterError
-from plant.parameters import parameters_of
+from plant.parameters import ParameterError, parameters_of
 
 Array = NDArray[np.float64]
 UNITS = {"q": "rad", "S": "N·m/rad"}

@@ -9,7 +9,7 @@ from backend.reports.document import Column, Paragraph, Section, Table, share, s
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
 from backend.storage.runs import RunKind
-from plant.parameter_sections import SIDES
+from plant.parameters import SIDES
 
 _RUN, _GRADE = Column("Run"), Column("Grade", number=False)
 _UNITS = {"G_q": "", "G_S": "N·m/rad²"}

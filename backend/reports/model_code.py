@@ -10,7 +10,7 @@ from backend.documents.motor import MotorModel
 from backend.documents.spring import SpringModel
 from backend.identification.structures import Kind, Structure, structure
 from backend.reports.document import Block, Code, Column, Table, shown
-from plant.parameter_sections import SIDES, Side
+from plant.parameters import SIDES, Side
 
 _GAIN_UNITS = {"G_q": "rad/rad", "G_S": "N·m/rad²"}
 _OUTPUTS = {"G_q": "q [rad]", "G_S": "S [N*m/rad]"}

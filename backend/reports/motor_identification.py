@@ -15,7 +15,7 @@ from backend.reports.provenance import facts, parameter_section, settings_table,
 from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
-from plant.parameter_sections import SIDES
+from plant.parameters import SIDES
 
 PAPER = Pair(K_m=2.86, T_m=0.22)
 """The paper's motor: K_m [rad/(V·s)], T_m [s]."""

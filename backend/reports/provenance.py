@@ -14,7 +14,7 @@ from backend.reports.source import Source
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
 from backend.storage.runs import EndState
-from plant.choice import SIMULATED
+from plant.interface import SIMULATED
 
 S_NOTE = (
     "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "

@@ -12,7 +12,7 @@ from backend.experiments.plans.stored_plan import OF_THE_PAPER
 from backend.reports.document import Block, Code, Paragraph
 from backend.reports.source import Source
 from backend.storage.runs import EndState, RunKind
-from plant.choice import SIMULATOR
+from plant.interface import SIMULATOR
 from plant.parameters import SHIPPED, load_parameters
 
 _IDENTIFY = {

@@ -8,7 +8,7 @@ from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
 from backend.reports.tracking_figures import TENSIONS, tension_panel
-from plant.parameter_sections import SIDES
+from plant.parameters import SIDES
 
 _NOTES = (
     "The paper loads the motor loop by an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, while it "

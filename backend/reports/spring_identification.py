@@ -13,7 +13,7 @@ from backend.reports.model_code import spring_blocks
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
-from plant.parameter_sections import SIDES
+from plant.parameters import SIDES
 
 _ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
 

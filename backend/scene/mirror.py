@@ -14,7 +14,7 @@ from backend.scene.portless import PortlessServer, SceneEndedError, Send
 from backend.scene.pose import can_be_drawn, pose
 from backend.scene.stage import Stage
 from backend.supervision import Part
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 from plant.parameters import PlantParameters
 
 RATE_HZ = 30.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from backend.scene import layout
-from plant.spring import Spring
+from plant.dynamics import Spring
 
 SOLID_FORCE_N = 50.0
 PRESSED_N = 0.05

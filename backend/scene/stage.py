@@ -12,7 +12,7 @@ from backend.scene import layout, parts
 from backend.scene.parts import SPRING
 from backend.scene.pose import SLACK_COLOUR, Pose, Side
 from backend.scene.shapes import Mesh
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 
 SCALE = 10.0
 """Scene units per metre: the renderer's clipping planes are made for bodies of about this size."""

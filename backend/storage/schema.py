@@ -26,7 +26,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from backend.station import STATION_MAX
-from plant.choice import FILE_NAME_MAX, NAME_MAX
+from plant.interface import FILE_NAME_MAX, NAME_MAX
 
 Document = dict[str, Any]
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.tick.desk import DONE, PUSHES, QUIET, TUNES, WALLS, Desk, Moving, decide, look, write_row
-from plant.cell import Cell, keep
-from plant.compiled import compiled_run
+from plant.compiled import Cell, compiled_run, keep
 from plant.interface import NO_RAW, Measurement, MotorCommand
 from plant.simulator import Simulated, period
 

@@ -26,8 +26,7 @@ from backend.tick import (
     winding,
 )
 from backend.tick.decision import AT_REST, Carry, Decision, Target
-from plant.cell import Cell, keep
-from plant.compiled import STRICT, compiled
+from plant.compiled import STRICT, Cell, compiled, keep
 from plant.interface import NO_LOAD, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 
 QUIET, FOUND, DONE, PUSHES, TUNES, WALLS, FELT = 0, 1, 2, 4, 16, 32, 64

@@ -10,14 +10,10 @@ from numpy.typing import NDArray
 from backend.controllers import cascade, decoupler, motors, touch
 from backend.controllers.goals import References
 from plant.compiled import compiled, compiled_run
-from plant.dynamics import Dynamics, PlantState
+from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tension
 from plant.interface import Measurement, MotorCommand
-from plant.joint import elongation_A, elongation_B
 from plant.parameters import PlantParameters
-from plant.safety import SafetyBounds, exceeded
-from plant.sensors import DELAY_SLOTS, SensorModel, sense, sensor_model
-from plant.simulator import actuate
-from plant.spring import tension
+from plant.simulator import DELAY_SLOTS, SafetyBounds, SensorModel, actuate, exceeded, sense, sensor_model
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ are those of the parameter set in use.
 from dataclasses import replace
 from typing import Any
 
-from plant.parameter_sections import SIDES, Asymmetry
-from plant.parameters import PlantParameters
+from plant.parameters import SIDES, Asymmetry, PlantParameters
 
 _ALIKE = Asymmetry(spring_A=1.0, spring_B=1.0, motor_A=1.0, motor_B=1.0)
 

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from backend.controllers import decoupler, i_pd, motors
 from backend.controllers.decoupler import Decoupler
 from backend.tuning.models import PointModel
-from plant.dynamics import Dynamics, PlantState, derivative
+from plant.dynamics import Dynamics, Motor, PlantState, derivative, tension
 from plant.interface import NO_LOAD
-from plant.motor import Motor
 from plant.parameters import PlantParameters
-from plant.spring import tension
 
 if TYPE_CHECKING:
     import control

@@ -13,8 +13,7 @@ from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import Lambdas, PointModel, designed_point, motor_model, true_motor_model
 from backend.tuning.motor_loop import motor_robustness
 from backend.tuning.robustness import OuterProcess, Robustness
-from plant.parameter_sections import SIDES
-from plant.parameters import PlantParameters
+from plant.parameters import SIDES, PlantParameters
 
 
 @dataclass(frozen=True)

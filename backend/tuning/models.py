@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
-from plant.parameter_sections import Side
-from plant.parameters import PlantParameters
+from plant.parameters import PlantParameters, Side
 
 LAM_MOTOR = 0.0854
 LAM_Q = 0.5

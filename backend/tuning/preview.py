@@ -38,8 +38,7 @@ from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_la
 from backend.tuning.sampled_loop import Sampled, held_plant
 from backend.tuning.step_forecast import StepForecast, step_forecast
 from plant.interface import T_s
-from plant.parameter_sections import SIDES
-from plant.parameters import PlantParameters
+from plant.parameters import SIDES, PlantParameters
 
 STEP_Q = np.pi / 3.0
 """Step of q_ref that the preview shows where no other is asked for [rad]: half of the paper's largest."""

@@ -3,9 +3,8 @@
 import math
 
 from backend.tuning.models import motor_model
-from plant.parameter_sections import SIDES
-from plant.parameters import PlantParameters
-from plant.root import root
+from plant.dynamics import root
+from plant.parameters import SIDES, PlantParameters
 
 
 def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.9) -> float:

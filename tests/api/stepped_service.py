@@ -15,9 +15,10 @@ from backend.bring_up.hands import KeptHands
 from backend.experiments.playing.runner import Station
 from backend.loop.access import Listener, LoopDiedError
 from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Command, Refused, SetTuning
+from backend.loop.commands import Accepted, Command, Refused
 from backend.loop.headless import Headless
 from backend.loop.ring import Ring
+from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
 from backend.messages.session import Role
 from backend.offload import Offload
@@ -32,10 +33,9 @@ from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
 from backend.operating.text_work import TextWork
 from backend.recording.recorder import Recorder
-from backend.storage import Database
+from backend.storage.database import Database
 from backend.supervision import Supervision
-from plant.choice import SIMULATOR
-from plant.interface import Plant
+from plant.interface import SIMULATOR, Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 

@@ -12,8 +12,9 @@ from backend.loop.mode import Mode
 from backend.messages.identification import ActuatorRequest
 from backend.messages.state import TaskView
 from backend.recording.reader import read_envelope
-from backend.storage import banks, open_database
+from backend.storage import banks
 from backend.storage.banks import BankEntry
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Here, Parts, stepped
 

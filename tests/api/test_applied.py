@@ -24,9 +24,10 @@ from backend.operating.applied import Applied
 from backend.operating.tuning_in_use import TuningInUse, initial
 from backend.refusal import RefusalError
 from backend.sample import INDEX
-from backend.storage import Database, banks, open_database
+from backend.storage import banks
 from backend.storage.banks import BankEntry
-from plant.choice import SIMULATOR
+from backend.storage.database import Database, open_database
+from plant.interface import SIMULATOR
 from plant.parameters import PlantParameters, load_parameters
 from tests.api.stepped_service import Parts, Stepped, stepped
 from tests.experiments.test_applied_parameters import K, motors, spring, stored

@@ -26,7 +26,8 @@ from backend.messages.touch import TouchOrder
 from backend.messages.tuning import TuningRequest
 from backend.operating.obstruction import obstruct
 from backend.recording.reader import read_samples
-from backend.storage import Database, open_database, runs
+from backend.storage import runs
+from backend.storage.database import Database, open_database
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped

@@ -12,8 +12,8 @@ import pytest
 from backend.bring_up import standing
 from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding
-from backend.storage import open_database
-from plant.brought_up import CellCalibration
+from backend.storage.database import open_database
+from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
 from tests.api.conftest import client_with, problem, until
 from tests.e2e.service import running_service

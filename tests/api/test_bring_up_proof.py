@@ -26,14 +26,15 @@ from backend.messages.bring_up import BringUpStep
 from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp
 from backend.refusal import RefusalError
-from backend.storage import StorageError, open_database
 from backend.storage.bring_up import StepResult
+from backend.storage.database import open_database
+from backend.storage.errors import StorageError
 from backend.storage.runs import Run
-from plant.brought_up import BroughtUp, CellCalibration
-from plant.choice import PlantChoice, PlantKind
+from plant.calibration import BroughtUp, CellCalibration
+from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.api.stepped_service import Parts, Stepped, stepped
 

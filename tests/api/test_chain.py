@@ -11,8 +11,8 @@ from backend.loop.card_guard import CardGuard
 from backend.loop.supervisor import Restart, Supervisor
 from backend.messages.state import ChainLinkView, LinkView
 from backend.operating.safety_chain import behind_loop, chain
-from plant.card import Card, CardState
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantChoice, PlantKind
+from plant.safety_card import Card, CardState
 
 PATIENCE_S = 120.0
 SEEN = (PlantKind.SIMULATOR, PlantKind.RIG, PlantKind.VIRTUAL_CARD)

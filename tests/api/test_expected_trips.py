@@ -11,9 +11,9 @@ from backend.loop.commands import Inject, SetMode
 from backend.loop.mode import Mode
 from backend.messages.live import MarkKind
 from backend.recording.flight import FlightRecorder, Quota
-from backend.storage import Database, flights, open_database
-from plant.breakage import Breakage, Broken
-from plant.choice import PlantChoice, PlantKind
+from backend.storage import flights
+from backend.storage.database import Database, open_database
+from plant.interface import Breakage, Broken, PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped
 

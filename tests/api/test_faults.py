@@ -11,8 +11,7 @@ from backend.faults import FAULTS, Fault
 from backend.operating.actuator import Actuator
 from backend.operating.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
 from backend.refusal import Because, RefusalError
-from plant.breakage import ONLY_OF_A_CARD
-from plant.choice import SIMULATOR, PlantChoice, PlantKind
+from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
 
 ONLY_HERE = [

@@ -18,7 +18,8 @@ from backend.messages.identification import ActuatorRequest, IdentificationReque
 from backend.messages.state import TaskView
 from backend.recording.reader import read_samples
 from backend.refusal import RefusalError
-from backend.storage import Database, open_database, runs
+from backend.storage import runs
+from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.tick.voltage_steps import ZERO_VOLTS_S
 from plant.interface import T_s

@@ -16,8 +16,9 @@ from backend.messages.tuning import TuningParts, TuningRequest
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.tuning_in_use import TuningInUse, initial
-from backend.storage import Database, banks, events, open_database, settings
+from backend.storage import banks, events, settings
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database, open_database
 from plant.parameters import PlantParameters, load_parameters
 from tests.api.conftest import client_with
 from tests.e2e.service import running_service

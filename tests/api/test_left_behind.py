@@ -17,7 +17,7 @@ from tests.api.test_scene import looking, receive
 from tests.e2e.service import Service, running_service
 
 END_TIMEOUT_S = 10.0
-MEMORY = {"backend.loop.worker": {"sinew-card", "sinew-ring"}, "plant.card": {"sinew-card"}}
+MEMORY = {"backend.loop.worker": {"sinew-card", "sinew-ring"}, "plant.safety_card": {"sinew-card"}}
 """Shared memory that a process is meant to have; the loop has one socket besides, its channel."""
 
 

@@ -19,8 +19,9 @@ from backend.operating.tuning_in_use import initial
 from backend.refusal import OutOfRangeError, RefusalError
 from backend.reports.build import build_report
 from backend.reports.source import load_source
-from backend.storage import Database, banks, events, open_database, runs
+from backend.storage import banks, events, runs
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database, open_database
 from backend.storage.records import UnknownRecordError
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped

@@ -22,7 +22,8 @@ from backend.operating.pause import Pause, not_begun
 from backend.operating.present_state import PresentState
 from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX, NAMES
-from backend.storage import open_database, runs
+from backend.storage import runs
+from backend.storage.database import open_database
 from backend.storage.runs import EndState, Run
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped

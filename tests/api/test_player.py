@@ -13,9 +13,10 @@ from backend.archive.played_recording import played_recording
 from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import of_run
 from backend.faults import EXPLAINED, FAULT_CODE, Fault
-from backend.storage import events, open_database, recordings, runs
+from backend.storage import events, recordings, runs
+from backend.storage.database import open_database
 from backend.storage.events import EventKind
-from plant.recording import UNITS
+from plant.replay import UNITS
 from tests.api.conftest import client_with, problem, until_state
 from tests.e2e.service import Service, running_service
 from tests.exports.stored import tracked

@@ -16,8 +16,9 @@ from backend.messages.state import Push
 from backend.operating.run_kinds import experiment_kinds
 from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX
-from backend.storage import Database, events, open_database
-from plant.choice import PlantChoice, PlantKind
+from backend.storage import events
+from backend.storage.database import Database, open_database
+from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 

@@ -17,8 +17,8 @@ from backend.operating.obstruction import obstruct
 from backend.recording.reader import read_samples
 from backend.scene.mirror import SceneMirror
 from backend.scene.pose import Pose
-from backend.storage import Database, open_database
-from plant.obstacle import Obstacle
+from backend.storage.database import Database, open_database
+from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped
 from tests.api.test_push import in_run

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from backend.sample import STORED_NAMES
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.interface import T_s
 from tests.api.conftest import PATIENCE_S, client_with, problem
 from tests.e2e.service import running_service

@@ -13,10 +13,10 @@ from backend.loop.mode import Mode
 from backend.messages.touch import SweepView
 from backend.operating.touch_sweep import SWEEP_POINTS
 from backend.sample import INDEX
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
+from plant.dynamics import elongation, slope, tension
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
-from plant.spring import elongation, slope, tension
 from tests.api.stepped_service import Parts, stepped
 from tests.api.test_touch import at_rest
 from tests.api.test_touch_sweep import BEGIN, WHO, reference, sweep_of

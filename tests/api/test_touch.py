@@ -12,9 +12,10 @@ from backend.loop.mode import Mode
 from backend.messages.touch import TouchOrder, TouchView
 from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX
-from backend.storage import Database, events, open_database, runs
-from plant.breakage import Breakage, Broken
-from plant.obstacle import Obstacle
+from backend.storage import events, runs
+from backend.storage.database import Database, open_database
+from plant.dynamics import Obstacle
+from plant.interface import Breakage, Broken
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 

@@ -19,8 +19,9 @@ from backend.messages.touch import SweepView, TouchOrder
 from backend.operating import touch_sweep
 from backend.refusal import RefusalError
 from backend.sample import INDEX
-from backend.storage import Database, events, open_database
-from plant.obstacle import Obstacle
+from backend.storage import events
+from backend.storage.database import Database, open_database
+from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.api.conftest import problem
 from tests.api.stepped_service import OPERATOR, Parts, stepped

@@ -11,8 +11,9 @@ from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.refusal import RefusalError
-from backend.storage import Database, banks, events, open_database
+from backend.storage import banks, events
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 

@@ -14,9 +14,10 @@ from backend.messages.state import Wall, WallOrder
 from backend.operating.obstruction import obstruct
 from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX
-from backend.storage import Database, events, open_database
-from plant.choice import PlantChoice, PlantKind
-from plant.obstacle import Obstacle
+from backend.storage import events
+from backend.storage.database import Database, open_database
+from plant.dynamics import Obstacle
+from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from tests.api.conftest import problem, wait_for
 from tests.api.stepped_service import Parts, stepped

@@ -14,7 +14,7 @@ from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from plant.parameters import PlantParameters, load_parameters
 

@@ -7,7 +7,8 @@ import numpy as np
 from backend.loop.ring import WIDTH, Ring
 from backend.recording.recorder import CHUNK_TICKS, Recorder
 from backend.sample import INDEX
-from backend.storage import open_database, runs
+from backend.storage import runs
+from backend.storage.database import open_database
 from backend.storage.runs import NewRun, RunKind
 from plant.interface import T_s
 

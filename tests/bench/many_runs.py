@@ -8,7 +8,8 @@ from typing import Any
 from sqlalchemy import text
 
 from backend.documents.result import Criterion, Figure, Metrics
-from backend.storage import Database, results, runs, tags
+from backend.storage import results, runs, tags
+from backend.storage.database import Database
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.parameters import load_parameters

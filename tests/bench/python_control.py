@@ -12,9 +12,7 @@ import numpy as np
 
 from backend.controllers import cascade, i_pd
 from backend.tuning.closed_loop import Array, Rig
-from plant.dynamics import PlantState
-from plant.motor import Motor
-from plant.spring import Spring
+from plant.dynamics import Motor, PlantState, Spring
 
 _PLANT_STATES = ["q", "q_dot", "theta_A", "omega_A", "tau_A", "theta_B", "omega_B", "tau_B"]
 

@@ -15,9 +15,8 @@ from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.ring import Ring
 from backend.sample import INDEX
-from plant.catalog import make_plant
-from plant.choice import SIMULATOR, PlantChoice, PlantKind
-from plant.interface import MotorCommand, Plant, T_s
+from plant.factory import make_plant
+from plant.interface import SIMULATOR, MotorCommand, Plant, PlantChoice, PlantKind, T_s
 from plant.parameters import load_parameters
 from tests.bench.table import Ratio, print_ratios
 from tests.soak.live_service import Loop as LiveLoop

@@ -13,7 +13,8 @@ from rich.console import Console
 
 from backend.archive.studies import Studies
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import Database, open_database, studies
+from backend.storage import studies
+from backend.storage.database import Database, open_database
 from backend.studies.runner import local, run_study
 from plant.parameters import load_parameters
 from tests.bench.table import Ratio, print_ratios

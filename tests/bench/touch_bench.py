@@ -8,9 +8,9 @@ from unittest.mock import patch
 import numba
 from rich.console import Console
 
-from backend.loop.commands import SetTouch
 from backend.loop.loop import Loop
 from backend.loop.ring import Ring
+from backend.loop.set_touch import SetTouch
 from backend.sample import INDEX
 from backend.tick import batch, desk
 from plant.compiled import STRICT

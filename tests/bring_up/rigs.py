@@ -16,7 +16,7 @@ from backend.loop.mode import MODES, Mode
 from backend.sample import INDEX
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import Wiring, load_wiring
 
 PARAMETERS = load_parameters("lab")

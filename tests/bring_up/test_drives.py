@@ -21,9 +21,9 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
-from plant.breakage import Breakage
-from plant.card import CardState
-from plant.in_process import CardError
+from plant.interface import Breakage
+from plant.safety_card import CardState
+from plant.virtual_daq import CardError
 from tests.bring_up.rigs import BroughtUpRig
 
 BY_HAND = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO)

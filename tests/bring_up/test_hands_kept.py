@@ -9,12 +9,13 @@ import pytest
 from backend.bring_up.hands import KeptHands, switch_drives
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Command, Refused, SetTuning
+from backend.loop.commands import Accepted, Command, Refused
+from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
 from backend.loop.tuned import tuning_for
-from backend.storage import open_database
+from backend.storage.database import open_database
 from backend.tuning.models import Lambdas
-from plant.choice import SIMULATOR, PlantChoice, PlantKind
+from plant.interface import SIMULATOR, PlantChoice, PlantKind
 from plant.parameters import load_parameters
 
 RIG, VIRTUAL = PlantChoice(PlantKind.RIG), PlantChoice(PlantKind.VIRTUAL_CARD)

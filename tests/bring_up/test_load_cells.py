@@ -11,7 +11,7 @@ from backend.bring_up.steps import WEIGHT_MAX_N, StepId
 from backend.bring_up.work import Finding
 from backend.loop.commands import Inject
 from backend.refusal import OutOfRangeError
-from plant.breakage import Breakage, Broken, Sensor
+from plant.interface import Breakage, Broken, Sensor
 from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
 
 REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {

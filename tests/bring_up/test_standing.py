@@ -19,14 +19,14 @@ from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.banks.default_choice import default_choice
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
-from backend.storage import open_database
 from backend.storage.bring_up import StepResult
-from plant.brought_up import BroughtUp, CellCalibration, calibrated, fingerprint
-from plant.catalog import make_plant
-from plant.choice import PlantChoice, PlantKind
+from backend.storage.database import open_database
+from plant.calibration import BroughtUp, CellCalibration, calibrated, fingerprint
+from plant.factory import make_plant
+from plant.interface import PlantChoice, PlantKind
 from plant.rig import Rig
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.bring_up.rigs import PARAMETERS, WIRING, with_entries
 

@@ -10,7 +10,7 @@ from backend.bring_up.steps import STEPS, StepId
 from backend.loop.commands import Refused, SetMode, SwitchDrives
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
-from plant.breakage import Breakage, Broken, Sensor
+from plant.interface import Breakage, Broken, Sensor
 from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
 
 

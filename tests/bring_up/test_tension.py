@@ -13,9 +13,8 @@ from backend.faults import FAULT_CODE, Fault
 from backend.loop.commands import Accepted, ByHand, Refused, SetMode, Stop, TryModule
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
-from plant.breakage import Breakage, Broken, Sensor
-from plant.hand import Hand
-from plant.interface import MotorCommand
+from plant.interface import Breakage, Broken, MotorCommand, Sensor
+from plant.manual_input import Hand
 from tests.bring_up.rigs import BroughtUpRig, played
 
 NAN = math.nan

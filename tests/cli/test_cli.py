@@ -16,7 +16,8 @@ import pytest
 
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import events, open_database, runs
+from backend.storage import events, runs
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.cli.conftest import Command
 from tests.experiments.parameter_files import weak_motors

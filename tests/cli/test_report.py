@@ -11,7 +11,8 @@ from pathlib import Path
 from subprocess import DEVNULL
 
 from backend.recording.codec import pack, unpack
-from backend.storage import open_database, recordings
+from backend.storage import recordings
+from backend.storage.database import open_database
 from backend.storage.records import UnknownRecordError
 from plant.parameters import load_parameters
 from tests.cli.conftest import Command

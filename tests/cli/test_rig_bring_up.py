@@ -26,10 +26,10 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.sample import INDEX
-from backend.storage import open_database
 from backend.storage.bring_up import StepResult
-from plant.brought_up import CellCalibration
-from plant.choice import PlantChoice, PlantKind
+from backend.storage.database import open_database
+from plant.calibration import CellCalibration
+from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from plant.wiring import Wiring, load_wiring
 from tests.api.conftest import client_with

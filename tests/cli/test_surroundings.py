@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from backend.cli.place import settings_with
-from backend.storage import Database, open_database, runs
-from backend.storage.database import FILE_NAME
+from backend.storage import runs
+from backend.storage.database import FILE_NAME, Database, open_database
 from plant.parameters import ParameterError, load_parameters
-from plant.wiring import load_wiring
-from plant.wiring_errors import WiringError
+from plant.wiring import WiringError, load_wiring
 from tests.storage.test_lineage import NEW_RUN
 
 SINEW = str(Path(sys.executable).with_name("sinew"))

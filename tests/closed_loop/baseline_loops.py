@@ -19,9 +19,7 @@ from plant.compiled import compiled_run
 from plant.dynamics import PlantState
 from plant.interface import Measurement, MotorCommand
 from plant.parameters import PlantParameters
-from plant.safety import exceeded
-from plant.sensors import DELAY_SLOTS, sense
-from plant.simulator import actuate
+from plant.simulator import DELAY_SLOTS, actuate, exceeded, sense
 
 
 @compiled_run

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from backend.tuning.closed_loop import run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
-from plant.parameter_sections import Asymmetry
-from plant.parameters import load_parameters
+from plant.parameters import Asymmetry, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 
 

@@ -12,8 +12,7 @@ from plant.compiled import compiled_run
 from plant.dynamics import PlantState
 from plant.interface import MotorCommand
 from plant.parameters import PlantParameters
-from plant.sensors import DELAY_SLOTS, sense
-from plant.simulator import actuate
+from plant.simulator import DELAY_SLOTS, actuate, sense
 
 
 class TrueStates(NamedTuple):

@@ -9,9 +9,10 @@ from typing import Any
 from typer.testing import CliRunner
 
 from backend.cli import app
-from plant import interface, recording, replay
-from plant.contract import CHECKS
-from plant.packages import ATTRIBUTES, GROUP, METHODS
+from plant import interface, replay
+from plant import replay as recording
+from plant.conformance import CHECKS
+from plant.factory import ATTRIBUTES, GROUP, METHODS
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.plant import example

@@ -7,7 +7,7 @@ from pathlib import Path
 from backend.loop.mode import MODES
 from backend.sample import FIELDS
 from plant.interface import T_s
-from plant.parameter_sections import SECTIONS
+from plant.parameters import SECTIONS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "notation.md").read_text(encoding="utf-8")
 

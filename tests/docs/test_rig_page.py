@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from backend.cli import doctor
-from plant.card import WATCHDOG_S
-from plant.choice import DEFAULT_WIRING
+from plant.interface import DEFAULT_WIRING
 from plant.rig import CYCLE_MAX_S, TRIED_CYCLES, UNATTENDED
+from plant.safety_card import WATCHDOG_S
 from plant.wiring import PFI_OF_COUNTER, WATCHDOG_MAX_S, load_wiring
 
 ROOT = Path(__file__).parents[2]

@@ -18,9 +18,8 @@ from backend.messages.state import TimingView
 from backend.recording import flight
 from backend.tick import checks, decision, soft_stop, winding
 from backend.tick.desk import KINDS, Resting
-from plant import card
-from plant.choice import PlantKind
-from plant.interface import T_s
+from plant import safety_card
+from plant.interface import PlantKind, T_s
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from tests.docs.faults_page import PAGE as FAULTS
@@ -54,7 +53,7 @@ def said(documented: object) -> str:
         f"may be left alone: {Simulator.unattended_max_s:g} s on the simulator",
         f"was not heard for {control.LOST_S:g} s",
         f"held for {control.HOLD_S:g} s more",
-        f"not written for {card.WATCHDOG_S:g} s",
+        f"not written for {safety_card.WATCHDOG_S:g} s",
     ],
 )
 def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy import text
 
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from backend.storage.touched import touch
 from plant.parameters import load_parameters
 

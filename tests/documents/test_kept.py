@@ -17,9 +17,10 @@ from backend.experiments.banks.bank_consistency import BankError, point_of
 from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
 from backend.offload import Offload
 from backend.operating.kept_tuning import KeptTuning
-from backend.storage import Database, banks, open_database, settings
+from backend.storage import banks, settings
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 
 LAB = load_parameters("lab")

@@ -17,7 +17,8 @@ from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.offload import Offload
 from backend.operating.tuning_in_use import by_default
-from backend.storage import Database, open_database, runs
+from backend.storage import runs
+from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.documents.earlier import put_run
 

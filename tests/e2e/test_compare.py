@@ -22,7 +22,8 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.exports import csv_file
 from backend.exports.source import of_run
-from backend.storage import Database, events, open_database, recordings, runs
+from backend.storage import events, recordings, runs
+from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service

@@ -11,8 +11,8 @@ import plant
 from backend.bring_up import standing
 from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding
-from backend.storage import open_database
-from plant.brought_up import CellCalibration
+from backend.storage.database import open_database
+from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service

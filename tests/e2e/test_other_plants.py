@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from plant.recording import UNITS
+from plant.replay import UNITS
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service, running_service
 from tests.exports.written import to_csv

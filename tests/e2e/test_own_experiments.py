@@ -14,7 +14,7 @@ from backend.experiments.plans.catalogue import entry_of
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator

@@ -14,7 +14,7 @@ from backend.experiments.plans.catalogue import IDENTIFICATIONS, experiment, exp
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import Plan
 from backend.experiments.settings import from_values
-from plant.choice import SIMULATOR
+from plant.interface import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service

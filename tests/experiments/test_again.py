@@ -13,7 +13,8 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, create_run, run_experiment
 from backend.experiments.results.again import NotEvaluableError, evaluate_again
 from backend.experiments.results.evaluation import Evaluation
-from backend.storage import open_database, results, runs
+from backend.storage import results, runs
+from backend.storage.database import open_database
 from backend.storage.runs import EndState
 from plant.parameters import SHIPPED, load_parameters, parameters_of
 

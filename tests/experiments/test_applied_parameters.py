@@ -23,7 +23,8 @@ from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
 from backend.experiments.results.spring_identification import from_table
 from backend.identification.result import Grade
-from backend.storage import Database, identifications, open_database
+from backend.storage import identifications
+from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.tuning.gains import motor_loops
 from backend.tuning.linear_model import one_motor_point

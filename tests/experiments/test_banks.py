@@ -15,8 +15,9 @@ from backend.experiments.banks.bank_consistency import (
 )
 from backend.experiments.banks.bank_difference import difference, figures_of, with_entries
 from backend.experiments.banks.bank_files import import_bank, read_file, to_document
-from backend.storage import Database, banks, open_database
+from backend.storage import banks
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database, open_database
 from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters, load_parameters
 

@@ -15,8 +15,8 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.results.in_force import kept_tuning
 from backend.refusal import OutOfRangeError
-from backend.storage import open_database
 from backend.storage.banks import BankEntry
+from backend.storage.database import open_database
 from backend.tuning.models import PointModel
 from backend.tuning.motor_loop import LAM_MOTOR_MIN
 from backend.tuning.preview import Previewer

@@ -17,7 +17,7 @@ from backend.experiments.playing.runner import Order, Outcome, Station, run_expe
 from backend.loop.commands import Accepted, SetMode, SetReferences
 from backend.loop.mode import Mode
 from backend.recording.columns import recorded_columns
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.experiments.judging import LEAD_IN_S
 

@@ -16,7 +16,8 @@ from backend.experiments.banks.bank_consistency import BankError
 from backend.reports.document import Table
 from backend.reports.provenance import lineage
 from backend.reports.source import load_source
-from backend.storage import Database, banks, identifications, open_database, runs
+from backend.storage import banks, identifications, runs
+from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import NewRun, RunKind

@@ -20,8 +20,8 @@ from backend.reports.differences import Verified
 from backend.reports.html import to_html
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
-from backend.storage import open_database
-from plant.breakage import Breakage, Broken
+from backend.storage.database import open_database
+from plant.interface import Breakage, Broken
 from plant.parameters import load_parameters
 
 ENDINGS: dict[str, tuple[Command, str]] = {

@@ -16,7 +16,8 @@ from backend.identification.result import Grade
 from backend.messages.history import ChecklistState
 from backend.reports.build import build_report
 from backend.reports.source import Source
-from backend.storage import Session, open_database, runs
+from backend.storage import runs
+from backend.storage.database import Session, open_database
 from backend.storage.identifications import Identification
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.parameters import load_parameters

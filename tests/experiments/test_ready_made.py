@@ -22,7 +22,7 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.experiments.results.again import evaluate_again
 from backend.recording.columns import recorded_columns
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 
 

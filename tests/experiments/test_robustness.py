@@ -26,7 +26,7 @@ from backend.loop.program import Law, Program, Segment, Shape
 from backend.reports.build import build_report
 from backend.reports.document import Report, Table
 from backend.reports.source import Source, load_source
-from backend.storage import open_database
+from backend.storage.database import open_database
 from backend.tuning.gains import motor_loops
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters

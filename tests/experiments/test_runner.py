@@ -21,7 +21,8 @@ from backend.faults import Fault
 from backend.loop.commands import Accepted, Reset, Stop
 from backend.recording.columns import recorded_columns
 from backend.refusal import OutOfRangeError
-from backend.storage import identifications, open_database, results, runs
+from backend.storage import identifications, results, runs
+from backend.storage.database import open_database
 from backend.storage.records import UnknownRecordError
 from plant.parameters import load_parameters
 

@@ -16,7 +16,8 @@ from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import describe, from_values
 from backend.messages.state import TrialView
 from backend.messages.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
-from backend.storage import open_database, settings
+from backend.storage import settings
+from backend.storage.database import open_database
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import STEP_Q, Previewer
 from plant.parameters import load_parameters

@@ -23,9 +23,10 @@ from backend.reports.build import build_report
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import load_source
-from backend.storage import identifications, open_database
+from backend.storage import identifications
+from backend.storage.database import open_database
+from plant.dynamics import tension
 from plant.parameters import PlantParameters, load_parameters
-from plant.spring import tension
 
 MOTOR = MotorIdentificationPlan(u_low=2.0, u_high=5.0, levels=2)
 SPRING = SpringIdentificationPlan(sweep_s=5.0, cycles=1)

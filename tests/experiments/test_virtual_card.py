@@ -15,9 +15,8 @@ from backend.experiments.playing.runner import Order, Outcome, Station, run_expe
 from backend.loop.commands import SetMode
 from backend.loop.mode import Mode
 from backend.recording.reader import read_samples
-from backend.storage import open_database
-from plant.choice import SIMULATOR, PlantChoice, PlantKind
-from plant.interface import PlantError
+from backend.storage.database import open_database
+from plant.interface import SIMULATOR, PlantChoice, PlantError, PlantKind
 from plant.parameters import load_parameters
 
 VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)

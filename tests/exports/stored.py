@@ -12,9 +12,10 @@ from backend.experiments.results.again import evaluate_again
 from backend.messages.history import LineageNode
 from backend.recording.codec import pack, summarise
 from backend.sample import STORED_NAMES
-from backend.storage import Database, Session, banks, bring_up, identifications, recordings, runs
+from backend.storage import banks, bring_up, identifications, recordings, runs
 from backend.storage.banks import BankEntry
 from backend.storage.bring_up import NewStepResult
+from backend.storage.database import Database, Session
 from backend.storage.identifications import NewIdentification
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState, NewRun, RunKind

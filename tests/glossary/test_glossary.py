@@ -26,7 +26,7 @@ from backend.messages.history import ChecklistState
 from backend.messages.state import ChainLinkView
 from backend.sample import FIELDS
 from backend.storage.runs import EndState
-from plant.parameter_sections import SECTIONS
+from plant.parameters import SECTIONS
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = glossary()

@@ -7,12 +7,7 @@ import pytest
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.identification.actuator import (
-    STRUCTURES,
-    ActuatorGeometry,
-    ActuatorIdentification,
-    identify_actuator,
-)
+from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.estimate import estimate
 from backend.identification.published import TABLE_1
 from backend.identification.record import Record

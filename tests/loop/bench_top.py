@@ -5,9 +5,10 @@ import pickle
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.loop.commands import Accepted, Command, Event, Refused, SetMode, SetTuning
+from backend.loop.commands import Accepted, Command, Event, Refused, SetMode
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.sample import INDEX
 from backend.tuning.models import Lambdas

@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTouch
+from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
 from backend.loop.ring import Ring
+from backend.loop.set_touch import SetTouch
 from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.sample import INDEX

@@ -1,6 +1,6 @@
 import pytest
 
-from backend.loop.commands import SetTuning
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters, load_parameters

@@ -17,7 +17,6 @@ from backend.loop.commands import (
     RunProgram,
     SetMode,
     SetReferences,
-    SetTouch,
     Stop,
     TryModule,
     TryMotor,
@@ -27,12 +26,13 @@ from backend.loop.mode import Mode
 from backend.loop.program import Excitation, Law, Program, Segment, Shape
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
+from backend.loop.set_touch import SetTouch
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from tests.bring_up.rigs import WIRING
 
 SINE = Segment(0.02, q_ref=0.1, S_ref=10.0, F_push=1.0, shape=Shape.SINE, period_s=0.01)

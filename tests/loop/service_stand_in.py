@@ -11,7 +11,7 @@ from backend.loop.supervisor import Supervisor
 from backend.loop.tuned import tuning_for
 from backend.sample import INDEX
 from backend.tuning.models import Lambdas
-from plant.choice import SIMULATOR
+from plant.interface import SIMULATOR
 from plant.parameters import load_parameters
 
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from backend.loop.channel_ends import Channel, channel_pair
-from backend.loop.commands import SetTuning
 from backend.loop.loop import Loop
 from backend.loop.pacer import Pacer
 from backend.loop.ring import Ring
+from backend.loop.set_tuning import SetTuning
 from backend.loop.worker import Worker
 from backend.sample import INDEX
-from plant import virtual_card
+from plant import virtual_daq
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 
 SHIPPED = load_wiring("pcie-6323")
@@ -45,7 +45,7 @@ def test_the_cards_clock_paces_the_loop(
     ideal: PlantParameters, tuning: SetTuning, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = Clock()
-    monkeypatch.setattr(virtual_card, "time", clock)
+    monkeypatch.setattr(virtual_daq, "time", clock)
     plant = VirtualRig(HARDWARE, Simulator(ideal, 0), has_clock=True)
     service, theirs = channel_pair()
     ring = Ring.create()

@@ -30,13 +30,14 @@ from backend.loop.tuned import tuning_for
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX
-from backend.storage import Database, open_database, recordings
+from backend.storage import recordings
+from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.tuning.models import Lambdas
-from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, Sensor
+from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, Sensor
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.docs.faults_page import documented_ms
 from tests.recording.stand_in import new_run, stored_run

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from backend.loop.card_guard import LOOK_S, CardGuard
-from plant.card import WATCHDOG_S, Card, CardState
+from plant.safety_card import WATCHDOG_S, Card, CardState
 
 
 class Shown(Card):
@@ -23,7 +23,7 @@ def test_a_watchdog_that_stands_still_is_lost_where_it_has_drives_to_take_away(
     armed: bool, drive_enabled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = [100.0]
-    monkeypatch.setattr("plant.stillness.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("plant.safety_card.time.monotonic", lambda: now_s[0])
     guard = CardGuard(Shown(armed, drive_enabled))
     looks = 0
     while guard.watchdog_silent_s <= WATCHDOG_S:

@@ -31,8 +31,8 @@ from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Excitatio
 from backend.loop.program_parts import ProgramParts
 from backend.loop.set_tuning import EntryGains, MotorGains, SetTuning
 from backend.refusal import OutOfRangeError
-from plant.hand import Hand
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
+from plant.manual_input import Hand
 
 # As they are sent: a tuning is a packet of its own.
 st.register_type_strategy(Program, st.builds(Program, tunings=st.just(())))

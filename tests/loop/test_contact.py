@@ -10,7 +10,6 @@ from backend.faults import Limit
 from backend.loop.causes import Cause
 from backend.loop.commands import (
     Accepted,
-    ContactFelt,
     ModeChanged,
     Push,
     Refused,
@@ -18,15 +17,15 @@ from backend.loop.commands import (
     RunProgram,
     SetMode,
     SetReferences,
-    SetTouch,
     Stop,
 )
 from backend.loop.contact import TAIL_S
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.program import Law, Program, Segment, Shape
+from backend.loop.set_touch import ContactFelt, SetTouch
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
 

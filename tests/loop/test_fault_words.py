@@ -8,8 +8,7 @@ from backend.faults import EXPLAINED, Fault, explained
 from backend.loop.checks import Checks
 from backend.loop.commands import Inject, Stop, Stopped
 from backend.tick.checks import CLEAR, TRIPPED, State
-from plant.breakage import Breakage, Broken, Sensor
-from plant.interface import NO_RAW, NOT_MEASURED, MotorCommand
+from plant.interface import NO_RAW, NOT_MEASURED, Breakage, Broken, MotorCommand, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.loop.test_faults import moving, until_tripped
 

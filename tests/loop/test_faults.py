@@ -29,9 +29,9 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import Mode
 from backend.sample import INDEX
-from plant.breakage import Breakage, Broken, Sensor
-from plant.card import Card
+from plant.interface import Breakage, Broken, Sensor
 from plant.parameters import PlantParameters, load_parameters
+from plant.safety_card import Card
 from plant.simulator import Simulator
 from tests.docs.faults_page import documented_ms
 from tests.loop.bench_top import BenchTop

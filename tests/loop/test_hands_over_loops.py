@@ -9,17 +9,17 @@ from backend.loop.commands import (
     Refused,
     Reset,
     SetMode,
-    SetTuning,
     Shutdown,
     Stop,
     SwitchDrives,
 )
 from backend.loop.mode import Mode
+from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantChoice, PlantKind
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.loop.worker_bench import Bench
 

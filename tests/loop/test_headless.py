@@ -17,7 +17,6 @@ from backend.loop.commands import (
     RunProgram,
     SetMode,
     SetReferences,
-    SetTuning,
     Stop,
     Stopped,
 )
@@ -25,6 +24,7 @@ from backend.loop.headless import Headless
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.program import Law, Program, Segment
 from backend.loop.ring import Ring
+from backend.loop.set_tuning import SetTuning
 from backend.sample import INDEX
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator

@@ -18,7 +18,6 @@ from backend.loop.commands import (
     Refused,
     Reset,
     SetMode,
-    SetTuning,
     Stop,
     SwitchDrives,
     TryMotor,
@@ -26,12 +25,13 @@ from backend.loop.commands import (
 from backend.loop.headless import Headless
 from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
 from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.set_tuning import SetTuning
 from backend.sample import INDEX
 from plant.dynamics import PlantState
-from plant.hand import NO_HAND, Hand
+from plant.manual_input import NO_HAND, Hand
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from tests.bring_up.rigs import WIRING, with_entries
 
 PARAMETERS = load_parameters("lab")

@@ -16,8 +16,7 @@ from backend.tick.decision import NO_REFERENCE, Carry, Decision
 from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
-from plant.breakage import Breakage, Broken, Sensor
-from plant.interface import Measurement
+from plant.interface import Breakage, Broken, Measurement, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.loop.bench_top import BenchTop
 

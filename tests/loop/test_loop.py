@@ -6,18 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import max_len_seq
 
-from backend.loop.commands import (
-    EntryGains,
-    ModeChanged,
-    Refused,
-    RunEnded,
-    RunProgram,
-    SetMode,
-    SetReferences,
-    SetTuning,
-)
+from backend.loop.commands import ModeChanged, Refused, RunEnded, RunProgram, SetMode, SetReferences
 from backend.loop.mode import LEGAL, MODE_CODE, Mode
 from backend.loop.program import Excitation, Law, Program, Segment, Shape
+from backend.loop.set_tuning import EntryGains, SetTuning
 from backend.loop.tuned import tuning_for
 from backend.sample import NAMES
 from backend.tuning.models import Lambdas

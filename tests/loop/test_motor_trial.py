@@ -9,18 +9,18 @@ from backend.controllers import motors
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.faults import Fault
-from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, TryMotor
+from backend.loop.commands import Accepted, Refused, SetMode, Stop, TryMotor
 from backend.loop.headless import Headless
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.module_trial import ModuleTrial
 from backend.loop.motor_trial import MotorTrial
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_of
 from backend.sample import INDEX
 from backend.tick.decision import NO_REFERENCE, Carry
 from backend.tuning.gains import knowledge
-from plant.catalog import make_plant
-from plant.choice import PlantChoice, PlantKind
-from plant.interface import Measurement
+from plant.factory import make_plant
+from plant.interface import Measurement, PlantChoice, PlantKind
 from plant.parameters import load_parameters
 
 PARAMETERS = load_parameters("ideal")

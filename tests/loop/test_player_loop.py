@@ -13,8 +13,6 @@ from backend.loop.commands import (
     Accepted,
     Command,
     Event,
-    PlayerMoved,
-    PlayRecording,
     Push,
     Refused,
     Reset,
@@ -26,12 +24,12 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import Mode
 from backend.loop.pacer import Pacer
+from backend.loop.play_recording import PlayerMoved, PlayRecording
 from backend.loop.player_loop import PlayerLoop
 from backend.loop.ring import Ring
 from backend.loop.worker import Worker
 from backend.sample import INDEX, NAMES
-from plant.recording import load_recording
-from plant.replay import Replay
+from plant.replay import Replay, load_recording
 from tests.exports.written import to_csv
 
 SAMPLES = 200

@@ -12,22 +12,21 @@ from backend.faults import Limit
 from backend.loop.causes import Cause
 from backend.loop.commands import (
     Accepted,
-    ContactFelt,
     Refused,
     RunEnded,
     RunProgram,
     SetMode,
     SetReferences,
-    SetTouch,
     Stop,
     TuningChanged,
     WallChanged,
 )
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.program import MAX_TOUCHES, Law, Program, Segment, Shape, Touch
+from backend.loop.set_touch import ContactFelt, SetTouch
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.loop.commands import SetTuning
 from backend.loop.rehearsal import RehearsalError, rehearse
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.tuning.baselines import single_loop_tuning
 from backend.tuning.formulas import TuningError

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.loop.commands import Accepted, Push, Refused, RunProgram, SetMode, SetReferences, SetTouch, SetTuning
+from backend.loop.commands import Accepted, Push, Refused, RunProgram, SetMode, SetReferences
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
+from backend.loop.set_touch import SetTouch
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_for, tuning_of
 from backend.tuning.gains import UNSEEN_F, knowledge
 from backend.tuning.models import Lambdas

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import (
-    Accepted,
-    Refused,
-    Reset,
-    SetMode,
-    SetReferences,
-    Stop,
-    Stopped,
-)
+from backend.loop.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stop, Stopped
 from backend.loop.mode import MODE_CODE, Mode
 from plant.interface import Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters, load_parameters

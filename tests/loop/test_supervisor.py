@@ -18,14 +18,15 @@ from backend.faults import FAULT_CODE, Fault
 from backend.loop import supervisor as supervisor_module
 from backend.loop.access import LoopDied, LoopDiedError
 from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, Stopped
+from backend.loop.commands import Accepted, Refused, SetMode, Stop, Stopped
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.ring import Ring
+from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
 from backend.loop.timing import timing
 from backend.sample import INDEX
-from plant.card import WATCHDOG_S
-from plant.choice import SIMULATOR, PlantChoice, PlantKind
+from plant.interface import SIMULATOR, PlantChoice, PlantKind
+from plant.safety_card import WATCHDOG_S
 
 pytestmark = pytest.mark.live
 
@@ -168,7 +169,9 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
         await supervisor.advance_until(lambda: card.state().u_A != 0.0, timeout_s=5.0)
         (worker,) = loop_processes()
         children = Path(f"/proc/{worker}/task/{worker}/children").read_text(encoding="ascii").split()
-        (watchdog,) = (int(child) for child in children if b"plant.card" in Path(f"/proc/{child}/cmdline").read_bytes())
+        (watchdog,) = (
+            int(child) for child in children if b"plant.safety_card" in Path(f"/proc/{child}/cmdline").read_bytes()
+        )
         os.kill(watchdog, signal.SIGKILL)
         os.kill(worker, signal.SIGKILL)
         killed_s = time.monotonic()

@@ -11,13 +11,13 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Inject, Refused, Reset, SetMode, SetTuning, SwitchDrives
+from backend.loop.commands import Accepted, Inject, Refused, Reset, SetMode, SwitchDrives
 from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
 from backend.sample import INDEX
-from plant.breakage import Breakage, Broken
-from plant.brought_up import fingerprint
-from plant.choice import PlantChoice, PlantKind
+from plant.calibration import fingerprint
+from plant.interface import Breakage, Broken, PlantChoice, PlantKind
 from plant.wiring import load_wiring
 from tests.loop.test_supervisor import TIMEOUT_S, loop_processes
 

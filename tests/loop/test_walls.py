@@ -9,7 +9,7 @@ from backend.faults import Fault
 from backend.loop.commands import Accepted, Obstruct, Refused, RunProgram, SetMode, SetReferences, Stopped
 from backend.loop.mode import Mode
 from backend.loop.program import MAX_WALLS, Law, Program, Segment, Shape, TensionLeg
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.loop.bench_top import BenchTop

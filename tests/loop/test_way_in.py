@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.loop.commands import SetTuning
 from backend.loop.loop import Loop
-from plant.breakage import Breakage, Broken
-from plant.card import Card
-from plant.interface import Measurement, PlantError
+from backend.loop.set_tuning import SetTuning
+from plant.interface import Breakage, Broken, Measurement, PlantError
 from plant.parameters import PlantParameters
+from plant.safety_card import Card
 from plant.simulator import Simulator
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.loop.bench_top import BenchTop, Samples
 

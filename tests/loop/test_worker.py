@@ -20,13 +20,13 @@ from backend.loop.commands import (
     RunProgram,
     SetMode,
     SetReferences,
-    SetTuning,
     Shutdown,
     Stopped,
 )
 from backend.loop.mode import Mode
 from backend.loop.pacer import Granted
 from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment
+from backend.loop.set_tuning import SetTuning
 from backend.loop.worker import BYTES_PER_TICK
 from plant.parameters import PlantParameters
 from tests.docs.faults_page import documented_ms

@@ -6,14 +6,13 @@ import numpy as np
 
 from backend.loop.channel import Setup, decode_from_loop, encode
 from backend.loop.channel_ends import Channel, channel_pair
-from backend.loop.commands import SetTuning
 from backend.loop.loop import Loop
 from backend.loop.pacer import Pacer
 from backend.loop.ring import Ring
+from backend.loop.set_tuning import SetTuning
 from backend.loop.worker import Worker
 from backend.sample import INDEX
-from plant.choice import SIMULATOR
-from plant.interface import Plant
+from plant.interface import SIMULATOR, Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 

@@ -11,17 +11,17 @@ from tests.mutate.belonging import belonging_to, live_tests, reaching, sources
 from tests.mutate.mutants import mutants
 from tests.mutate.trees import ROOT, Imports, Tree, tracked
 
-FRICTION = "plant/friction.py"
+DYNAMICS = "plant/dynamics.py"
 TORQUE = """
 import pathlib
 import numba
-from plant.friction import Friction, friction_torque
-from plant.joint import Joint, elongation_A
+from backend.controllers.dead_zone import beyond
+from plant.dynamics import Friction, friction_torque
 
 def test_torque():
-    known = [path.name.split("-")[0] for path in pathlib.Path(numba.config.CACHE_DIR).glob("plant_*/*.nbc")]
+    known = [path.name.split("-")[0] for path in pathlib.Path(numba.config.CACHE_DIR).glob("*/*.nbc")]
     torque = friction_torque(Friction(1.0, 0.5, 1e-9, None), 1.0, 4.0, 0.0)
-    print(torque, elongation_A(Joint(2.0, 1.0, 0.0, 0.0), 3.0, 1.0), known)
+    print(torque, beyond(3.0, 1.0), known)
     assert torque == 3.0
 """
 SOURCE = '''"""1 + 1"""
@@ -66,8 +66,8 @@ def test_places_are_spread_over_the_rooms_and_the_same_for_a_seed() -> None:
     assert a_share_of_its_own <= {mutant.path for mutant in some}
     assert {mutant.path.rpartition("/")[0] for mutant in some} == {path.rpartition("/")[0] for path in sources()}
     imports = Imports()
-    assert imports.touched_by("plant/spring.py") > {"plant/spring.py", "plant/joint.py", "backend/loop/loop.py"}
-    assert FRICTION not in imports.touched_by("plant/spring.py")
+    assert imports.touched_by("plant/dynamics.py") > {"plant/dynamics.py", "backend/loop/loop.py"}
+    assert "plant/compiled.py" not in imports.touched_by("plant/dynamics.py")
     near = {path: belonging_to(path, reaching(imports.steps_to(path))) for path in {mutant.path for mutant in some}}
     assert [path for path, tests in near.items() if not tests] == []
 
@@ -104,14 +104,14 @@ def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp
     for copy in (base, tree):
         copy.bring_up_to_date(name for name in tracked() if name.startswith(("plant/", "backend/__", "backend/cont")))
         (copy.root / "test_torque.py").write_text(TORQUE, encoding="utf-8")
-    asked, touched = ["-q", "test_torque.py"], {FRICTION}
+    asked, touched = ["-q", "test_torque.py"], {DYNAMICS}
     assert base.test(asked, 100.0)[0] == 0
-    mutant = next(m for m in mutants(FRICTION, (ROOT / FRICTION).read_text("utf-8")) if m.old == "+")
-    file = tree.root / FRICTION
+    mutant = next(m for m in mutants(DYNAMICS, (ROOT / DYNAMICS).read_text("utf-8")) if m.old == "+")
+    file = tree.root / DYNAMICS
     before = file.read_bytes(), file.stat().st_mtime_ns
     with tree.changed(mutant.path, mutant.of(file.read_text("utf-8"))):
         code, said = tree.test(asked, 100.0, base, touched)
     assert code == 1
-    assert "\n-1.0 5.0 ['joint.elongation_A']\n" in said
+    assert "\n-1.0 2.0 ['dead_zone.beyond']\n" in said
     assert (file.read_bytes(), file.stat().st_mtime_ns) == before
     assert tree.test(["-q", "-p", "no:timeout", "--collect-only", "test_torque.py"], 0.0)[0] is None

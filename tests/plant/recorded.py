@@ -9,8 +9,7 @@ from backend.loop.commands import Accepted, Inject, SetMode, SetReferences
 from backend.loop.mode import Mode
 from backend.recording.columns import Columns
 from backend.sample import INDEX, NAMES
-from plant.breakage import Breakage, Broken, Sensor
-from plant.interface import Plant
+from plant.interface import Breakage, Broken, Plant, Sensor
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 from tests.exports.written import to_csv

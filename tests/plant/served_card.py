@@ -10,8 +10,7 @@ from typing import Any
 import grpc
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 
-from plant.in_process import CardError, UnknownCallError
-from plant.virtual_card import VirtualCard
+from plant.virtual_daq import CardError, UnknownCallError, VirtualCard
 
 
 class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]  # gRPC has no types

@@ -5,9 +5,8 @@ import re
 
 import pytest
 
-from plant.breakage import Breakage, Broken, Sensor
-from plant.broken_part import BrokenPart
-from plant.interface import NOT_MEASURED, T_s
+from plant.interface import NOT_MEASURED, Breakage, Broken, Sensor, T_s
+from plant.simulator import BrokenPart
 
 
 @pytest.mark.parametrize("sensor", Sensor)

@@ -9,9 +9,8 @@ from itertools import count
 
 import pytest
 
-from plant.card import TRIAL_S, WATCHDOG_S, Card, CardState, WatchdogDeadError
 from plant.interface import MotorCommand, PlantError
-from plant.stillness import Stillness
+from plant.safety_card import TRIAL_S, WATCHDOG_S, Card, CardState, Stillness, WatchdogDeadError
 
 PATIENCE_S = 20.0
 

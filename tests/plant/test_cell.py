@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from plant.cell import Cell, keep
-from plant.compiled import compiled
+from plant.compiled import Cell, compiled, keep
 
 
 class Inner(NamedTuple):

@@ -10,8 +10,7 @@ from plant.compiled import Specialised, compiled
 from plant.dynamics import AT_REST, PlantState
 from plant.interface import ZERO_VOLTS
 from plant.parameters import load_parameters
-from plant.safety import SafetyBounds, exceeded
-from plant.simulator import Simulator, actuate
+from plant.simulator import SafetyBounds, Simulator, actuate, exceeded
 
 LAB = load_parameters("lab")
 PLANT, BOUNDS = LAB.dynamics(), SafetyBounds(40.0, 1.5)

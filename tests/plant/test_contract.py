@@ -8,14 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from plant.catalog import make_plant
-from plant.choice import PlantChoice, PlantKind
-from plant.contract import CHECKS, LONG_TICKS, WARM_UP_TICKS, run_contract
-from plant.interface import Measurement, MotorCommand, Plant
+from plant.conformance import CHECKS, LONG_TICKS, WARM_UP_TICKS, Check, Outcome, Subject, run_contract
+from plant.factory import make_plant
+from plant.interface import Measurement, MotorCommand, Plant, PlantChoice, PlantKind
 from plant.parameters import PlantParameters
-from plant.promises import Check, Outcome, Subject
-from plant.recording import load_recording
-from plant.replay import Replay
+from plant.replay import Replay, load_recording
 from plant.rig import Rig
 from plant.simulator import Simulator
 from tests.plant import example

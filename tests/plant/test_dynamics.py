@@ -10,11 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from plant.dynamics import SUBSTEPS, Dynamics, PlantState, advance
+from plant.dynamics import (
+    SUBSTEPS,
+    Dynamics,
+    PlantState,
+    Spring,
+    advance,
+    elongation_A,
+    elongation_B,
+    joint_acceleration,
+    joint_stiffness,
+    polynomial_spring,
+    tension,
+)
 from plant.interface import T_s
-from plant.joint import elongation_A, elongation_B, joint_acceleration, joint_stiffness
 from plant.parameters import PlantParameters, load_parameters
-from plant.spring import Spring, polynomial_spring, tension
 
 IDEAL, LAB = load_parameters("ideal"), load_parameters("lab")
 SLACK_THETA = -200.0

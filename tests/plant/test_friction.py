@@ -8,8 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from plant.dynamics import SUBSTEPS, Dynamics, PlantState, advance
-from plant.friction import Friction, LuGre, bristle_after, bristle_rate, friction_torque
+from plant.dynamics import (
+    SUBSTEPS,
+    Dynamics,
+    Friction,
+    LuGre,
+    PlantState,
+    advance,
+    bristle_after,
+    bristle_rate,
+    friction_torque,
+)
 from plant.interface import ShaftLoad, T_s
 from plant.parameters import PlantParameters, load_parameters
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from plant.breakage import Breakage, Broken, Sensor
-from plant.card_faults import miswired
+from plant.interface import Breakage, Broken, Sensor
+from plant.virtual_daq import miswired
 from plant.wiring import SECTIONS, Wiring, load_wiring
 
 SAID = load_wiring("pcie-6323")

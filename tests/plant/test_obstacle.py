@@ -8,18 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from plant.dynamics import SUBSTEPS, Dynamics, PlantState, advance
-from plant.interface import NO_LOAD, MotorCommand, PlantError, T_s
-from plant.joint import Joint
-from plant.obstacle import (
+from plant.dynamics import (
     K_LEAST,
     NO_OBSTACLE,
+    SUBSTEPS,
+    Dynamics,
+    Joint,
     Obstacle,
+    PlantState,
+    advance,
     contact_force,
     most_damped,
     require_possible,
     stiffest,
 )
+from plant.interface import NO_LOAD, MotorCommand, PlantError, T_s
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from tests.plant.test_dynamics import energy

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from plant.catalog import make_plant, require_available
-from plant.choice import NAME_MAX, PlantChoice, PlantKind
-from plant.interface import PlantError
-from plant.packages import GROUP
+from plant.factory import GROUP, make_plant, require_available
+from plant.interface import NAME_MAX, PlantChoice, PlantError, PlantKind
 from plant.parameters import PlantParameters
 from tests.plant import example
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 import plant.parameters
-from plant.parameter_sections import SECTIONS
-from plant.parameters import SHIPPED, ParameterError, load_parameters
+from plant.parameters import SECTIONS, SHIPPED, ParameterError, load_parameters
 
 TEXT = (Path(plant.parameters.__file__).parent / "parameters" / "lab.toml").read_text(encoding="utf-8")
 POINTS = "[[0.0065, 0.0], [0.02, 7.0], [0.035, 19.0], [0.05, 35.0], [0.0625, 51.5]]"

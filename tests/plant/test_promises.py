@@ -4,9 +4,9 @@ import time
 
 import pytest
 
+from plant.conformance import driven
 from plant.interface import ZERO_VOLTS, T_s
 from plant.parameters import PlantParameters
-from plant.promises import driven
 from plant.simulator import Simulator
 
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plant import recording
-from plant.recording import load_recording, look_over
+from plant import replay
+from plant.replay import load_recording, look_over
 from tests.exports.written import to_csv
 
 COLUMNS = {name: np.zeros(20) for name in ("q", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B")}
@@ -24,13 +24,13 @@ def file(tmp_path: Path) -> Path:
 @pytest.fixture
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     found: list[Path] = []
-    read = recording._table
+    read = replay._table
 
     def counted(path: Path) -> Any:
         found.append(path)
         return read(path)
 
-    monkeypatch.setattr(recording, "_table", counted)
+    monkeypatch.setattr(replay, "_table", counted)
     return found
 
 

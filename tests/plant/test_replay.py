@@ -14,8 +14,7 @@ from backend.loop.mode import Mode
 from plant import replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters
-from plant.recording import load_recording
-from plant.replay import Replay
+from plant.replay import Replay, load_recording
 from tests.exports.written import to_csv, to_mat, to_parquet
 from tests.loop.bench_top import BenchTop
 from tests.plant.recorded import columns_of, session, trip_recorded

@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plant.breakage import Breakage, Broken, Sensor
-from plant.card import Card
 from plant.daq import Daq
-from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, RawReading
+from plant.interface import ZERO_VOLTS, Breakage, Broken, Measurement, MotorCommand, PlantError, RawReading, Sensor
 from plant.parameters import load_parameters
 from plant.rig import Rig
+from plant.safety_card import Card
 from plant.simulator import Simulator
-from plant.virtual_card import VirtualCard
-from plant.virtual_rig import VirtualRig
+from plant.virtual_daq import VirtualCard, VirtualRig
 from plant.wiring import Wiring, load_wiring
 
 PARAMETERS = load_parameters("lab")

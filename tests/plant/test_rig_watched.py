@@ -5,15 +5,13 @@ import time
 import pytest
 
 from plant import rig as rig_module
-from plant.breakage import Breakage, Broken
-from plant.card import Card, WatchdogExpiredError
-from plant.catalog import make_plant
-from plant.choice import PlantChoice, PlantKind
 from plant.daq import Daq
-from plant.interface import MotorCommand, PlantError
+from plant.factory import make_plant
+from plant.interface import Breakage, Broken, MotorCommand, PlantChoice, PlantError, PlantKind
 from plant.parameters import load_parameters
 from plant.rig import Rig
-from plant.virtual_rig import VirtualRig
+from plant.safety_card import Card, WatchdogExpiredError
+from plant.virtual_daq import VirtualRig
 
 pytestmark = pytest.mark.live
 

@@ -7,12 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.dynamics import AT_REST, PlantState
+from plant.dynamics import AT_REST, PlantState, tension
 from plant.interface import ZERO_VOLTS, MotorCommand
 from plant.parameters import PlantParameters
-from plant.sensors import quantise
-from plant.simulator import Simulator
-from plant.spring import tension
+from plant.simulator import Simulator, quantise
 
 STANDING = PlantState(0.0, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0, 0.0)
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from plant.parameters import PlantParameters, load_parameters
-from plant.spring import (
+from plant.dynamics import (
     Spring,
     curvature,
     elongation,
@@ -15,10 +14,11 @@ from plant.spring import (
     polynomial_spring,
     require_stiffening,
     slope,
+    tabulated_spring,
     tension,
     tension_slope,
 )
-from plant.spring_table import tabulated_spring
+from plant.parameters import PlantParameters, load_parameters
 
 K = (-2.498, 331.49, 8543.8)
 CUBIC = (-2.0, 300.0, 7000.0, 40_000.0)

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 import plant.parameters
-from plant.parameter_sections import MotorParameters
-from plant.parameters import ParameterError, PlantParameters, load_parameters, parameters_of
+from plant.parameters import MotorParameters, ParameterError, PlantParameters, load_parameters, parameters_of
 
 FOLDER = Path(plant.parameters.__file__).parent / "parameters"
 STICK, LAB = ((FOLDER / f"{name}.toml").read_text(encoding="utf-8") for name in ("lab-stick", "lab"))

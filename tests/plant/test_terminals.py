@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plant.breakage import Breakage, Broken
-from plant.card import WATCHDOG_S
 from plant.dynamics import PlantState
-from plant.interface import ZERO_VOLTS, MotorCommand, PlantError, T_s
+from plant.interface import ZERO_VOLTS, Breakage, Broken, MotorCommand, PlantError, T_s
 from plant.parameters import load_parameters
+from plant.safety_card import WATCHDOG_S
 from plant.simulator import Simulator
-from plant.terminals import Cell, converted, volts_of
-from plant.virtual_rig import VirtualRig
-from plant.wiring import load_wiring
+from plant.virtual_daq import VirtualRig
+from plant.wiring import Cell, converted, load_wiring, volts_of
 
 PARAMETERS = load_parameters("lab")
 WIRING = load_wiring("pcie-6323")

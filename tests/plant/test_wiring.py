@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 import plant.wiring
-from plant.wiring import SECTIONS, SHIPPED, load_wiring
-from plant.wiring_errors import WiringError
+from plant.wiring import SECTIONS, SHIPPED, WiringError, load_wiring
 
 SHIPPED_TEXT = (Path(plant.wiring.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import pack, summarise
-from backend.storage import Database, recordings
+from backend.storage import recordings
+from backend.storage.database import Database
 from backend.storage.recordings import Chunk
 from plant.interface import T_s
 from tests.recording.stand_in import new_run

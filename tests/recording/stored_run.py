@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from backend.recording.codec import pack, summarise
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
-from backend.storage import Database, recordings, runs
+from backend.storage import recordings, runs
+from backend.storage.database import Database
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.interface import T_s

@@ -14,7 +14,8 @@ from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import read_envelope
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
-from backend.storage import Database, open_database, recordings, runs
+from backend.storage import recordings, runs
+from backend.storage.database import Database, open_database
 from backend.storage.recordings import Chunk
 from backend.storage.runs import NewRun, RunKind
 from plant.interface import T_s

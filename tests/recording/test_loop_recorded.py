@@ -13,7 +13,8 @@ from backend.loop.tuned import tuning_for
 from backend.recording.reader import read_envelope, read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX, STORED_NAMES
-from backend.storage import Database, recordings
+from backend.storage import recordings
+from backend.storage.database import Database
 from backend.storage.runs import EndState
 from backend.tuning.models import Lambdas
 from plant.parameters import load_parameters

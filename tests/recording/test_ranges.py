@@ -21,7 +21,7 @@ from backend.exports.source import of_run
 from backend.recording.reader import UnknownSignalError
 from backend.refusal import OutOfRangeError
 from backend.sample import STORED_NAMES
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
 from tests.recording.stored_run import R_J, R_M, store_run

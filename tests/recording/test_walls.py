@@ -3,8 +3,8 @@
 from backend.documents.kept_wall import MOST, KeptWall, joined, kept_wall, standing
 from backend.loop.commands import WallChanged
 from backend.recording.walls import Walls
-from backend.storage import Database
-from plant.obstacle import Obstacle
+from backend.storage.database import Database
+from plant.dynamics import Obstacle
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 
 ABOVE, BELOW = Obstacle(1.0, 0.3, 2e4, 1.0), Obstacle(-1.0, -0.4, 5e3, 0.0)

@@ -22,8 +22,9 @@ from backend.reports.pdf import to_pdf
 from backend.reports.series import series_report
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
-from backend.storage import Database, banks, open_database
+from backend.storage import banks
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 
 LAB = load_parameters("lab")

@@ -19,7 +19,7 @@ from backend.reports.html import to_html
 from backend.reports.impact import hits_table, reaction_tables
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 
 PLAN = ready_plan("impact", speeds=2, v_slow=0.3)

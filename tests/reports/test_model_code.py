@@ -11,7 +11,7 @@ from backend.documents.motor import Fitted, MotorModel, Pair
 from backend.documents.spring import SpringFit, SpringModel
 from backend.reports.document import Code, Table
 from backend.reports.model_code import actuator_blocks, motor_blocks, spring_blocks
-from plant.parameter_sections import Side
+from plant.parameters import Side
 
 OMEGA = np.array([0.0, 0.5, 3.0, 12.0, 40.0])
 ORDER_4 = {"b0": 0.0501, "a1": 0.3431, "a2": 0.0462, "a3": 2.9e-3, "a4": 7.3e-5}

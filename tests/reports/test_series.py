@@ -31,8 +31,9 @@ from backend.reports.series_verification import verify_series
 from backend.reports.source import Source
 from backend.reports.stored_samples import stored_samples
 from backend.reports.verification import verify, verify_pdf
-from backend.storage import Database, open_database, runs
+from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database, open_database
 from backend.storage.records import UnknownRecordError
 from plant.parameters import load_parameters
 

@@ -35,7 +35,7 @@ from backend.reports.pdf import to_pdf
 from backend.reports.samples_file import SamplesFileError, read_samples_file
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.exports.written import to_csv, written
 

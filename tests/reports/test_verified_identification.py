@@ -19,7 +19,7 @@ from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 
 PLANS: dict[str, tuple[IdentificationPlan, tuple[str, ...]]] = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from backend.reports.tracking import tracking_report
-from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantChoice, PlantKind
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 SEEDED = {"simulator", "virtual card"}

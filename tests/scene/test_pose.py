@@ -13,9 +13,8 @@ from backend.scene import layout
 from backend.scene.portless import PortlessServer
 from backend.scene.pose import SLACK_COLOUR, can_be_drawn, force_colour, pose
 from backend.scene.stage import SCALE, Stage, draw_force
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle, elongation
 from plant.parameters import load_parameters
-from plant.spring import elongation
 
 IDEAL = load_parameters("ideal")
 R_M, R_J = IDEAL.geometry.r_m, IDEAL.geometry.r_j

@@ -11,7 +11,7 @@ import httpx
 
 from backend.loop.ring import Ring
 from backend.sample import INDEX
-from plant.card import Card
+from plant.safety_card import Card
 from tests.e2e.service import Service, running_service
 
 PATIENCE_S = 60.0

@@ -20,7 +20,8 @@ from backend.exports.source import of_run
 from backend.recording.codec import pack, summarise
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
-from backend.storage import open_database, recordings, runs
+from backend.storage import recordings, runs
+from backend.storage.database import open_database
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.interface import T_s

@@ -22,8 +22,10 @@ from backend.identification.noise import MAX_NOISE_ORDER
 from backend.identification.result import joint_method
 from backend.messages.run_search import SEARCH_NAME_MAX
 from backend.station import STATION_MAX
-from backend.storage import Database, UnfitError, identifications, runs
+from backend.storage import identifications, runs
 from backend.storage.carried import KINDS
+from backend.storage.database import Database
+from backend.storage.errors import UnfitError
 from backend.storage.events import EventKind
 from backend.storage.formula_schema import FormulaRow
 from backend.storage.index_schema import TAG_MAX, RunTagRow
@@ -33,7 +35,7 @@ from backend.storage.runs import EndState, RunKind
 from backend.storage.schema import Base
 from backend.storage.study_schema import StudyRow
 from backend.studies.point import FAILED, LOST, REFUSED
-from plant.choice import FILE_NAME_MAX, NAME_MAX
+from plant.interface import FILE_NAME_MAX, NAME_MAX
 from plant.parameters import load_parameters
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 

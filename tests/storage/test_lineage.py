@@ -5,13 +5,15 @@ from dataclasses import replace
 import pytest
 
 from backend.documents.result import Criterion, Figure, Metrics
-from backend.storage import Database, StorageError, banks, events, identifications, results, runs, settings
+from backend.storage import banks, events, identifications, results, runs, settings
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.identifications import NewIdentification
 from backend.storage.records import UnknownRecordError
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState, NewRun, RunKind
-from plant.choice import NAME_MAX
+from plant.interface import NAME_MAX
 
 NEW_RUN = NewRun(
     kind=RunKind.ACTUATOR_IDENTIFICATION,

@@ -16,9 +16,10 @@ from backend.archive.history import History
 from backend.messages.history import LineageKind, LineageNode
 from backend.recording.codec import pack
 from backend.recording.digest import digest_of_recording
-from backend.storage import Database, Session, banks, bring_up, identifications, recordings, retention, runs
+from backend.storage import banks, bring_up, identifications, recordings, retention, runs
 from backend.storage.banks import BankEntry
 from backend.storage.bring_up import NewStepResult
+from backend.storage.database import Database, Session
 from backend.storage.identifications import NewIdentification
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState, NewRun, RunKind

@@ -13,7 +13,8 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.exports.bundle_import import take_in
 from backend.identification.fit import Method
-from backend.storage import Database, identifications, open_database
+from backend.storage import identifications
+from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification
 from plant.parameters import load_parameters
 

@@ -23,9 +23,10 @@ from backend.experiments.playing.runner import Order, run_experiment
 from backend.recording.digest import digest_of_recording
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES
-from backend.storage import Database, bring_up, open_database, origins, recordings, results, runs
+from backend.storage import bring_up, origins, recordings, results, runs
 from backend.storage.bring_up import NewStepResult
 from backend.storage.carried import RESULT, RUN, document_of
+from backend.storage.database import Database, open_database
 from backend.storage.runs import RunKind
 from plant.parameters import load_parameters
 from tests.exports.stored import NEW, noise, recorded

@@ -8,7 +8,8 @@ from typing import Any
 
 from backend.archive.studies import Studies
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import Database, studies
+from backend.storage import studies
+from backend.storage.database import Database
 from backend.storage.studies import StoredPoint
 from backend.studies.point import Base, Point, PointResult
 from plant.parameters import load_parameters

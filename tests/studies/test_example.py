@@ -8,7 +8,8 @@ import pytest
 
 from backend.archive.studies import Studies
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import open_database, studies
+from backend.storage import studies
+from backend.storage.database import open_database
 from backend.studies.point import run_point
 from backend.studies.stored import design_of
 from plant.parameters import load_parameters

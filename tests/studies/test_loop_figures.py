@@ -7,7 +7,8 @@ import pytest
 
 from backend.archive.studies import Studies
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import Database, open_database, studies
+from backend.storage import studies
+from backend.storage.database import Database, open_database
 from backend.studies.design import Design
 from backend.studies.loop_figures import LOOP_FIGURES, loop_figures
 from backend.studies.point import planned, run_point

@@ -22,8 +22,9 @@ from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.storage import Database, banks, open_database, studies
+from backend.storage import banks, studies
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database, open_database
 from backend.storage.studies import StoredPoint
 from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work

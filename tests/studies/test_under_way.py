@@ -13,7 +13,8 @@ from backend.offload import Offload
 from backend.operating.studies_under_way import WAITING_MAX, StudiesUnderWay
 from backend.operating.text_work import TextWork
 from backend.refusal import RefusalError
-from backend.storage import Database, open_database, studies
+from backend.storage import studies
+from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.studies.studying import SHORT
 

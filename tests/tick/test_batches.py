@@ -28,8 +28,8 @@ from backend.loop.program import Excitation, Law, Program, Segment, Shape, Tensi
 from backend.loop.ring import Ring
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
-from plant.breakage import ON_SENSORS, Breakage, Broken, Sensor
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
+from plant.interface import ON_SENSORS, Breakage, Broken, Sensor
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 

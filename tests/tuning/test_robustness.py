@@ -11,9 +11,9 @@ from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, designed_point
 from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
 from backend.tuning.robustness import OuterProcess, peak, safe_lambda
+from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import load_parameters
-from plant.spring import tension
 
 K_m, T_m, TAU_E, LAM = 2.86, 0.22, 2e-3, 0.0854
 MOTOR = MotorModel(K_m, T_m, TAU_E)

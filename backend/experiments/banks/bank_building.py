@@ -12,11 +12,12 @@ from backend.experiments.banks.bank_consistency import (
     require_same_parameters,
 )
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.loop.commands import SetTuning
+from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.plain_text import PlainTextError, require_line
-from backend.storage import Database, Session, banks, identifications, runs
+from backend.storage import banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
 from backend.tuning.models import PointModel
 from plant.parameters import PlantParameters

@@ -6,8 +6,9 @@ from typing import Any
 from backend.experiments.banks.bank_building import require_name
 from backend.experiments.banks.bank_consistency import MODEL_NAMES, BankError, NamedEntry, require_consistent
 from backend.plain_text import PlainTextError, as_line, require_plain_texts
-from backend.storage import Database, banks
+from backend.storage import banks
 from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Database
 from plant.parameters import PlantParameters
 
 FORMAT = "sinew-bank"

@@ -12,8 +12,7 @@ from backend.tuning.models import LAM_MAX, PointModel, motor_model
 from backend.tuning.motor_loop import common_range
 from backend.tuning.plan_budget import usual_budget
 from backend.tuning.preview import Previewer
-from plant.parameter_sections import SIDES
-from plant.parameters import PlantParameters
+from plant.parameters import SIDES, PlantParameters
 
 _STEP, _STEP_OF_MOTOR = 1e-3, 1e-4
 """A λ that is moved ends on a multiple of this [s]: all of it is shown where the tuning is."""

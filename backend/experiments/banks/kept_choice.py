@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from backend.documents.kept_tuning import KEPT, KeptTuning
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import Database, Session, settings
+from backend.storage import settings
+from backend.storage.database import Database, Session
 from backend.storage.settings import StoredSetting
 from plant.parameters import PlantParameters
 

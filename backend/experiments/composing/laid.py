@@ -7,7 +7,7 @@ from backend.documents.result import Phase
 from backend.documents.run_settings import Value
 from backend.loop.program import Segment, Touch
 from backend.refusal import Path
-from plant.obstacle import Obstacle
+from plant.dynamics import Obstacle
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, 
 from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.refusal import Path, require_within
 from backend.tick.waveforms import LEAST_BITS, MOST_BITS, MOST_LINES
-from plant.obstacle import K_LEAST, Obstacle
+from plant.dynamics import K_LEAST, Obstacle
 
 LONGEST_S = 3600.0
 F_PUSH_MAX = 30.0

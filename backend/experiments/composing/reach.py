@@ -5,9 +5,8 @@ from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
 from backend.loop.program import OSCILLATING, left_at
 from backend.refusal import require_within
-from plant.dynamics import SUBSTEPS
+from plant.dynamics import SUBSTEPS, require_possible
 from plant.interface import PlantError, T_s
-from plant.obstacle import require_possible
 from plant.parameters import PlantParameters
 
 

@@ -20,9 +20,9 @@ from backend.experiments.forecasts.way import Start, Way
 from backend.experiments.plans.plan import IdentificationPlan, Plan
 from backend.loop.program import IDENTIFYING, Law
 from backend.refusal import OutOfRangeError
+from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import PlantParameters
-from plant.spring import tension
 
 Array = NDArray[np.float64]
 

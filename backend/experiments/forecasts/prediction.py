@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from backend.controllers.decoupler import decoupler_for, equilibrium
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.validation import MIN_COUNTS
+from plant.dynamics import elongation, tension
 from plant.interface import T_s
 from plant.parameters import PlantParameters
-from plant.spring import elongation, tension
 
 _COUNTS_WHERE_EXACT = 4000
 """Joint counts per turn of the paper's encoder, for parameter sets with ideal sensors."""

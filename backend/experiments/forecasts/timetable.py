@@ -16,9 +16,9 @@ from backend.loop.mode import Mode
 from backend.loop.program import Law, Program
 from backend.tick.voltage_steps import ZERO_VOLTS_S
 from backend.tick.winding import PRETENSION_N
+from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import PlantParameters
-from plant.spring import tension
 
 Array = NDArray[np.float64]
 

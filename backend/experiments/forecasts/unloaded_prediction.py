@@ -7,9 +7,8 @@ import numpy as np
 from backend.controllers.decoupler import decoupler_for, stiffness
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification.motor import turn_from_rest
-from plant.parameter_sections import SIDES
-from plant.parameters import PlantParameters
-from plant.spring import elongation
+from plant.dynamics import elongation
+from plant.parameters import SIDES, PlantParameters
 
 LAGS_NEEDED = 3.0
 """A step shorter than this many T_m has not shown its steady speed."""

@@ -19,10 +19,9 @@ from backend.sample import INDEX
 from backend.tick.decision import TRAVEL_SPEED
 from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.tick.winding import PRETENSION_N
+from plant.dynamics import elongation, tension
 from plant.interface import T_s
-from plant.parameter_sections import SIDES, Side
-from plant.parameters import PlantParameters
-from plant.spring import elongation, tension
+from plant.parameters import SIDES, PlantParameters, Side
 
 Array = NDArray[np.float64]
 Angles = tuple[float, float]

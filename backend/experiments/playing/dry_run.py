@@ -19,12 +19,13 @@ from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.loop.headless import Headless
 from backend.recording.reader import Envelope, read_envelope
-from backend.storage import banks, open_database
+from backend.storage import banks
 from backend.storage.banks import Bank
+from backend.storage.database import open_database
 from backend.storage.results import Result
 from backend.storage.runs import Run
-from plant.catalog import make_plant
-from plant.choice import SIMULATOR
+from plant.factory import make_plant
+from plant.interface import SIMULATOR
 from plant.parameters import PlantParameters
 
 _PROGRESS = "progress"

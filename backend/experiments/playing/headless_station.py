@@ -10,12 +10,11 @@ from backend.experiments.playing.runner import Station
 from backend.loop.headless import Headless
 from backend.loop.ring import Ring
 from backend.recording.recorder import Recorder
-from backend.storage import Database
 from backend.storage.banks import Bank
+from backend.storage.database import Database
 from backend.tuning.preview import Previewer
-from plant.catalog import make_plant
-from plant.choice import SIMULATOR, PlantChoice
-from plant.interface import PlantError
+from plant.factory import make_plant
+from plant.interface import SIMULATOR, PlantChoice, PlantError
 from plant.parameters import PlantParameters
 
 

@@ -13,8 +13,9 @@ from backend.experiments.results.measures import require_measurable
 from backend.loop.program import Program
 from backend.loop.set_tuning import SetTuning
 from backend.refusal import Path, RefusedValueError
-from backend.storage import Database, banks
+from backend.storage import banks
 from backend.storage.banks import Bank
+from backend.storage.database import Database
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 from backend.tuning.preview import Previewer

@@ -27,7 +27,9 @@ from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
 from backend.loop.access import LoopAccess, LoopDiedError
 from backend.refusal import RefusedValueError
-from backend.storage import Database, StorageError, runs
+from backend.storage import runs
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.runs import EndState, NewRun, Run, RunKind
 from plant.parameters import PlantParameters
 

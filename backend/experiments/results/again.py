@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.evaluation import Evaluation, evaluate
-from backend.storage import Database, results, runs
+from backend.storage import results, runs
+from backend.storage.database import Database
 from backend.storage.runs import EndState, Run, RunKind
 from plant.parameters import parameters_of
 

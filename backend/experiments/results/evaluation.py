@@ -17,7 +17,8 @@ from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
-from backend.storage import Database, banks, identifications, results, runs
+from backend.storage import banks, identifications, results, runs
+from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run

@@ -20,7 +20,7 @@ from backend.documents.spring import SpringQuality
 from backend.identification.residuals import LEVEL, judged
 from backend.identification.result import CorrelationTest, Model
 from backend.storage.identifications import Identification
-from plant.parameter_sections import SIDES, Side
+from plant.parameters import SIDES, Side
 
 OMEGA = np.geomspace(0.1, 60.0, 160)
 """Where the models' frequency responses are drawn [rad/s]."""

@@ -8,7 +8,8 @@ from backend.controllers.limits import bounds_for
 from backend.documents.actuator import Channel, ChannelName
 from backend.documents.edge import Document, UnreadableDocumentError
 from backend.experiments.results.load_friction import document_of, load_friction_of_newest
-from backend.storage import Database, identifications, runs
+from backend.storage import identifications, runs
+from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
 from backend.tuning.formulas import TuningError

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.windows import LoadStep
 from plant.interface import T_s
-from plant.parameter_sections import SIDES, Side
+from plant.parameters import SIDES, Side
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

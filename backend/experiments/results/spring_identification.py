@@ -27,8 +27,7 @@ from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s
-from plant.parameter_sections import SIDES, Side
-from plant.parameters import PlantParameters
+from plant.parameters import SIDES, PlantParameters, Side
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

@@ -26,12 +26,12 @@ from backend.identification.result import Model
 from backend.identification.structures import structure
 from backend.identification.unseen import Beside, fit_percent, held_out, last_part, predict, seen_samples
 from backend.recording.columns import Columns, recorded_columns
-from backend.storage import Database, identifications, runs
+from backend.storage import identifications, runs
+from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
 from plant.interface import T_s
-from plant.parameter_sections import SIDES, Side
-from plant.parameters import PlantParameters, parameters_of
+from plant.parameters import SIDES, PlantParameters, Side, parameters_of
 
 POINTS = 400
 """At most so many samples of a stretch are drawn, evenly spaced; fit and residual are those of all."""

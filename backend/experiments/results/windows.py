@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from backend.loop.program import Program, Segment, Shape, left_at
 from plant.interface import T_s
-from plant.parameter_sections import SIDES, Side
+from plant.parameters import SIDES, Side
 
 _STILL = 1e-12
 """A reference that is nearer to where it was has not moved: the rest is rounding."""

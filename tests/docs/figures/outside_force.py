@@ -11,7 +11,7 @@ import numpy as np
 
 from backend.controllers import touch
 from backend.sample import INDEX
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator

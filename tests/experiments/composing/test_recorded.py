@@ -5,14 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.composing.recorded import (
-    WITHIN_F_N,
-    WITHIN_Q_RAD,
-    WITHIN_S,
-    Change,
-    commanded,
-    followed,
-)
+from backend.experiments.composing.recorded import WITHIN_F_N, WITHIN_Q_RAD, WITHIN_S, Change, commanded, followed
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.composing.text import of_document
 from backend.experiments.plans.composed_plan import ComposedPlan

@@ -9,7 +9,7 @@ import pytest
 from backend.archive.own_experiments import OwnExperiments
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.refused import ExperimentError
-from backend.storage import open_database
+from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import WOBBLE, with_parts
 

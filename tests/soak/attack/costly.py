@@ -12,7 +12,8 @@ from rich.console import Console
 
 from backend.messages.sheet import LONGEST_SHEET
 from backend.reports import sheet
-from backend.storage import open_database, runs
+from backend.storage import runs
+from backend.storage.database import open_database
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.parameters import load_parameters
 from tests.soak.attack.crowd import Crowd, Signals, crowds

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from backend.storage import open_database, runs
-from plant.card import CardState
+from backend.storage import runs
+from backend.storage.database import open_database
+from plant.safety_card import CardState
 from tests.soak.attack.processes import descendants, is_there
 from tests.soak.attack.tally import Tally
 from tests.soak.attack.work import be_in_experiment

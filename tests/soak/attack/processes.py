@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-WATCHDOG, POOL, TRACKER = b"plant.card", b"spawn_main", b"resource_tracker"
+WATCHDOG, POOL, TRACKER = b"plant.safety_card", b"spawn_main", b"resource_tracker"
 """Words of the command lines: the card's watchdog, a worker of a pool for computing, and what Python starts beside."""
 
 

@@ -2,7 +2,7 @@
 
 A card keeps its last voltages when the program that wrote them dies; what takes the drives away then is its watchdog,
 by the drive-enable line. So the imitation keeps its registers in shared memory and its watchdog in a process of its own
-(``python -m plant.card FD``): a kill -9 of the loop leaves both as it would leave the card.
+(``python -m plant.safety_card FD``): a kill -9 of the loop leaves both as it would leave the card.
 
 Each watches the other. The watchdog counts its looks, and a loop that sees the count stand still takes the drives away
 itself. Before the drives come on, the watchdog has to show that it cuts them.
@@ -14,12 +14,39 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from contextlib import suppress
 from typing import NamedTuple
 
 from plant.interface import MotorCommand, PlantError
-from plant.stillness import Stillness
+
+# Stillness -----------------------------------------------------------------------------------------
+#
+# For how long nothing has changed, on a machine that may itself stand still.
+
+
+class Stillness:
+    """For how long something has not changed, to one who looks every ``period_s`` [s].
+
+    A longer time between two looks counts as two periods: the machine stood still then, and nobody could have moved.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._most_s = 2.0 * period_s
+        self._seen: Hashable = None
+        self._looked_s = 0.0
+        self.still_s = 0.0
+
+    def seen(self, value: Hashable, now_s: float | None = None) -> float:
+        """Return how long ``value`` has been the same [s]; ``now_s`` is the monotonic clock."""
+        now_s = time.monotonic() if now_s is None else now_s
+        self.still_s = self.still_s + min(now_s - self._looked_s, self._most_s) if value == self._seen else 0.0
+        self._seen, self._looked_s = value, now_s
+        return self.still_s
+
+
+# Card ----------------------------------------------------------------------------------------------
+
 
 WATCHDOG_S = 0.5
 """Without a write for so long [s] the watchdog clears the outputs. Virtual machines pause for up to 0.3 s."""
@@ -109,7 +136,7 @@ class Card:
         """Start the watchdog's process, which takes a moment to come up; the drives stay off."""
         self._words[_LIMIT_S] = WATCHDOG_S
         self._watchdog = subprocess.Popen(
-            [sys.executable, "-P", "-m", "plant.card", str(self.fd)],  # -P: nothing from the working directory
+            [sys.executable, "-P", "-m", "plant.safety_card", str(self.fd)],  # -P: nothing from the working directory
             stdin=subprocess.PIPE,  # its end tells the watchdog that nobody can write any more
             pass_fds=(self.fd,),
         )

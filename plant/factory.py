@@ -1,0 +1,211 @@
+"""Make the plant that was chosen."""
+
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from typing import Any, cast
+
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint, found_with
+from plant.interface import NAME_MAX, Plant, PlantChoice, PlantError, PlantKind
+from plant.parameters import PlantParameters
+from plant.replay import Replay, load_recording, look_over
+from plant.safety_card import Card
+from plant.simulator import Simulator
+from plant.wiring import Wiring, WiringError, load_wiring
+
+# Packages ------------------------------------------------------------------------------------------
+#
+# Plants that installed packages bring along: entry points of the group ``sinew.plants``.
+
+
+GROUP = "sinew.plants"
+
+Maker = Callable[[PlantParameters, int], Plant]
+"""What an entry point names: (parameters, seed) -> a plant that is not yet open."""
+
+ATTRIBUTES: tuple[str, ...] = (
+    *Plant.__annotations__,
+    *(name for name, member in vars(Plant).items() if isinstance(member, property)),
+)
+METHODS: tuple[str, ...] = tuple(name for name, member in vars(Plant).items() if callable(member) and name[0] != "_")
+"""Parts of a Plant, as its protocol has them."""
+
+
+def installed() -> dict[str, list[EntryPoint]]:
+    """Return the plants of installed packages by their name; a name that two packages use has two."""
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
+        found.setdefault(entry.name, []).append(entry)
+    return found
+
+
+def load_maker(name: str) -> Maker:
+    """Import what makes the plant called ``name``. Raises PlantError with what there is, or why it cannot be had."""
+    there = installed()
+    entries = there.get(name, [])
+    if not entries or name in {str(kind) for kind in PlantKind}:
+        others = f"and of installed packages {', '.join(there)}" if there else "no installed package brings another"
+        raise PlantError(f"there is no plant {name}: there are simulator, rig and replay, {others}")
+    if len(entries) > 1:
+        packages = ", ".join(_package(entry) for entry in entries)
+        raise PlantError(f"more than one package brings a plant {name}: {packages}; uninstall all but one")
+    try:
+        maker: Any = entries[0].load()
+    except Exception as error:
+        raise _failed(entries[0], "cannot be imported", error) from error
+    if len(name) > NAME_MAX:
+        short = f"{name[:20]}..."
+        raise PlantError(f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the most: shorten it")
+    if not callable(maker):
+        raise PlantError(f"{_of(entries[0])}: {entries[0].value} has to be callable, it is {_kind(maker)}")
+    return cast(Maker, maker)
+
+
+def plant_of_package(name: str, parameters: PlantParameters, seed: int) -> Plant:
+    """Make the plant called ``name``. Raises PlantError, also for what is made but is no Plant."""
+    maker = load_maker(name)
+    (entry,) = installed()[name]
+    try:
+        made: Any = maker(parameters, seed)
+    except PlantError:
+        raise
+    except Exception as error:
+        raise _failed(entry, "cannot be made", error) from error
+    lacking = lacks(made)
+    if lacking:
+        raise PlantError(f"{_of(entry)}: {entry.value} made {_kind(made)}, which is no Plant: it has no {lacking}")
+    return cast(Plant, made)
+
+
+def lacks(made: object) -> str:
+    """Return which parts of a Plant ``made`` does not have, empty for a Plant."""
+    missing = [name for name in ATTRIBUTES if not hasattr(made, name)]
+    missing += [f"{name}()" for name in METHODS if not callable(getattr(made, name, None))]
+    return ", ".join(missing)
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else entry.value
+
+
+def _of(entry: EntryPoint) -> str:
+    return f"plant {entry.name} of the package {_package(entry)}"
+
+
+def _failed(entry: EntryPoint, what: str, error: Exception) -> PlantError:
+    return PlantError(f"{_of(entry)} {what}: {type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def _kind(made: object) -> str:
+    kind = type(made).__name__
+    return "None" if made is None else f"{'an' if kind[0] in 'aeioAEIO' else 'a'} {kind}"
+
+
+# Catalog -------------------------------------------------------------------------------------------
+
+
+_NEEDS_EXTRA = (
+    "driving a card needs NI's Python package, which is not installed: install Sinew with its extra rig, "
+    "`make run EXTRAS=rig` or pip install 'sinew[rig]'"
+)
+
+
+def require_available(choice: PlantChoice) -> None:
+    """Raise PlantError, in one line, where what the choice needs is not installed or cannot be read."""
+    if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
+        raise PlantError(_NEEDS_EXTRA)
+    if choice.kind is PlantKind.REPLAY:
+        look_over(choice.recording)
+    if choice.kind is PlantKind.PACKAGE:
+        load_maker(choice.package)
+
+
+def make_plant(
+    choice: PlantChoice,
+    parameters: PlantParameters,
+    seed: int,
+    card: Card | None = None,
+    brought_up: BroughtUp = NOT_BROUGHT_UP,
+    *,
+    drives_off: bool = False,
+) -> Plant:
+    """Make a plant, not yet open. Raises PlantError.
+
+    ``card`` holds the registers that outlive this process; None for a plant that is stepped as fast as it goes.
+    ``brought_up`` is what is known of a rig with this wiring; with ``drives_off`` its drives stay off as it is opened.
+    """
+    if choice.kind not in (PlantKind.REPLAY, PlantKind.PACKAGE):  # these are looked at as they are made
+        require_available(choice)
+    match choice.kind:
+        case PlantKind.SIMULATOR:
+            if card is not None:
+                card.start_watchdog()  # its process comes up while the rehearsal computes
+            return Simulator(parameters, seed, card=card)
+        case PlantKind.RIG:
+            return _rig(choice, card, brought_up, drives_off)
+        case PlantKind.VIRTUAL_CARD:
+            return _virtual_rig(choice, parameters, seed, card, brought_up, drives_off)
+        case PlantKind.REPLAY:
+            return Replay(load_recording(choice.recording))
+        case PlantKind.PACKAGE:
+            return plant_of_package(choice.package, parameters, seed)
+
+
+# What follows imports NI's package, which is not there in every installation.
+
+
+def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_off: bool) -> Plant:
+    from plant.daq import Daq
+    from plant.rig import Rig
+
+    said = wiring_of_choice(choice)
+    known = found_with(fingerprint(said), brought_up)  # the file may have been edited since that was looked up
+    wiring = calibrated(said, known.calibrations)
+    daq = Daq(wiring)
+    if choice.address:
+        from plant.daq import DeviceServer
+
+        daq = Daq(wiring, DeviceServer(choice.address).options)
+    return Rig(
+        wiring,
+        daq,
+        card,
+        directions_proven=known.directions_proven,
+        load_cells_measured=known.load_cells_measured,
+        server=choice.address,
+        drives_off=drives_off,
+        wired=known.wired,
+    )
+
+
+def _virtual_rig(
+    choice: PlantChoice,
+    parameters: PlantParameters,
+    seed: int,
+    card: Card | None,
+    brought_up: BroughtUp,
+    drives_off: bool,
+) -> Plant:
+    from plant.virtual_daq import VirtualRig
+
+    true = wiring_of_choice(choice)
+    known = found_with(fingerprint(true), brought_up)
+    wiring = calibrated(true, known.calibrations)
+    return VirtualRig(
+        wiring,
+        Simulator(parameters, seed),
+        card,
+        true,
+        directions_proven=known.directions_proven,
+        load_cells_measured=known.load_cells_measured,
+        drives_off=drives_off,
+        wired=known.wired,
+    )
+
+
+def wiring_of_choice(choice: PlantChoice) -> Wiring:
+    """Return the wiring of a rig as its file says it. Raises PlantError."""
+    try:
+        return load_wiring(choice.wiring)
+    except WiringError as error:
+        raise PlantError(str(error)) from error
