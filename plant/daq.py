@@ -4,13 +4,11 @@ The only file that drives a card; others imitate one. It knows nothing of spring
 an X Series card the watchdog covers digital lines, not analog outputs: what it takes away is the drive-enable line.
 """
 
-import re
 from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn, TypeVar
 
-import grpc
 import numpy as np
-from nidaqmx import DaqError, GrpcSessionOptions, SessionInitializationBehavior, Task
+from nidaqmx import DaqError, Task
 from nidaqmx.constants import AcquisitionType, AngleUnits, EncoderType, Level, LineGrouping, TerminalConfiguration
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqFunctionNotSupportedError, DaqNotFoundError, DaqNotSupportedError, RpcError
@@ -27,14 +25,13 @@ from nidaqmx.types import DOExpirationState
 
 from plant.interface import PlantError, T_s
 from plant.safety_card import WatchdogExpiredError
-from plant.wiring import RANGE_V, EncoderWiring, Wiring
+from plant.terminals import RANGE_V
+from plant.wiring import EncoderWiring, Wiring
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-
-# Daq -----------------------------------------------------------------------------------------------
-
+    from nidaqmx import GrpcSessionOptions
 
 _Stream = TypeVar("_Stream", bound=Any)
 
@@ -293,51 +290,3 @@ def _refuse(error: Exception) -> NoReturn:
         ) from error
     said = " ".join(str(error).split())
     raise PlantError(f"NI-DAQmx: {said}") from error
-
-
-# Device server -------------------------------------------------------------------------------------
-#
-# A card at another machine: the channel to NI's gRPC device server, by its address.
-
-
-CONNECTED_S = 3.0
-"""How long a device server may take to answer at first [s]."""
-
-_ADDRESS = re.compile(r"(?:[\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
-
-
-class DeviceServer:
-    """NI's device server at ``HOST:PORT``. It speaks without TLS: for a line that nobody else is on."""
-
-    def __init__(self, address: str) -> None:
-        self.address = address
-        self._channel: grpc.Channel | None = None
-
-    def options(self) -> GrpcSessionOptions:
-        """Return what makes a nidaqmx task one of that machine's card; connects at first. Raises PlantError.
-
-        A task that somebody else made there under the same name is refused, not shared.
-        """
-        if self._channel is None:
-            self._channel = self._connected()
-        return GrpcSessionOptions(
-            self._channel,
-            "",
-            initialization_behavior=SessionInitializationBehavior.INITIALIZE_SERVER_SESSION,
-        )
-
-    def _connected(self) -> grpc.Channel:
-        if _ADDRESS.fullmatch(self.address) is None:
-            raise PlantError(
-                f"{self.address!r} is no address of a device server: give HOST:PORT, 192.168.1.20:31763 say"
-            )
-        channel = grpc.insecure_channel(self.address)
-        try:
-            grpc.channel_ready_future(channel).result(CONNECTED_S)
-        except grpc.FutureTimeoutError:
-            channel.close()
-            raise PlantError(
-                f"nothing answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device server there, "
-                "and look at address and firewall"
-            ) from None
-        return channel

@@ -163,7 +163,7 @@ def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_o
     wiring = calibrated(said, known.calibrations)
     daq = Daq(wiring)
     if choice.address:
-        from plant.daq import DeviceServer
+        from plant.device_server import DeviceServer
 
         daq = Daq(wiring, DeviceServer(choice.address).options)
     return Rig(

@@ -5,7 +5,6 @@ import statistics
 import time
 from contextlib import suppress
 
-from plant.calibration import LoadCell
 from plant.daq import Daq, Raw
 from plant.interface import (
     NO_RAW,
@@ -18,6 +17,7 @@ from plant.interface import (
     ShaftLoad,
     require_numbers,
 )
+from plant.load_cell import LoadCell
 from plant.safety_card import Card, CardState, Stillness
 from plant.wiring import Wiring
 

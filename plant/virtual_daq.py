@@ -40,7 +40,8 @@ from plant.manual_input import NO_HAND, Hand
 from plant.rig import Rig
 from plant.safety_card import WATCHDOG_S, Card, CardState, WatchdogExpiredError
 from plant.simulator import Simulator
-from plant.wiring import Wiring, at_terminals, converted, wired_alike, wires_of
+from plant.terminals import at_terminals, converted, wires_of
+from plant.wiring import Wiring, wired_alike
 
 # In process ----------------------------------------------------------------------------------------
 #

@@ -13,11 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from plant.compiled import compiled
-from plant.interface import FILE_NAME_MAX, Measurement
+from plant.interface import FILE_NAME_MAX
 
 # Wiring errors -------------------------------------------------------------------------------------
 #
@@ -351,102 +347,3 @@ def _wanted(declared: "Field[Any]") -> str:
     if "pattern" in about:
         return f"give {about['wanted']}"
     return f'write {declared.name} = {{ value = ..., unit = "{about["unit"]}", source = "..." }}'
-
-
-# Terminals -----------------------------------------------------------------------------------------
-#
-# What is at a rig's terminals: volts and counts out of newtons and radians, the way back from
-# ``plant/rig.py``.
-
-
-RANGE_V = 10.0
-"""Range of analog inputs and outputs (±) [V]."""
-
-SATURATED_V = 0.999 * RANGE_V
-"""A load cell that reads this or more says nothing any more: its amplifier is at its end."""
-
-_STEP_V = 2.0 * RANGE_V / 2**16
-"""One code of the 16-bit converters [V]."""
-
-_LOWEST, _HIGHEST = -(2.0**15), 2.0**15 - 1.0
-
-
-class Cell(NamedTuple):
-    """A load cell's numbers: ``slope`` [N/V], ``offset`` [V]; ``table`` (n, 2) of N and V instead, or no rows."""
-
-    slope: float
-    offset: float
-    table: NDArray[np.float64]
-
-
-class Encoder(NamedTuple):
-    """An encoder's numbers: counts per revolution, and +1 or -1 for the direction it counts in."""
-
-    counts_per_rev: float
-    direction: float
-
-
-class Wires(NamedTuple):
-    """What is at the terminals, for the compiled functions."""
-
-    cell_A: Cell
-    cell_B: Cell
-    encoder_q: Encoder
-    encoder_A: Encoder
-    encoder_B: Encoder
-
-
-def wires_of(w: Wiring) -> Wires:
-    """Return the numbers of a wiring."""
-    q, A, B = (_encoder(wired) for wired in (w.encoder_q, w.encoder_A, w.encoder_B))
-    return Wires(_cell(w.load_cell_A), _cell(w.load_cell_B), q, A, B)
-
-
-@compiled
-def at_terminals(
-    wires: Wires, m: Measurement, pull_A: float, pull_B: float
-) -> tuple[float, float, float, float, float]:
-    """Volts of both load cells, which are pulled at besides [N], and counts of the encoders, as in a ``RawReading``."""
-    return (
-        converted(volts_of(wires.cell_A, m.F_A + pull_A)),
-        converted(volts_of(wires.cell_B, m.F_B + pull_B)),
-        counts_of(wires.encoder_q, m.q),
-        counts_of(wires.encoder_A, m.theta_A),
-        counts_of(wires.encoder_B, m.theta_B),
-    )
-
-
-@compiled
-def counts_of(encoder: Encoder, angle: float) -> float:
-    """Count the steps of an encoder that has turned by an angle [rad]; nan stays nan."""
-    return encoder.direction * float(np.rint(angle * encoder.counts_per_rev / (2.0 * math.pi)))
-
-
-@compiled
-def volts_of(cell: Cell, F: float) -> float:
-    """Give the volts of a load cell under a tension F [N]: its calibration the other way round, beyond a table too."""
-    points = cell.table
-    if points.shape[0] == 0:
-        return cell.offset + F / cell.slope
-    low = 0
-    while low < points.shape[0] - 2 and points[low + 1, 0] <= F:
-        low += 1
-    F_0, V_0, F_1, V_1 = points[low, 0], points[low, 1], points[low + 1, 0], points[low + 1, 1]
-    return float(V_0 + (V_1 - V_0) * (F - F_0) / (F_1 - F_0))
-
-
-@compiled
-def converted(V: float) -> float:
-    """Round volts as a 16-bit converter does, at its end where they are beyond; nan stays nan."""
-    if math.isnan(V):
-        return V
-    return float(np.rint(min(max(V / _STEP_V, _LOWEST), _HIGHEST))) * _STEP_V
-
-
-def _cell(wired: LoadCellWiring) -> Cell:
-    points = sorted((newtons, volts) for volts, newtons in wired.table)
-    return Cell(float(wired.slope), float(wired.offset), np.array(points, dtype=np.float64).reshape(-1, 2))
-
-
-def _encoder(wired: EncoderWiring) -> Encoder:
-    return Encoder(float(wired.counts_per_rev), float(wired.direction))

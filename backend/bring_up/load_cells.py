@@ -9,7 +9,7 @@ from backend.bring_up.work import SLACK, Figure, Finding, Rows, Signal, StepFail
 from backend.refusal import require_within
 from backend.sample import INDEX
 from plant.calibration import CellCalibration, linear
-from plant.wiring import SATURATED_V
+from plant.terminals import SATURATED_V
 
 MEASURED_S = 1.0
 NOISE_MAX_N = 1.0

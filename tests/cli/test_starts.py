@@ -161,6 +161,22 @@ def test_all_but_a_card_works_without_the_extra() -> None:
 
 
 @pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("plant.wiring", "numba"),  # the command line reads its errors before each command
+        ("plant.calibration", "numba"),
+        ("plant.safety_card", "numpy"),  # the watchdog is a process of its own
+        ("plant.interface", "numpy"),
+        ("plant.rig", "grpc"),  # only a card at another machine needs it
+    ],
+)
+def test_modules_of_the_plant_load_nothing_that_they_do_not_need(module: str, heavy: str) -> None:
+    code = f"import sys; import {module}; print({heavy!r} in sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout == "False\n"
+
+
+@pytest.mark.parametrize(
     ("start", "reason"),
     [
         (["-m", "backend"], "NI's driver is not on this machine: install NI-DAQmx"),

@@ -10,8 +10,9 @@ from nidaqmx import Task
 from typer.testing import CliRunner
 
 from backend.cli.rig import app
-from plant import daq, rig
-from plant.daq import Daq, DeviceServer
+from plant import device_server, rig
+from plant.daq import Daq
+from plant.device_server import DeviceServer
 from plant.factory import make_plant
 from plant.interface import MotorCommand, PlantChoice, PlantError, PlantKind
 from plant.parameters import load_parameters
@@ -119,7 +120,7 @@ def test_a_channel_or_card_that_is_not_there_is_refused(registers: Card, wiring:
 
 
 def test_an_address_where_nobody_answers_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(daq, "CONNECTED_S", 0.1)
+    monkeypatch.setattr(device_server, "CONNECTED_S", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         address = f"127.0.0.1:{nobody.getsockname()[1]}"
     plant = make_plant(PlantChoice(PlantKind.RIG, address=address), PARAMETERS, 0)

@@ -11,8 +11,9 @@ from plant.interface import ZERO_VOLTS, Breakage, Broken, MotorCommand, PlantErr
 from plant.parameters import load_parameters
 from plant.safety_card import WATCHDOG_S
 from plant.simulator import Simulator
+from plant.terminals import Cell, converted, volts_of
 from plant.virtual_daq import VirtualRig
-from plant.wiring import Cell, converted, load_wiring, volts_of
+from plant.wiring import load_wiring
 
 PARAMETERS = load_parameters("lab")
 WIRING = load_wiring("pcie-6323")

@@ -1,0 +1,50 @@
+"""A card at another machine: the channel to NI's gRPC device server, by its address."""
+
+import re
+
+import grpc
+from nidaqmx import GrpcSessionOptions, SessionInitializationBehavior
+
+from plant.interface import PlantError
+
+CONNECTED_S = 3.0
+"""How long a device server may take to answer at first [s]."""
+
+_ADDRESS = re.compile(r"(?:[\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+
+
+class DeviceServer:
+    """NI's device server at ``HOST:PORT``. It speaks without TLS: for a line that nobody else is on."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._channel: grpc.Channel | None = None
+
+    def options(self) -> GrpcSessionOptions:
+        """Return what makes a nidaqmx task one of that machine's card; connects at first. Raises PlantError.
+
+        A task that somebody else made there under the same name is refused, not shared.
+        """
+        if self._channel is None:
+            self._channel = self._connected()
+        return GrpcSessionOptions(
+            self._channel,
+            "",
+            initialization_behavior=SessionInitializationBehavior.INITIALIZE_SERVER_SESSION,
+        )
+
+    def _connected(self) -> grpc.Channel:
+        if _ADDRESS.fullmatch(self.address) is None:
+            raise PlantError(
+                f"{self.address!r} is no address of a device server: give HOST:PORT, 192.168.1.20:31763 say"
+            )
+        channel = grpc.insecure_channel(self.address)
+        try:
+            grpc.channel_ready_future(channel).result(CONNECTED_S)
+        except grpc.FutureTimeoutError:
+            channel.close()
+            raise PlantError(
+                f"nothing answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device server there, "
+                "and look at address and firewall"
+            ) from None
+        return channel
