@@ -123,19 +123,22 @@ def address_of_service(data: Path) -> str | None:
 
 def why_no_address(data: Path) -> str:
     """Return in words why ``addresses_of_service`` is empty: none works there, or one has not begun to answer."""
-    if _is_held(data / LOCK):
+    try:
+        is_starting = _is_held(data / LOCK)
+    except OSError:
+        is_starting = False
+    if is_starting:
         return f"the service on the folder {data} is still starting: try again once it has printed where it answers"
     return f"no service works on the folder {data}: start it with `sinew serve`, or choose --data"
 
 
 def _is_held(lock: Path) -> bool:
-    try:
-        with lock.open("rb") as file:
+    """Return whether a service holds the lock. Raises OSError where the file cannot be opened."""
+    with lock.open("rb") as file:
+        try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
+        except BlockingIOError:
+            return True
     return False
 
 
@@ -145,19 +148,13 @@ def addresses_of_service(data: Path) -> list[str]:
     Empty when there is no service. Raises DataFolderError.
     """
     try:
-        with (data / LOCK).open(encoding="utf-8") as lock:
-            addresses = lock.read().splitlines()
-            if not addresses:
-                return []
-            try:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                return addresses  # held by the service that wrote it, not left behind by one that was killed
+        addresses = (data / LOCK).read_text(encoding="utf-8").splitlines()
+        # held by the service that wrote it, not left behind by one that was killed
+        return addresses if addresses and _is_held(data / LOCK) else []
     except FileNotFoundError:
         return []
     except OSError as error:
         raise DataFolderError(_refused(data, error)) from None
-    return []
 
 
 class FolderWatch:
