@@ -15,6 +15,15 @@ from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.again import evaluate_again
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
+from backend.reports.evidence import (
+    ACCOUNT,
+    LAYOUT,
+    Evidence,
+    account_hash,
+    element_of,
+    read,
+    to_element,
+)
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
@@ -49,8 +58,8 @@ def test_one_that_nobody_touched_holds(identified: tuple[str, Source, Source]) -
     assert verify(to_html(build_report(source)), source.columns) == Verified((), ())
 
 
-def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[str, Source, Source]) -> None:
-    kind, source, _ = identified
+def with_another_number(kind: str, source: Source) -> tuple[str, Source]:
+    """Return the name of one number of the model, and the run with that number 25 % larger."""
     assert source.identification is not None
     model = copy.deepcopy(source.identification.model)
     here: Any = model
@@ -58,12 +67,41 @@ def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[
     for part in path:
         here = here[int(part) if isinstance(here, list) else part]
     here[last] *= 1.25
-    touched = replace(source, identification=replace(source.identification, model=model))
+    return last, replace(source, identification=replace(source.identification, model=model))
+
+
+def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[str, Source, Source]) -> None:
+    kind, source, _ = identified
+    assert source.identification is not None
+    last, touched = with_another_number(kind, source)
     names = [one.name for one in verify(to_html(build_report(touched)), source.columns).differences]
     assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
     verdict = replace(source, identification=replace(source.identification, verdict="Usable for anything."))
     names = [one.name for one in verify(to_html(build_report(verdict)), source.columns).differences]
     assert "identification, verdict" in names
+
+
+def of_another_layout(source: Source) -> str:
+    """Return the page of a run as another state of the source code has written it, with a true account."""
+    page = to_html(build_report(source))
+    evidence = read(page)
+    assert isinstance(evidence, Evidence)
+    evidence = replace(evidence, made_with={**evidence.made_with, LAYOUT: "0123456789abcdef"})
+    evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
+    return page.replace(element_of(page), to_element(evidence))
+
+
+def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are_not(
+    identified: tuple[str, Source, Source],
+) -> None:
+    kind, source, _ = identified
+    assert source.identification is not None
+    reworded = replace(source, identification=replace(source.identification, verdict="Usable for anything."))
+    found = verify(of_another_layout(reworded), source.columns)
+    assert (found.holds, found.differences) == (None, ())
+    last, touched = with_another_number(kind, source)
+    names = [one.name for one in verify(of_another_layout(touched), source.columns).differences]
+    assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
 
 
 def test_evaluated_again_it_is_the_same_bytes(identified: tuple[str, Source, Source]) -> None:

@@ -173,7 +173,7 @@ def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
     slow = replace(ideal, motor=replace(ideal.motor, tau_e=0.02))
     motor = motor_model(slow, "A")
     low, _ = motor_range(motor)
-    assert 0.1205 < low < 0.1206  # told in four digits towards the inside
-    with pytest.raises(OutOfRangeError, match=r"λ_motor: 0\.0854 s is outside 0\.1206 to 0\.2 s"):
+    assert 0.1205 < low < 0.1206  # the refusal rounds it inwards, to three digits
+    with pytest.raises(OutOfRangeError, match=r"λ_motor: 0\.0854 s is outside 0\.121 to 0\.2 s"):
         Previewer(slow)
     assert motor_robustness(motor, motor_gains(motor.K_m, motor.T_m, low)).M_s == pytest.approx(M_S_MAX, abs=1e-3)

@@ -88,7 +88,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
             "nothing is learned within what a contact",
         ),
         (f"{{do: repeat, times: 1, parts: [{LEARN}, {TWICE}]}}", "a contact ends this already"),
-        ("{do: repeat, times: 1000000000, parts: [{do: hold, duration_s: 1}]}", "1e+09 is outside 1 to 1000"),
+        ("{do: repeat, times: 1000000000, parts: [{do: hold, duration_s: 1}]}", "1·10⁹ is outside 1 to 1000"),
         ("{do: repeat, times: 2.5, parts: [{do: hold, duration_s: 1}]}", "2.5 is not a whole number"),
         (NESTED, "more than 1000, all repetitions counted"),
         (EMPTY, "it is empty: it needs one at least"),
