@@ -134,8 +134,9 @@ interface Label {
 }
 
 /**
- * Labels that do not run over each other, from left to right: of marks with too little room between them the first
- * fault, or else the first change of the mode, or else the first, is named, with the number of the others: "trip +2". `right` is where the last one ends.
+ * Labels that do not run over each other, from left to right. Of marks with too little room between them the first
+ * fault is named, else the first change of the mode, else the first mark, with the number of the others: "trip +2".
+ * `right` is where the last label ends.
  */
 export function labelsOf(
   placed: readonly { readonly mark: PlacedMark; readonly x: number }[],
