@@ -218,7 +218,7 @@ class Actuator:
         require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
         self.touching.sweep.break_off("other references were set", who)
         accepted = await self._command(commands.SetReferences(q_ref, S_ref))
-        text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref)} N·m/rad"
+        text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
         self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
         self.changed()
         return References(q_ref=q_ref, S_ref=S_ref)

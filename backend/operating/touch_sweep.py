@@ -156,7 +156,7 @@ class TouchSweep:
 
     async def _go(self, S_ref: float, who: str = "", why: str = "to learn the outside force") -> Accepted:
         accepted = await self._command(SetReferences(self._held[0], S_ref))
-        self._journal.note(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref)} N·m/rad, {why}", accepted.tick, who)
+        self._journal.note(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref, 4)} N·m/rad, {why}", accepted.tick, who)
         return accepted
 
     async def _put_back(self) -> None:

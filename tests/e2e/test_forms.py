@@ -125,6 +125,7 @@ def a_trial(stage: Stage) -> None:
     assert differences(stage.in_force(), {**before, "lam_q": 0.83}) == []
     page.get_by_role("button", name="Revert now").click()
     stage.operator.wait(lambda: stage.in_force() == before)
+    page.get_by_role("region", name="Changes of the tuning").get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
 
 

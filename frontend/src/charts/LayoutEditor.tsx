@@ -3,7 +3,7 @@
 import { Button } from "@mantine/core";
 import { useRef, useState } from "react";
 import { TbTrash } from "react-icons/tb";
-import { type Edited, moved, renamed, withPanel, withSignal } from "../theme/editing";
+import { type Edited, moved, renamed, withPanel, withShare, withSignal } from "../theme/editing";
 import { useLayouts } from "../theme/useLayouts";
 import type { ChartLayout } from "../wire/types";
 import { EditedText } from "./EditedText";
@@ -11,6 +11,7 @@ import { FormulaEditor } from "./FormulaEditor";
 import styles from "./LayoutEditor.module.css";
 import { PanelRow } from "./PanelRow";
 import { SignalTree } from "./SignalTree";
+import { useHeightDrag } from "./useHeightDrag";
 import { useSignalDrop } from "./useSignalDrop";
 
 export function LayoutEditor() {
@@ -26,6 +27,17 @@ export function LayoutEditor() {
       return place < 0 ? `The layout has no panel “${title}” any more.` : withSignal(layout, place, name);
     }),
   );
+  const grabbed = useRef(1);
+  useHeightDrag(frame, (title, ratio, begins) => {
+    const place = used.panels.findIndex((panel) => panel.title === title);
+    const panel = used.panels[place];
+    if (panel === undefined) return;
+    if (begins) grabbed.current = panel.share;
+    const wanted = withShare(used, place, grabbed.current * ratio);
+    // a movement within one step changes nothing
+    if (typeof wanted === "string" || wanted.panels[place]?.share !== panel.share)
+      take((layout) => withShare(layout, place, grabbed.current * ratio));
+  });
 
   return (
     <section ref={frame} className={styles.editor} aria-label="Layout editor">

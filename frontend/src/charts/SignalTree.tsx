@@ -23,7 +23,10 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
           onChange={(event) => search(event.currentTarget.value)}
           w={160}
         />
-        <span className={styles.note}>Drag a signal onto a panel, or press + for a new one.</span>
+        <span className={styles.note}>
+          Drag a signal onto a panel, or press + for a new one. Drag the lower edge of a panel to change its
+          height.
+        </span>
       </span>
       {groups.length === 0 && <span className={styles.note}>No signal matches “{words}”.</span>}
       <div className={styles.groups}>

@@ -17,11 +17,15 @@ export function AngleSwitch() {
       aria-label={`Angles in ${NAMES[preferences.angles]} (${SIGNS[preferences.angles]})`}
       title={`Angles in ${NAMES[preferences.angles]}, for you alone: press for ${NAMES[other]}`}
       onClick={() => change({ angles: other })}
-      w={44}
-      px={0}
-      fz={preferences.angles === "deg" ? 18 : undefined}
+      px={4}
+      fw={400}
     >
-      {SIGNS[preferences.angles]}
+      {(["deg", "rad"] as const).map((unit, index) => (
+        <span key={unit}>
+          {index > 0 && " / "}
+          {unit === preferences.angles ? <strong>{SIGNS[unit]}</strong> : SIGNS[unit]}
+        </span>
+      ))}
     </Button>
   );
 }

@@ -7,6 +7,7 @@ import { useLive } from "../live/react";
 import { MOST_LETTERS, othersToGetControl, useAnswer, useAsk, useOffer } from "../service/handOver";
 import { sessionQuery } from "../service/queries";
 import { RefusedFields } from "../service/refusedFields";
+import { isText, useDraft } from "../service/useDraft";
 import type { State } from "../wire/types";
 import { ChoiceField } from "./ChoiceField";
 import styles from "./ControlForms.module.css";
@@ -21,7 +22,7 @@ interface Done {
 }
 
 export function AskForm({ onDone }: Done) {
-  const [reason, setReason] = useState("");
+  const { value: reason, set: setReason, discard } = useDraft("reason to ask for control", "", isText);
   const ask = useAsk();
   const holder = useLive((live) => live.state?.holder?.name);
   return (
@@ -31,7 +32,7 @@ export function AskForm({ onDone }: Done) {
       error={ask.error}
       reason={reason}
       onReason={setReason}
-      onSubmit={() => ask.mutate(reason, { onSuccess: onDone })}
+      onSubmit={() => ask.mutate(reason, { onSuccess: () => ended(discard, onDone) })}
     >
       <Button type="submit" size="compact-sm" disabled={reason.trim() === ""} loading={ask.isPending}>
         Ask
@@ -46,7 +47,7 @@ export function OfferForm({ onDone }: Done) {
   const me = useQuery(sessionQuery).data;
   const others = othersToGetControl(people, me?.name);
   const [to, setTo] = useState(others[0] ?? "");
-  const [reason, setReason] = useState("");
+  const { value: reason, set: setReason, discard } = useDraft("reason to offer control", "", isText);
   const offer = useOffer();
   // who was chosen stays so when they leave: to be refused, not to become somebody else
   const choices = others.includes(to) || to === "" ? others : [...others, to];
@@ -57,7 +58,7 @@ export function OfferForm({ onDone }: Done) {
       error={offer.error}
       reason={reason}
       onReason={setReason}
-      onSubmit={() => offer.mutate({ to, reason }, { onSuccess: onDone })}
+      onSubmit={() => offer.mutate({ to, reason }, { onSuccess: () => ended(discard, onDone) })}
       above={<ChoiceField label="To" name="to" size="xs" data={choices} value={to} onChange={setTo} />}
     >
       <Button
@@ -74,12 +75,14 @@ export function OfferForm({ onDone }: Done) {
 }
 
 export function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
-  const [reason, setReason] = useState("");
   const answer = useAnswer();
   const wish = useLive((live) => live.state?.wishes ?? NO_WISHES).find((one) => one.number === number);
+  // numbers begin again with the service: the draft belongs to the request itself
+  const form = `answer to ${wish?.name ?? ""}: ${wish?.reason ?? ""}`;
+  const { value: reason, set: setReason, discard } = useDraft(form, "", isText);
   const isOver = wish?.standing !== "asked";
   const say = (said: "hand_over" | "decline") =>
-    answer.mutate({ number, answer: said, reason }, { onSuccess: onDone });
+    answer.mutate({ number, answer: said, reason }, { onSuccess: () => ended(discard, onDone) });
   return (
     <ReasonForm
       title={isOver ? "This request is over" : `${wish.name} asks for control: “${wish.reason}”`}
@@ -103,6 +106,12 @@ export function AnswerForm({ number, onDone }: Done & { readonly number: number 
       <Close onDone={onDone} />
     </ReasonForm>
   );
+}
+
+/** What was sent is no draft any more. */
+function ended(discard: () => void, onDone: () => void): void {
+  discard();
+  onDone();
 }
 
 function Close({ onDone }: Done) {

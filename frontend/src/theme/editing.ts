@@ -37,8 +37,13 @@ export function withOver(layout: ChartLayout, place: number, over: string | null
 
 export function resized(layout: ChartLayout, place: number, steps: number): Edited {
   const { share } = layout.panels[place] as ChartPanel;
-  const wanted = Math.min(MOST.share, Math.max(LEAST_SHARE, share + steps * SHARE_STEP));
-  return changed(layout, place, { share: wanted });
+  return withShare(layout, place, share + steps * SHARE_STEP);
+}
+
+/** With a height in whole steps within what a panel may have. */
+export function withShare(layout: ChartLayout, place: number, share: number): Edited {
+  const stepped = Math.round(share / SHARE_STEP) * SHARE_STEP;
+  return changed(layout, place, { share: Math.min(MOST.share, Math.max(LEAST_SHARE, stepped)) });
 }
 
 /** Up or down past the next panel of its kind, as those over signals stand below those over time. */

@@ -6,7 +6,7 @@ import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, percent, significant } from "../../samples/format";
-import { inWordsOf, structureInWords } from "../../samples/words";
+import { capital, inWordsOf, structureInWords } from "../../samples/words";
 import { symbolEntry } from "../../service/glossary";
 import type { Model } from "../../wire/types";
 import page from "../Page.module.css";
@@ -86,7 +86,7 @@ export function ModelView({
       </Table>
       <span className={page.dim}>Estimated by {inWordsOf(model.method)}.</span>
       <Verdict good={model.grade === "usable"} of={`grade:${model.grade}`}>
-        {model.verdict}
+        {capital(model.grade)}
       </Verdict>
     </section>
   );

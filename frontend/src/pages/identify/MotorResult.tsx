@@ -9,6 +9,7 @@ import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
+import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { curvesQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
@@ -27,7 +28,7 @@ export function MotorResult({ identification }: { identification: Identification
           <h3 className={styles.heading}>Motor {motor.side}</h3>
           <Estimates motor={motor} />
           <Verdict good={motor.grade === "usable"} of={`grade:${motor.grade}`}>
-            {motor.verdict}
+            {capital(motor.grade)}
           </Verdict>
           {motor.refused.map((reason) => (
             <Verdict key={reason} good={false}>

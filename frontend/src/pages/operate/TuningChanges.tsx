@@ -131,7 +131,8 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
               size="xs"
               label="Stage changes"
               checked={staged.staging}
-              disabled={trial !== null}
+              disabled={trial !== null || something}
+              {...(something ? { title: "Apply or discard the staged values first." } : {})}
               onChange={(event) => staged.turn(event.currentTarget.checked)}
             />
           </div>

@@ -2,24 +2,26 @@
 
 import { ActionIcon, Button, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useId, useState } from "react";
+import { useId } from "react";
 import { TbX } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useTag } from "../../service/commands";
 import { searchWordsQuery } from "../../service/queries";
+import { isText, useDraft } from "../../service/useDraft";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Runs.module.css";
 
 export function Tags({ run }: { run: Run }) {
-  const [typed, setTyped] = useState("");
+  const draft = useDraft(`tag of run ${run.id}`, "", isText);
+  const typed = draft.value;
   const change = useTag(run.id);
   const words = useQuery(searchWordsQuery);
   const known = useId();
   function put(): void {
     if (typed.trim() !== "") {
-      change.mutate({ tag: typed.trim(), put: true }, { onSuccess: () => setTyped("") });
+      change.mutate({ tag: typed.trim(), put: true }, { onSuccess: draft.discard });
     }
   }
   return (
@@ -57,7 +59,7 @@ export function Tags({ run }: { run: Run }) {
             list={known}
             value={typed}
             w={160}
-            onChange={(event) => setTyped(event.currentTarget.value)}
+            onChange={(event) => draft.set(event.currentTarget.value)}
           />
           <datalist id={known}>
             {words.data?.tags.map((tag) => (
