@@ -129,6 +129,21 @@ def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
     laid_out.wait(lambda: figure.evaluate("one => one.clientHeight / one.parentElement.clientHeight") > height)
 
 
+def test_a_panel_grows_by_its_dragged_edge(laid_out: Operator) -> None:
+    page = laid_out.page
+    figure = page.get_by_role("figure", name="Joint position", exact=True)
+    figure.scroll_into_view_if_needed()
+    box = figure.bounding_box()
+    assert box is not None
+    x, bottom = box["x"] + box["width"] / 2, box["y"] + box["height"]
+    page.mouse.move(x, bottom - 1.0)
+    page.mouse.down()
+    page.mouse.move(x, bottom + 0.9 * box["height"], steps=8)
+    page.mouse.up()
+    height = page.get_by_role("status", name="Height of Joint position", exact=True)
+    expect(height).to_have_text("× 2.0")
+
+
 def recorded(operator: Operator, run: int, **asked: Any) -> dict[str, Any]:
     answer = operator.page.request.get(f"{operator.service.url}/api/runs/{run}/samples", params=asked)
     assert answer.ok, answer.text()

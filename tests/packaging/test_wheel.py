@@ -2,6 +2,7 @@
 
 import re
 import signal
+import os
 import subprocess
 import sys
 import sysconfig
@@ -64,11 +65,13 @@ def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Pa
     (packages,) = (tmp_path / "own/lib").glob("python*/site-packages")
     (packages / "libraries.pth").write_text(sysconfig.get_path("purelib"), encoding="utf-8")
     code = "import backend, plant, migrations; print(backend.__file__, plant.__file__, migrations.__file__)"
-    found = subprocess.run([python, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True)
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    found = subprocess.run([python, "-c", code], cwd=tmp_path, env=own, check=True, capture_output=True, text=True)
     assert all(str(packages) in place for place in found.stdout.split())
     serving = subprocess.Popen(
         [tmp_path / "own/bin/sinew", "serve", "--port", "0", "--data", str(tmp_path / "data"), "--show-link"],
         cwd=tmp_path,
+        env=own,
         stdout=subprocess.PIPE,
         text=True,
     )
