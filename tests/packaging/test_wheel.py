@@ -1,8 +1,8 @@
 """What ``pip install .`` brings along: code, front end, parameters, migrations, report templates."""
 
+import os
 import re
 import signal
-import os
 import subprocess
 import sys
 import sysconfig
