@@ -4,7 +4,9 @@ import math
 import random
 from typing import Any, NamedTuple, cast
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from plant.compiled import Specialised, compiled
 from plant.dynamics import AT_REST, PlantState
@@ -69,6 +71,17 @@ def summed(parts: tuple[float, ...]) -> float:
     for part in parts:
         total += part
     return total
+
+
+@compiled
+def allocated(count: int) -> float:
+    """Return the first of some zeros, from an array that needs numba's runtime."""
+    return float(np.zeros(count)[0])
+
+
+def test_what_allocates_in_the_tick_does_not_compile() -> None:
+    with pytest.raises(TypingError, match="zeros"):
+        allocated(3)
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -150,6 +151,23 @@ def test_zero_says_where_joint_and_motors_stand() -> None:
     assert (m.q, m.theta_A, m.theta_B) == pytest.approx((0.1, -0.2, 0.3))
     assert before.theta_B > 0.5
     rig.close()
+
+
+def test_a_card_that_is_opened_gets_zero_volts_at_both_outputs() -> None:
+    written: list[list[float]] = []
+
+    class Listening(VirtualCard):
+        def WriteAnalogF64(self, request: Any, context: Any) -> Any:
+            written.append(list(request.write_array))
+            answer = super().WriteAnalogF64(request, context)
+            assert answer.samps_per_chan_written == 1
+            return answer
+
+    card = Listening(WIRING, Simulator(PARAMETERS, 0), Card.create(), has_clock=False)
+    daq = Daq(WIRING, card.options)
+    daq.open()
+    assert written == [[0.0, 0.0]]
+    daq.close()
 
 
 def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
