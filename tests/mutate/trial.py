@@ -21,6 +21,9 @@ EVERY = 1000
 FIRST = 3
 """Files of tests that most mutants do not outlive: to load the others takes longer."""
 
+BATCH = 12
+"""Files of tests that share one limit of processor time: all that reach a file may rightly take longer than it."""
+
 _FAILED = r"^(?:FAILED|ERROR) (([^\s:]+)\S*)"
 SURVIVED, HUNG = "survived", "hung"
 
@@ -60,8 +63,10 @@ class Trials:
         text = (ROOT / mutant.path).read_text(encoding="utf-8")
         with tree.changed(mutant.path, mutant.of(text)):
             for some, lane in self._stages(mutant.path):
-                if some and (killed_by := self._killed_by(some, lane, tree, self._imports.touched_by(mutant.path))):
-                    return killed_by
+                for begin in range(0, len(some), BATCH):
+                    batch = some[begin : begin + BATCH]
+                    if killed_by := self._killed_by(batch, lane, tree, self._imports.touched_by(mutant.path)):
+                        return killed_by
         return SURVIVED
 
     def _stages(self, path: str) -> Iterator[tuple[list[str], tuple[str, ...]]]:
@@ -85,6 +90,7 @@ class Trials:
             again = tests if failed is None else [failed[1]]
             code, said = tree.test([*PYTEST, *again], self._limit_s, self._base, touched)
         if code is None:
+            self._require_within_limit(tests, lane)
             return f"{HUNG} for {self._limit_s:.0f} s"
         if code in (0, NO_TESTS):
             return ""
@@ -102,6 +108,12 @@ class Trials:
                 if code not in (0, NO_TESTS):
                     raise ValueError(f"{test} fails with nothing changed:\n{said}")
                 self._memory.put(self._key(test), time.monotonic() - begun)
+
+    def _require_within_limit(self, tests: list[str], lane: tuple[str, ...]) -> None:
+        """Raise ValueError where these tests take longer than the limit with nothing changed: then no mutant hung."""
+        code, _ = self._base.test([*PYTEST, *lane, *tests], self._limit_s)
+        if code is None:
+            raise ValueError(f"{' '.join(tests)} take longer than {self._limit_s:.0f} s with nothing changed")
 
     def _seconds(self, test: str) -> float:
         """Return how long a file of tests takes; a guess where that is not known: a second for 1000 characters."""
