@@ -8,7 +8,7 @@ from tests.e2e.truth.deeds import VOLTAGE_LIMIT, Deed, Scene
 from tests.e2e.truth.drafts import BOXES
 
 NUMBERS = {
-    "q_ref value [deg]": ("references", "q_ref"),
+    "q_ref value [°]": ("references", "q_ref"),
     "q_ref value [rad]": ("references", "q_ref"),
     "S_ref value [N·m/rad]": ("references", "S_ref"),
     "λ_q value [s]": ("tuning", "lam_q"),
@@ -18,7 +18,7 @@ NUMBERS = {
 }
 """Boxes that send on Enter, and where the state has their value."""
 
-TYPED = {"q_ref value [deg]": "11.3", "q_ref value [rad]": "0.123", "S_ref value [N·m/rad]": "9.87",
+TYPED = {"q_ref value [°]": "11.3", "q_ref value [rad]": "0.123", "S_ref value [N·m/rad]": "9.87",
          "λ_q value [s]": "0.765", "λ_S value [s]": "0.765", VOLTAGE_LIMIT: "5.3",
          "Share of pushes that is fed forward": "0.37"}  # fmt: skip
 WAYS_OUT = ("Tab", "Escape", "elsewhere", "another page", "reload", "history")
