@@ -68,7 +68,7 @@ def _references(found: Findings, moment: Moment) -> None:
         )
         found.figure(f"box of {name} [{unit}]", box.value if box else None, among)
         if slider is not None and slider.value is not None:
-            said = slider.value.removesuffix(f" {unit}")
+            said = slider.value.removesuffix(unit).rstrip()
             found.figure(f"slider of {name} [{unit}]", said if "e" not in said else f"{float(said):.6f}", among)
         if re.match(r"[-\u22120-9.]+ (…|to) ", hint):  # the range, no refusal
             found.same(f"whether {name} is said to be only measured", "measured" in hint, not references["in_force"])
