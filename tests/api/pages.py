@@ -3,15 +3,21 @@
 import asyncio
 import itertools
 import json
+import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import httpx
+from websockets.sync.client import connect as connect_blocking
 
 from backend.access.control import HEADER
 from tests.api.conftest import PATIENCE_S
 from tests.api.patient import connect
 from tests.e2e.service import Service
+
+PING_S = 0.2
+"""Between two pings of an open page [s]."""
 
 
 class Page:
@@ -39,15 +45,50 @@ class Page:
 
     def ping(self) -> dict[str, object]:
         async def once() -> dict[str, object]:
-            cookies = "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())
-            async with connect(self.socket_url, additional_headers={"Cookie": cookies}) as socket:
-                await socket.send(json.dumps({"type": "ping", "id": 1, "control": self.key}))
+            async with connect(self.socket_url, additional_headers=self._cookies()) as socket:
+                await socket.send(self._ping())
                 while True:
                     message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
                     if isinstance(message, str) and '"pong"' in message:
                         return dict(json.loads(message))
 
         return asyncio.run(once())
+
+    @contextmanager
+    def staying(self) -> Iterator[None]:
+        """Ping from a thread while the block runs: requests of a test may take longer than a page may be silent."""
+        over = threading.Event()
+
+        def ping_until_over() -> None:
+            with connect_blocking(
+                self.socket_url,
+                additional_headers=self._cookies(),
+                compression=None,
+                open_timeout=PATIENCE_S,
+                ping_interval=None,
+                close_timeout=0.1,
+            ) as socket:
+                due = 0.0
+                while not over.is_set():
+                    if (now := time.monotonic()) >= due:
+                        socket.send(self._ping())
+                        due = now + PING_S
+                    with suppress(TimeoutError):
+                        socket.recv(timeout=PING_S)
+
+        pinging = threading.Thread(target=ping_until_over)
+        pinging.start()
+        try:
+            yield
+        finally:
+            over.set()
+            pinging.join()
+
+    def _cookies(self) -> dict[str, str]:
+        return {"Cookie": "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())}
+
+    def _ping(self) -> str:
+        return json.dumps({"type": "ping", "id": 1, "control": self.key})
 
 
 @contextmanager

@@ -2,9 +2,8 @@
 
 import json
 import re
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
 
@@ -34,18 +33,11 @@ class Bench:
     def __init__(self, service: Service, viewer: httpx.Client) -> None:
         self.ana, self.vera, self.viewer = Page(service, "Ana"), Page(service, "Vera"), viewer
         self.ana.take(take_over=True).raise_for_status()
-        self._over = threading.Event()
-        self._heard = threading.Thread(target=self._ping)
-        self._heard.start()
-
-    def _ping(self) -> None:
-        """Let Ana's page be heard, as an open page is."""
-        while not self._over.wait(0.5):
-            self.ana.ping()
+        self._open = ExitStack()
+        self._open.enter_context(self.ana.staying())
 
     def close(self) -> None:
-        self._over.set()
-        self._heard.join()
+        self._open.close()
         self.ana.browser.close()
         self.vera.browser.close()
 

@@ -216,14 +216,15 @@ def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Ser
 def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service, off: httpx.Client) -> None:
     with pages(service, "Ana") as (ana,):
         ana.take(take_over=True)
-        ana.command("POST", "/api/mode", {"mode": "pretension"}).raise_for_status()
-        state = off.get("/api/state").json()
-        while not state["pretension_done"]:
-            assert ana.ping() == {"type": "pong", "id": 1}
+        assert ana.ping() == {"type": "pong", "id": 1}
+        with ana.staying():
+            ana.command("POST", "/api/mode", {"mode": "pretension"}).raise_for_status()
             state = off.get("/api/state").json()
-            assert state["fault"] is None, state["chain"]
-        ana.command("POST", "/api/mode", {"mode": "run"}).raise_for_status()
-        ana.command("PUT", "/api/references", {"q_ref": 0.2, "S_ref": 10.0}).raise_for_status()
+            while not state["pretension_done"]:
+                state = off.get("/api/state").json()
+                assert state["fault"] is None, state["chain"]
+            ana.command("POST", "/api/mode", {"mode": "run"}).raise_for_status()
+            ana.command("PUT", "/api/references", {"q_ref": 0.2, "S_ref": 10.0}).raise_for_status()
         seen_lost = False
         while (state := off.get("/api/state").json())["mode"] == "run":
             page = state["chain"][0]

@@ -36,6 +36,7 @@ def laid_out(same_operator: Operator) -> Operator:
         page.get_by_role("combobox", name="Layout", exact=True).select_option(old.inner_text())
         page.get_by_role("button", name="Remove layout", exact=True).click()
     editor = page.get_by_role("region", name="Layout editor", exact=True)
+    editor.get_by_role("textbox", name="Search signals", exact=True).fill("")
     editor.get_by_role("button", name="New panel with q - q_ref", exact=True).click()
     editor.get_by_role("button", name="New panel with S", exact=True).click()
     editor.get_by_role("combobox", name="Axis of Joint stiffness 2", exact=True).select_option("q")
