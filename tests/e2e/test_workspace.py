@@ -190,7 +190,7 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
         assert max(drawn) == pytest.approx(max(values), abs=0.005 * (max(values) - min(values)) + 1e-3)
     told = next(one.text or "" for one in drawing.iter(f"{SVG}text") if one.get("data-signal") == "q - q_ref")
     errors = [DEGREES * one for one in raw["q - q_ref"] if one is not None]
-    read = [float(one.replace("\u2212", "-")) for one in re.findall(r"[\u2212\d.]+(?= …|$)", told)]
+    read = [float(one.replace("\u2212", "-")) for one in re.findall(r"[\u2212\d.]+(?= to |$)", told)]
     assert read == pytest.approx([min(errors), max(errors)], abs=0.00051)
     is_printed_as_drawn(page, drawing)
 

@@ -22,7 +22,7 @@ export function AngleSwitch() {
     >
       {(["deg", "rad"] as const).map((unit, index) => (
         <span key={unit}>
-          {index > 0 && " / "}
+          {index > 0 && "\u00a0/\u00a0"}
           {unit === preferences.angles ? <strong>{SIGNS[unit]}</strong> : SIGNS[unit]}
         </span>
       ))}
