@@ -216,9 +216,10 @@ def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning:
     of_motors: list[str] = []
     page.on("request", lambda request: of_motors.append(request.url) if "/tuning/motor" in request.url else None)
     apply = page.get_by_role("button", name="Apply", exact=True)
-    apply.scroll_into_view_if_needed()
+    apply.hover()
+    page.mouse.down()  # the focus scrolls the button into sight as a whole
     before = switch.bounding_box()
-    apply.click()  # what was previewed as staged is previewed as active
+    page.mouse.up()  # what was previewed as staged is previewed as active
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.700 s", "–"])
     assert of_motors == []  # their margins are those of another λ: they stand
     assert switch.bounding_box() == before
@@ -314,6 +315,7 @@ def test_a_preview_of_an_earlier_value_is_grey_until_its_own_is_there(
     expect(shown_parts["step"]).to_contain_text(f"tension ≥ {step['F_min_N']:.1f} N")
     expect(shown_parts["push"]).to_contain_text(f"after {push['back_s']:.2f} s")
     page.unroute(PREVIEWS)
+    page.get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
 
 

@@ -212,7 +212,7 @@ def _offers(start: str) -> Callable[[Scene], bool]:
 
 ELSEWHERE = (
     Deed("start a short experiment", "experiments", 4, _offers("Start tracking"), _experiment, Value),
-    Deed("queue a short experiment", "experiments", 1.5, _offers_queue, _queue),
+    Deed("queue a short experiment", "experiments", 1.5, _offers_queue, _queue, Value),
     Deed("take one out of the queue", "experiments", 0.7, _offers("Remove experiment "), _unqueue),
     pressing("Start queue", "experiments", 1.5),
     pressing("Start queue again", "experiments", 1.5),
