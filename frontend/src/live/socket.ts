@@ -1,6 +1,6 @@
 /** Drives the link machine with a real websocket and feeds the store. */
 
-import { heldKey } from "../wire/control";
+import { heldKey, noteHolder } from "../wire/control";
 import { decodeFrame } from "../wire/frame";
 import { parseMessage } from "../wire/message";
 import { type LinkEvent, step } from "./link";
@@ -68,7 +68,10 @@ export function keepConnected(store: LiveStore, url: string): () => void {
     // a page in the background has its timers slowed down, and would be missed
     happen({ kind: "clock" });
     if (message?.type === "layout") store.setLayout(message);
-    if (message?.type === "state") store.setState(message);
+    if (message?.type === "state") {
+      noteHolder(message.holder?.epoch ?? null);
+      store.setState(message);
+    }
     if (message?.type === "event") store.addMark(message);
   }
 

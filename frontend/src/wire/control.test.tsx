@@ -75,6 +75,30 @@ it("lets go of control that was taken over, and repeats nothing", async () => {
   expect(control.heldEpoch()).toBeNull();
 });
 
+it.each([
+  [
+    "takes control again that a state has shown as lost",
+    null,
+    2500,
+    ["POST /api/control null", "POST /api/mode k8.1"],
+  ],
+  ["keeps control of which a state may not know yet", null, 1500, ["POST /api/mode k7.1"]],
+  ["keeps control that a state confirms", 7, 2500, ["POST /api/mode k7.1"]],
+])("%s", async (_, epoch, after_ms, calls) => {
+  const now = vi.spyOn(performance, "now").mockReturnValue(1000);
+  const control = await load();
+  fetched.mockResolvedValueOnce(answer(200, LEASE));
+  await control.takeControl(false);
+  fetched.mockReset();
+  now.mockReturnValue(1000 + after_ms);
+  control.noteHolder(epoch);
+  if (calls.length === 2) fetched.mockResolvedValueOnce(answer(200, { epoch: 8, page: "k8", name: "Ana" }));
+  fetched.mockResolvedValueOnce(answer(200, {}));
+  expect((await control.controlledFetch(command())).ok).toBe(true);
+  expect(sent()).toEqual(calls);
+  now.mockRestore();
+});
+
 it("sends its commands one after the other, and takes control once", async () => {
   const control = await load();
   const answers: ((answer: Response) => void)[] = [];

@@ -4,7 +4,7 @@
  * The key lives in this page's memory, so that a copy of the tab has none. For a reload it is left in the tab's storage
  * while the page goes, and taken out again by the page that comes, which shows it to the service and gets another one.
  * A page without control takes it with its first command, where nobody else holds it. Commands leave one after the
- * other. What the service refuses was not done, and is not sent again.
+ * other. A page that shows that it lost control takes it again with its next command. What the service refuses was not done, and is not sent again.
  */
 
 import { addressOf, pathOf } from "./address";
@@ -15,6 +15,8 @@ const LEFT_AS = "sinew-control";
 /** What moves the actuator or is going to; STOP needs no control. */
 const COMMANDS =
   /^\/api\/(mode|reset|references|push|touch|wall|player|tuning|tuning\/(trial.*|undo)|experiments|experiments\/queue\/run|identifications(\/pause)?|parameters(\/undo)?|banks\/(\d+|geometry)\/activate|faults\/injection|bring-up\/[^/]+)$/;
+/** A state that comes so soon after control was taken may be from before that. */
+const FRESH_MS = 2000;
 /** A command waits for the answer to the one before it, but not for ever. */
 const TURN_MS = 2000;
 
@@ -25,6 +27,9 @@ interface Held {
 }
 
 let held: Held | null = null;
+let taken_ms = 0;
+/** Whom the newest state of the service names as holder, and when it came. */
+let told: { readonly epoch: number | null; readonly at_ms: number } | null = null;
 let givenUp: number | null = null;
 let last: Promise<unknown> = Promise.resolve();
 const listeners = new Set<() => void>();
@@ -52,6 +57,11 @@ export function heldKey(): string | null {
 /** What others knew the control by that this page gave up of its own accord. */
 export function givenUpEpoch(): number | null {
   return givenUp;
+}
+
+/** Take note of whom a state of the service names as holder: their epoch, null for nobody. */
+export function noteHolder(epoch: number | null): void {
+  told = { epoch, at_ms: performance.now() };
 }
 
 /** Call `listener` when this page gets or loses control; returns how to stop that. */
@@ -93,6 +103,7 @@ export function controlledFetch(request: Request): Promise<Response> {
 }
 
 async function command(request: Request): Promise<Response> {
+  if (isLost()) keep(null);
   if (held === null) {
     const taken = await take({ take_over: false });
     if (!taken.ok) return taken;
@@ -102,12 +113,18 @@ async function command(request: Request): Promise<Response> {
   return answer;
 }
 
+/** Whether the page shows already that it holds control no more: a stamp of it would only be refused. */
+function isLost(): boolean {
+  return held !== null && told !== null && told.epoch !== held.epoch && told.at_ms > taken_ms + FRESH_MS;
+}
+
 async function take(
   body: { take_over: boolean } | { resume: string } | { handed: number },
 ): Promise<Response> {
   const answer = await send(posted("/api/control", body));
   if (answer.ok) {
     const lease = await answer.clone().json();
+    taken_ms = performance.now();
     keep({ epoch: lease.epoch, key: lease.page, sequence: 0 });
   }
   return answer;
