@@ -4,7 +4,8 @@
  * The key lives in this page's memory, so that a copy of the tab has none. For a reload it is left in the tab's storage
  * while the page goes, and taken out again by the page that comes, which shows it to the service and gets another one.
  * A page without control takes it with its first command, where nobody else holds it. Commands leave one after the
- * other. A page that shows that it lost control takes it again with its next command. What the service refuses was not done, and is not sent again.
+ * other. A page that shows that it lost control takes it again with its next command. What the service refuses was not
+ * done, and is not sent again.
  */
 
 import { addressOf, pathOf } from "./address";

@@ -13,7 +13,7 @@ import { structureInWords } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { curvesQuery, differenceInUseQuery, tuningKey } from "../../service/queries";
 import { HUES } from "../../theme/signals";
-import type { ChannelCurves, Correlation, Identification } from "../../wire/types";
+import type { ChannelCurves, Correlation, Identification, Model } from "../../wire/types";
 import { DifferenceTable } from "../banks/DifferenceTable";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
@@ -37,8 +37,18 @@ export function ActuatorResult({ identification }: { identification: Identificat
   return (
     <>
       <div className={page.halves}>
-        {G_q && <ModelView name="G_q" path="θ_A,ref → q" unit="" model={G_q} />}
-        {G_S && <ModelView name="G_S" path="θ_A,ref → S" unit="N·m/rad²" model={G_S} />}
+        {G_q && (
+          <ModelView name="G_q" path="θ_A,ref → q" unit="" model={G_q} isExplained={isWorst(G_q, G_S)} />
+        )}
+        {G_S && (
+          <ModelView
+            name="G_S"
+            path="θ_A,ref → S"
+            unit="N·m/rad²"
+            model={G_S}
+            isExplained={isWorst(G_S, G_q)}
+          />
+        )}
       </div>
       <div className={page.halves}>
         {curves.data?.channels.map((channel) => (
@@ -49,6 +59,13 @@ export function ActuatorResult({ identification }: { identification: Identificat
       {identification.usable && <AgainstBankInUse run={run} />}
     </>
   );
+}
+
+const GRADES = ["usable", "usable with caution", "not usable"];
+
+/** Whether the verdict on both models has the reasons of this one: it has those of the worse grade. */
+function isWorst(model: Model, other: Model | null): boolean {
+  return other === null || GRADES.indexOf(model.grade) >= GRADES.indexOf(other.grade);
 }
 
 function Channel({ channel }: { channel: ChannelCurves }) {

@@ -17,11 +17,14 @@ export function ModelView({
   path,
   unit,
   model,
+  isExplained,
 }: {
   name: string;
   path: string;
   unit: string;
   model: Model;
+  /** The verdict on the whole identification has the reasons of this model's grade already. */
+  isExplained: boolean;
 }) {
   const deviation = 100 * (model.K / model.gain_geometry - 1);
   const sign = deviation > 0 ? "+" : "";
@@ -86,7 +89,7 @@ export function ModelView({
       </Table>
       <span className={page.dim}>Estimated by {inWordsOf(model.method)}.</span>
       <Verdict good={model.grade === "usable"} of={`grade:${model.grade}`}>
-        {capital(model.grade)}
+        {isExplained ? capital(model.grade) : model.verdict}
       </Verdict>
     </section>
   );
