@@ -29,7 +29,7 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     described = (box.get_attribute("aria-describedby") or "").split()
     assert refused.get_attribute("id") in described
 
-    page.get_by_role("button", name="Angles in degrees (°)", exact=True).click()
+    page.get_by_role("button", name="Angles in degrees: ° / rad", exact=True).click()
     box = page.get_by_label(f"{FIELD} [rad]")
     expect(box).to_have_value("2.0944")
     expect(
@@ -42,6 +42,6 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     expect(page.get_by_text("[°]")).to_have_count(0)
 
     page.reload()
-    page.get_by_role("button", name="Angles in radians (rad)", exact=True).click()
+    page.get_by_role("button", name="Angles in radians: ° / rad", exact=True).click()
     expect(page.get_by_label("q_ref value [°]")).to_be_visible()
     page.context.close()

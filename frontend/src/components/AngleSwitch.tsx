@@ -14,7 +14,7 @@ export function AngleSwitch() {
       variant="subtle"
       color="gray"
       size="compact-sm"
-      aria-label={`Angles in ${NAMES[preferences.angles]} (${SIGNS[preferences.angles]})`}
+      aria-label={`Angles in ${NAMES[preferences.angles]}: ${SIGNS.deg} / ${SIGNS.rad}`}
       title={`Angles in ${NAMES[preferences.angles]}, for you alone: press for ${NAMES[other]}`}
       onClick={() => change({ angles: other })}
       px={4}
