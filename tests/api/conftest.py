@@ -32,11 +32,12 @@ def client_with(service: Service, token_file: str) -> httpx.Client:
 
 
 def live(client: httpx.Client) -> ClientConnection:
-    """Open the live stream as the person whose token ``client`` sends."""
+    """Open the live stream as the person whose token or cookies ``client`` sends."""
+    sent = client.build_request("GET", "/api/live").headers
     url = f"ws://{client.base_url.netloc.decode()}/api/live"
     return connect(
         url,
-        additional_headers={"Authorization": client.headers["Authorization"]},
+        additional_headers={name: sent[name] for name in ("Authorization", "Cookie") if name in sent},
         compression=None,
         open_timeout=PATIENCE_S,
         ping_interval=None,

@@ -6,13 +6,14 @@ import json
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 
 import httpx
-from websockets.sync.client import connect as connect_blocking
+from websockets.sync.connection import Connection
 
 from backend.access.control import HEADER
-from tests.api.conftest import PATIENCE_S
+from tests.api.conftest import PATIENCE_S, live
 from tests.api.patient import connect
 from tests.e2e.service import Service
 
@@ -45,7 +46,8 @@ class Page:
 
     def ping(self) -> dict[str, object]:
         async def once() -> dict[str, object]:
-            async with connect(self.socket_url, additional_headers=self._cookies()) as socket:
+            cookies = "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())
+            async with connect(self.socket_url, additional_headers={"Cookie": cookies}) as socket:
                 await socket.send(self._ping())
                 while True:
                     message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
@@ -59,33 +61,22 @@ class Page:
         """Ping from a thread while the block runs: requests of a test may take longer than a page may be silent."""
         over = threading.Event()
 
-        def ping_until_over() -> None:
-            with connect_blocking(
-                self.socket_url,
-                additional_headers=self._cookies(),
-                compression=None,
-                open_timeout=PATIENCE_S,
-                ping_interval=None,
-                close_timeout=0.1,
-            ) as socket:
-                due = 0.0
-                while not over.is_set():
-                    if (now := time.monotonic()) >= due:
-                        socket.send(self._ping())
-                        due = now + PING_S
-                    with suppress(TimeoutError):
-                        socket.recv(timeout=PING_S)
+        def ping_until_over(socket: Connection) -> None:
+            due = 0.0
+            while not over.is_set():
+                if (now := time.monotonic()) >= due:
+                    socket.send(self._ping())
+                    due = now + PING_S
+                with suppress(TimeoutError):
+                    socket.recv(timeout=PING_S)
 
-        pinging = threading.Thread(target=ping_until_over)
-        pinging.start()
-        try:
-            yield
-        finally:
-            over.set()
-            pinging.join()
-
-    def _cookies(self) -> dict[str, str]:
-        return {"Cookie": "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())}
+        with live(self.browser) as socket, ThreadPoolExecutor(1) as threads:
+            pinging = threads.submit(ping_until_over, socket)
+            try:
+                yield
+            finally:
+                over.set()
+                pinging.result()
 
     def _ping(self) -> str:
         return json.dumps({"type": "ping", "id": 1, "control": self.key})

@@ -111,7 +111,8 @@ class Trials:
 
     def _require_within_limit(self, tests: list[str], lane: tuple[str, ...]) -> None:
         """Raise ValueError where these tests take longer than the limit with nothing changed: then no mutant hung."""
-        code, _ = self._base.test([*PYTEST, *lane, *tests], self._limit_s)
+        with self._lock:
+            code, _ = self._base.test([*PYTEST, *lane, *tests], self._limit_s)
         if code is None:
             raise ValueError(f"{' '.join(tests)} take longer than {self._limit_s:.0f} s with nothing changed")
 

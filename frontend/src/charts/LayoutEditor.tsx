@@ -3,7 +3,15 @@
 import { Button } from "@mantine/core";
 import { useRef, useState } from "react";
 import { TbTrash } from "react-icons/tb";
-import { type Edited, moved, renamed, withPanel, withShare, withSignal } from "../theme/editing";
+import {
+  allowedShare,
+  type Edited,
+  moved,
+  renamed,
+  withPanel,
+  withShare,
+  withSignal,
+} from "../theme/editing";
 import { useLayouts } from "../theme/useLayouts";
 import type { ChartLayout } from "../wire/types";
 import { EditedText } from "./EditedText";
@@ -33,10 +41,8 @@ export function LayoutEditor() {
     const panel = used.panels[place];
     if (panel === undefined) return;
     if (begins) grabbed.current = panel.share;
-    const wanted = withShare(used, place, grabbed.current * ratio);
-    // a movement within one step changes nothing
-    if (typeof wanted === "string" || wanted.panels[place]?.share !== panel.share)
-      take((layout) => withShare(layout, place, grabbed.current * ratio));
+    const share = allowedShare(grabbed.current * ratio);
+    if (share !== panel.share) take((layout) => withShare(layout, place, share));
   });
 
   return (

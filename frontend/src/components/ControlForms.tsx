@@ -32,7 +32,7 @@ export function AskForm({ onDone }: Done) {
       error={ask.error}
       reason={reason}
       onReason={setReason}
-      onSubmit={() => ask.mutate(reason, { onSuccess: () => ended(discard, onDone) })}
+      onSubmit={() => ask.mutate(reason, { onSuccess: () => discardAndClose(discard, onDone) })}
     >
       <Button type="submit" size="compact-sm" disabled={reason.trim() === ""} loading={ask.isPending}>
         Ask
@@ -58,7 +58,7 @@ export function OfferForm({ onDone }: Done) {
       error={offer.error}
       reason={reason}
       onReason={setReason}
-      onSubmit={() => offer.mutate({ to, reason }, { onSuccess: () => ended(discard, onDone) })}
+      onSubmit={() => offer.mutate({ to, reason }, { onSuccess: () => discardAndClose(discard, onDone) })}
       above={<ChoiceField label="To" name="to" size="xs" data={choices} value={to} onChange={setTo} />}
     >
       <Button
@@ -82,7 +82,7 @@ export function AnswerForm({ number, onDone }: Done & { readonly number: number 
   const { value: reason, set: setReason, discard } = useDraft(form, "", isText);
   const isOver = wish?.standing !== "asked";
   const say = (said: "hand_over" | "decline") =>
-    answer.mutate({ number, answer: said, reason }, { onSuccess: () => ended(discard, onDone) });
+    answer.mutate({ number, answer: said, reason }, { onSuccess: () => discardAndClose(discard, onDone) });
   return (
     <ReasonForm
       title={isOver ? "This request is over" : `${wish.name} asks for control: “${wish.reason}”`}
@@ -108,8 +108,8 @@ export function AnswerForm({ number, onDone }: Done & { readonly number: number 
   );
 }
 
-/** What was sent is no draft any more. */
-function ended(discard: () => void, onDone: () => void): void {
+/** Discard the draft of a reason that was sent, and close its form. */
+function discardAndClose(discard: () => void, onDone: () => void): void {
   discard();
   onDone();
 }

@@ -37,13 +37,17 @@ export function withOver(layout: ChartLayout, place: number, over: string | null
 
 export function resized(layout: ChartLayout, place: number, steps: number): Edited {
   const { share } = layout.panels[place] as ChartPanel;
-  return withShare(layout, place, share + steps * SHARE_STEP);
+  return withShare(layout, place, allowedShare(share + steps * SHARE_STEP));
 }
 
-/** With a height in whole steps within what a panel may have. */
 export function withShare(layout: ChartLayout, place: number, share: number): Edited {
+  return changed(layout, place, { share });
+}
+
+/** The height nearest to `share` that a panel may have, in whole steps. */
+export function allowedShare(share: number): number {
   const stepped = Math.round(share / SHARE_STEP) * SHARE_STEP;
-  return changed(layout, place, { share: Math.min(MOST.share, Math.max(LEAST_SHARE, stepped)) });
+  return Math.min(MOST.share, Math.max(LEAST_SHARE, stepped));
 }
 
 /** Up or down past the next panel of its kind, as those over signals stand below those over time. */

@@ -25,12 +25,12 @@ interface Held {
   readonly epoch: number;
   readonly key: string;
   readonly sequence: number;
+  readonly since_ms: number;
 }
 
 let held: Held | null = null;
-let taken_ms = 0;
-/** Whom the newest state of the service names as holder, and when it came. */
-let told: { readonly epoch: number | null; readonly at_ms: number } | null = null;
+/** The holder that the newest state of the service names, and when the state came. */
+let reported: { readonly epoch: number | null; readonly at_ms: number } | null = null;
 let givenUp: number | null = null;
 let last: Promise<unknown> = Promise.resolve();
 const listeners = new Set<() => void>();
@@ -60,9 +60,9 @@ export function givenUpEpoch(): number | null {
   return givenUp;
 }
 
-/** Take note of whom a state of the service names as holder: their epoch, null for nobody. */
+/** Record the holder that a state of the service names, by epoch; null for nobody. */
 export function noteHolder(epoch: number | null): void {
-  told = { epoch, at_ms: performance.now() };
+  reported = { epoch, at_ms: performance.now() };
 }
 
 /** Call `listener` when this page gets or loses control; returns how to stop that. */
@@ -114,9 +114,10 @@ async function command(request: Request): Promise<Response> {
   return answer;
 }
 
-/** Whether the page shows already that it holds control no more: a stamp of it would only be refused. */
+/** Whether a state has shown that this page holds control no more: the service refuses its stamp. */
 function isLost(): boolean {
-  return held !== null && told !== null && told.epoch !== held.epoch && told.at_ms > taken_ms + FRESH_MS;
+  if (held === null || reported === null) return false;
+  return reported.epoch !== held.epoch && reported.at_ms > held.since_ms + FRESH_MS;
 }
 
 async function take(
@@ -125,8 +126,7 @@ async function take(
   const answer = await send(posted("/api/control", body));
   if (answer.ok) {
     const lease = await answer.clone().json();
-    taken_ms = performance.now();
-    keep({ epoch: lease.epoch, key: lease.page, sequence: 0 });
+    keep({ epoch: lease.epoch, key: lease.page, sequence: 0, since_ms: performance.now() });
   }
   return answer;
 }
