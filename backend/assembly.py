@@ -39,7 +39,6 @@ from backend.data_folder import FolderWatch, HeldFolder
 from backend.experiments.playing.runner import Station
 from backend.experiments.results.evaluation import evaluate
 from backend.faults import Fault
-from backend.libraries import SCIENCE
 from backend.messages.live import EventMessage, MarkKind, StateMessage
 from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
@@ -61,7 +60,6 @@ from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
 from backend.operating.triggers import Triggers
 from backend.operating.tuning_in_use import TuningInUse
-from backend.processes import Processes
 from backend.recording.flight import PART as FLIGHTS
 from backend.recording.flight import FlightRecorder, Quota
 from backend.recording.recorder import Recorder
@@ -74,6 +72,7 @@ from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision
+from backend.workers import SCIENCE, Processes
 from plant.interface import PlantKind
 from plant.parameters import PlantParameters
 

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, TypeVar
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 
 T = TypeVar("T")
 

@@ -13,17 +13,16 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from backend import libraries, logs
+from backend import logs, workers
 from backend.access.tokens import TokenFiles, Tokens
-from backend.data_folder import HeldFolder, only_service_on
+from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
 from backend.ending import Ending, address_on
-from backend.forks import refuse_forks
 from backend.loop.launching import launch
-from backend.private import UMASK, make_private
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
 from backend.web_server.listening import listening_on
 from backend.web_server.places import raise_limit
+from backend.workers import refuse_forks
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -103,7 +102,7 @@ async def _serve(
     address = address_on(settings.host, listening.getsockname()[1])
 
     def load_the_rest() -> None:
-        libraries.load(*libraries.SCIENCE)
+        workers.load(*workers.SCIENCE)
         foundation.figures.keep()
 
     def announce() -> None:

@@ -1,7 +1,7 @@
 """The sample: one row per tick, defined once.
 
 The shared-memory ring, the stored recording, the websocket frame, the exports and the TypeScript types all derive
-from ``FIELDS``. A new signal is a new row here, and its value by name in ``backend.tick.desk.write_row``.
+from ``FIELDS``. A new signal is a new row here, and its value by name in ``backend.control.step.write_row``.
 ``COMBINED`` are signals that nobody stores: what is drawn of them follows from the columns.
 """
 

@@ -10,8 +10,8 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from backend.errors import require_station_name
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
-from backend.station import require_station_name
 from plant.interface import DEFAULT_WIRING, PlantChoice, PlantKind
 
 _PREFIX = "SINEW_"

@@ -47,10 +47,9 @@ _Arguments = TypeVarTuple("_Arguments")
 _ROOT = Path(__file__).resolve().parents[1]
 _COMPILED_SOURCES = (
     "plant/*.py",
-    "backend/controllers/*.py",
+    "backend/control/*.py",
     "backend/identification/friction.py",
     "backend/loop/heartbeat.py",
-    "backend/tick/*.py",
     "backend/tuning/closed_loop.py",
 )
 

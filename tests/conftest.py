@@ -9,7 +9,7 @@ import pytest
 from hypothesis import settings
 
 import backend  # noqa: F401  # before any test loads numpy: BLAS takes one thread, as in the service
-from backend.forks import SAFE_PATH
+from backend.workers import SAFE_PATH
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in whatever a script has started in its background: what the tests start would never hear of Ctrl+C either.
@@ -26,7 +26,7 @@ ONLY_COMPUTES = {
     "bring_up",
     "cli",
     "closed_loop",
-    "controllers",
+    "control",
     "docs",
     "documents",
     "experiments",
@@ -41,7 +41,6 @@ ONLY_COMPUTES = {
     "reports",
     "storage",
     "studies",
-    "tick",
     "tuning",
     "wire",
     "test_forks.py",

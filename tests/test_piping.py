@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.offload import WorkerDiedError
-from backend.piping import piped
+from backend.workers import WorkerDiedError, piped
 
 LARGE = bytes(range(256)) * 20_000
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from backend.documents.study import STUDY
+from backend.errors import RefusalError
 from backend.experiments.banks.bank_building import require_name
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.bank_files import read_file
@@ -32,7 +33,6 @@ from backend.plain_text import (
     require_plain,
     require_plain_texts,
 )
-from backend.refusal import RefusalError
 from backend.storage.fit import UnfitDocumentError, require_lines
 from backend.web_server.bodies import require_writable
 

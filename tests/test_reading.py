@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.reading import Angles, counted, in_words, percent, read, told, typed
+from backend.units import Angles, counted, in_words, percent, read, told, typed
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from backend.errors import Because, OutOfRangeError, RefusalError, RefusedValueError, bound_text, require_within
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.settings import SettingError
-from backend.reading import Angles
-from backend.refusal import Because, OutOfRangeError, RefusalError, RefusedValueError, bound_text, require_within
+from backend.units import Angles
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 
 ATTEMPTS = 10
 SIGN_INS = 60

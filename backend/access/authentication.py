@@ -12,8 +12,8 @@ from backend.access.attempts import SIGN_INS, Attempts
 from backend.access.people import BEARER, OPEN, People, Person, printable
 from backend.access.sessions import Sessions
 from backend.access.tokens import TokenFiles, Tokens
+from backend.errors import Because, RefusalError
 from backend.messages.session import Role
-from backend.refusal import Because, RefusalError
 from backend.supervision import Part
 
 PART = Part(

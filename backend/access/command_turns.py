@@ -9,7 +9,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 
 GAP_S = 0.3
 """So long [s] a command waits for one before it that has not arrived."""

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from backend.access.command_turns import Turns
 from backend.access.people import BEARER, OPEN, Person
+from backend.errors import Because, RefusalError
 from backend.messages.control import HolderView, Lease
-from backend.refusal import Because, RefusalError
 from backend.supervision import Part
 
 HEADER = "Sinew-Control"

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 from backend.access.control import Control, Holder, Stamp
 from backend.access.people import People, Person
+from backend.errors import Because, RefusalError
 from backend.messages.control import OPEN_WISHES, Answer, Standing, WishView
 from backend.messages.session import Role
-from backend.refusal import Because, RefusalError
 from backend.supervision import Part
 
 PART = Part("The watch over who asks for control", "Requests that were under way are answered or asked once more.")

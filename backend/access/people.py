@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
+from backend.errors import Because, RefusalError
 from backend.messages.session import PersonView, Role
-from backend.refusal import Because, RefusalError
 
 BEARER, OPEN = "bearer", "open"
 """The ``session`` of all who send a token with each request, and of all where no token is needed."""

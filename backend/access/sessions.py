@@ -12,8 +12,8 @@ from collections.abc import Callable, Container
 from dataclasses import dataclass
 from pathlib import Path
 
+from backend.data_folder import write_private
 from backend.messages.session import Role
-from backend.private import write_private
 
 FILE = "sessions.json"
 IDLE_S = 30 * 24 * 3600.0

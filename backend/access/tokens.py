@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from backend.data_folder import write_private
 from backend.messages.session import Role
-from backend.private import write_private
 
 FILES = {Role.OPERATOR: "token", Role.VIEWER: "viewer-token"}
 SHORTEST = 20

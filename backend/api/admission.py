@@ -11,7 +11,7 @@ from backend.access.people import Person
 from backend.api.auth import signed_in
 from backend.api.errors import answer_to
 from backend.api.service import Service
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 from backend.web_server.bodies import has_body, once_more, read_whole, require_writable
 from backend.web_server.cookies import authentication_of, shown_by
 from backend.web_server.guard import most_bytes

@@ -7,8 +7,8 @@ from fastapi import Depends, Query, Request
 from starlette.requests import HTTPConnection
 
 from backend.api.service import service_of
-from backend.reading import Angles
-from backend.storage import StorageError
+from backend.storage.errors import StorageError
+from backend.units import Angles
 from backend.web_server.cookies import authentication_of, shown_by
 
 PATIENCE_S = 1.0

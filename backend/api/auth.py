@@ -7,8 +7,8 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.requests import HTTPConnection
 
 from backend.access.people import BEARER, OPEN, Person
+from backend.errors import Because, RefusalError
 from backend.messages.session import Role
-from backend.refusal import Because, RefusalError
 from backend.web_server.cookies import COOKIE, authentication_of, shown_by
 
 __all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "may_stop", "signed_in"]

@@ -7,10 +7,10 @@ STOP waiting.
 
 from dataclasses import dataclass
 
-from backend import processes
+from backend import workers
 from backend.archive import downloads, figures
-from backend.offload import Limits
 from backend.operating import chart_sheets, dry_runs, text_work
+from backend.workers import Limits
 
 _UNLIMITED = Limits()
 
@@ -39,27 +39,25 @@ LOOP = Cost("the control process", at_a_time="any")
 FORMULAS = Cost("a thread of the service, formulas of bounded numbers", at_a_time="any")
 TEXT = Cost(
     "the process for texts: one for operators, one for viewers",
-    processes.TEXTS,
+    workers.TEXTS,
     _places(text_work.PLACES, text_work.VIEWERS_PLACES, text_work.PLACES_EACH),
 )
 PREVIEW = Cost(
     "the process for texts: one for operators, one for viewers",
-    processes.TEXTS,
+    workers.TEXTS,
     _places(text_work.PREVIEWS, text_work.VIEWERS_PREVIEWS, text_work.PREVIEWS_EACH),
 )
-ORDERED_TEXT = Cost("the process for texts of operators", processes.TEXTS)
-DRY_RUN = Cost(
-    "the process for dry runs", processes.DRY_RUNS, _places(dry_runs.PLACES, dry_runs.VIEWERS_PLACES, each=1)
-)
+ORDERED_TEXT = Cost("the process for texts of operators", workers.TEXTS)
+DRY_RUN = Cost("the process for dry runs", workers.DRY_RUNS, _places(dry_runs.PLACES, dry_runs.VIEWERS_PLACES, each=1))
 SHEET = Cost(
     "the process for sheets of charts",
-    processes.SHEETS,
+    workers.SHEETS,
     _places(chart_sheets.PLACES, chart_sheets.VIEWERS_PLACES, chart_sheets.PLACES_EACH),
 )
-REPORT = Cost("the process for reports", processes.REPORTS)
-LONG_RECORDING = Cost("a thread; of long recordings the process for reports", processes.REPORTS)
+REPORT = Cost("the process for reports", workers.REPORTS)
+LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORTS)
 RANGE = Cost("threads of the service; of long ranges and of files a process for each", at_a_time=f"{figures.AT_ONCE}")
-EVALUATION = Cost("the process for evaluations of stored runs", processes.EVALUATIONS)
+EVALUATION = Cost("the process for evaluations of stored runs", workers.EVALUATIONS)
 MODELS = Cost("the process for results and banks")
 STUDY = Cost("the processes for studies")
 DOWNLOAD = Cost("a process for each download", at_a_time=f"{downloads.AT_ONCE}")

@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.errors import Because, OutOfRangeError, RefusalError
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.playing.play import NotReadyError
@@ -26,17 +27,16 @@ from backend.loop.mode import LEGAL
 from backend.messages.base import Problem, Refusal
 from backend.messages.malformed import problem_of_form
 from backend.messages.problems import plain, printable, problem_of, problem_of_experiment, problem_of_setting
-from backend.offload import WorkerDiedError, WorkLimitError
-from backend.reading import Angles, in_words
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
-from backend.refusal import Because, OutOfRangeError, RefusalError
-from backend.storage import StorageError
+from backend.storage.errors import StorageError
 from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
+from backend.units import Angles, in_words
 from backend.web_server.deployment import no_such_page
 from backend.web_server.message_page import message_page, wants_page
+from backend.workers import WorkerDiedError, WorkLimitError
 
 _log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ from starlette.requests import HTTPConnection
 
 from backend.api.service import service_of
 from backend.messages.base import UNITS
-from backend.reading import in_digits
+from backend.units import in_digits
 
 _MOST_VALUES = 6
 _LONGEST_VALUE = 40

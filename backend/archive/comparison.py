@@ -8,6 +8,7 @@ from typing import Any
 from backend.archive.alignment import Aligned, aligned
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.result import Figure
+from backend.errors import Because, RefusalError, require_within
 from backend.messages.comparison import (
     ComparedMetric,
     ComparedRun,
@@ -17,10 +18,10 @@ from backend.messages.comparison import (
     RunComparison,
 )
 from backend.messages.run_search import MetricHistory, MetricName, MetricPoint
-from backend.refusal import Because, RefusalError, require_within
 from backend.reports.set_to import set_to
 from backend.reports.verdict import verdict_of
-from backend.storage import Session, banks, results, run_search, runs
+from backend.storage import banks, results, run_search, runs
+from backend.storage.database import Session
 from backend.storage.results import Result
 from backend.storage.run_index import ValueSource
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, parse

@@ -11,22 +11,21 @@ from typing import Literal
 from backend.archive.bundling import bundle_pieces
 from backend.archive.comparison_file import curves_file, table_file
 from backend.archive.differences import differences, samples_of
+from backend.errors import Because, RefusalError
 from backend.experiments.results.again import left_behind
 from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import of_columns, of_run
-from backend.libraries import DRAWING
 from backend.messages.comparison import Differences, DifferencesAsked
-from backend.offload import Offload
-from backend.piping import piped
-from backend.reading import Angles
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.flight import flight_columns
-from backend.refusal import Because, RefusalError
 from backend.reports.rendering import render, render_series
 from backend.reports.series_source import load_series
 from backend.reports.source import Source, load_source
-from backend.storage import Database, results
+from backend.storage import results
+from backend.storage.database import Database
 from backend.storage.runs import EndState, RunKind
+from backend.units import Angles
+from backend.workers import DRAWING, Offload, piped
 
 COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""

@@ -3,12 +3,13 @@
 import asyncio
 from collections.abc import Callable
 
+from backend.errors import Because, RefusalError
 from backend.experiments.results.again import evaluate_again, require_evaluable
 from backend.messages.state import TaskView
-from backend.offload import Offload
-from backend.refusal import Because, RefusalError
-from backend.storage import Database, runs
+from backend.storage import runs
+from backend.storage.database import Database
 from backend.storage.runs import Run
+from backend.workers import Offload
 
 
 class Evaluations:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import __version__
+from backend.errors import Because, RefusalError, require_within
 from backend.messages.figures import (
     Moment,
     RecordedSpectra,
@@ -21,7 +22,6 @@ from backend.messages.figures import (
     SpectraLine,
     StatisticsLine,
 )
-from backend.piping import piped
 from backend.plain_text import as_cell, as_comment
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.following import Following, told_of
@@ -29,9 +29,10 @@ from backend.recording.reader import read_samples
 from backend.recording.spectrum import LEAST_SAMPLES, Spectrum, welch
 from backend.recording.statistics import Extreme, Statistics, add_slab
 from backend.recording.stretch import Slab, Stretch, slabs, stretch_of
-from backend.refusal import Because, RefusalError, require_within
 from backend.sample import COMBINED_BY_NAME, FIELDS, Field
-from backend.storage import Database, recordings
+from backend.storage import recordings
+from backend.storage.database import Database
+from backend.workers import piped
 
 AT_ONCE = 6
 """Ranges that are read at a time."""

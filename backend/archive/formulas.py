@@ -3,12 +3,13 @@
 import asyncio
 from dataclasses import asdict
 
+from backend.errors import Because, RefusalError
 from backend.experiments.composing.expressions import ExpressionError
 from backend.experiments.composing.formula import derived_of
 from backend.messages.formula import FormulaList, FormulaText, FormulaView, StepView
 from backend.recording.following import derived_from
-from backend.refusal import Because, RefusalError
-from backend.storage import Database, formulas
+from backend.storage import formulas
+from backend.storage.database import Database
 from backend.storage.formulas import Formula
 
 MOST = 50

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.errors import OutOfRangeError
 from backend.experiments.composing import text
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -13,8 +14,7 @@ from backend.exports import bundle_import, taking_in
 from backend.exports.errors import ImportRefusedError
 from backend.exports.taking_in import TakenIn
 from backend.plain_text import as_line
-from backend.refusal import OutOfRangeError
-from backend.storage import Database
+from backend.storage.database import Database
 from backend.storage.runs import Run
 
 _LONGEST_EXPERIMENT = 4 * text.MAX_CHARACTERS

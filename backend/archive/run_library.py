@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Sequence
 
 from backend.archive import comparison
+from backend.errors import Because, RefusalError
 from backend.messages.comparison import ComparisonAsked, RunComparison
 from backend.messages.run_search import (
     SEARCH_NAME_MAX,
@@ -14,8 +15,8 @@ from backend.messages.run_search import (
     TagList,
 )
 from backend.plain_text import PlainTextError, require_line
-from backend.refusal import Because, RefusalError
-from backend.storage import Database, run_search, settings, tags
+from backend.storage import run_search, settings, tags
+from backend.storage.database import Database
 from backend.storage.records import UnknownRecordError, require_distinct
 from backend.storage.run_query import parse
 from backend.storage.run_terms import ENDS, VERDICTS

@@ -10,7 +10,6 @@ from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.banks import bank_building, bank_files
 from backend.experiments.banks.bank_consistency import MODEL_NAMES
 from backend.experiments.banks.bank_difference import difference, figures_of_all, with_entries
-from backend.libraries import SCIENCE
 from backend.messages.bank import (
     BankDetail,
     BankDifference,
@@ -22,13 +21,13 @@ from backend.messages.bank import (
     EntryFigures,
     EntryLineage,
 )
-from backend.offload import Offload
 from backend.storage import banks, identifications, runs
 from backend.storage.bank_entry import fits_of, method_of
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, Session
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import Previewer
+from backend.workers import SCIENCE, Offload
 from plant.parameters import PlantParameters
 
 

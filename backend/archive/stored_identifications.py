@@ -13,11 +13,12 @@ from backend.experiments.results.unseen_prediction import unseen_of
 from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import IdentificationView, SpringTableView
-from backend.offload import Offload
-from backend.storage import Database, identifications, results, runs
+from backend.storage import identifications, results, runs
+from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import Run, RunKind
+from backend.workers import Offload
 
 _log = logging.getLogger(__name__)
 

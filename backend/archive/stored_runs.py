@@ -7,30 +7,20 @@ from functools import partial
 
 from backend import wire
 from backend.archive import views
+from backend.errors import Because, RefusalError
 from backend.messages.experiment import ExperimentView
 from backend.messages.flight import FlightList
 from backend.messages.run import Evaluation, RunList, RunView, SamplesView
 from backend.messages.state import TaskView
-from backend.offload import Offload
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import Envelope, read_envelope
-from backend.refusal import Because, RefusalError
 from backend.sample import STORED_NAMES
-from backend.storage import (
-    Database,
-    Session,
-    flights,
-    identifications,
-    origins,
-    recordings,
-    results,
-    run_search,
-    runs,
-    tags,
-)
+from backend.storage import flights, identifications, origins, recordings, results, run_search, runs, tags
+from backend.storage.database import Database, Session
 from backend.storage.recordings import Extent, Recording
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.storage.runs import EndState, Run, RunKind
+from backend.workers import Offload
 
 
 @dataclass(frozen=True)

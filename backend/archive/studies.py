@@ -6,6 +6,7 @@ from typing import Any
 
 from backend.archive.own_experiments import OwnExperiments
 from backend.documents.run_settings import Value
+from backend.errors import RefusedValueError
 from backend.experiments.composing import text
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
@@ -21,7 +22,6 @@ from backend.messages.study import (
     StudyView,
 )
 from backend.plain_text import as_line
-from backend.refusal import RefusedValueError
 from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.studies import StoredPoint, StoredStudy

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from backend.bring_up.work import SLACK, Figure, Finding, Rows, Signal, StepFailedError, Work
-from backend.refusal import require_within
+from backend.errors import require_within
 from backend.sample import INDEX
 from plant.calibration import CellCalibration, linear
 from plant.terminals import SATURATED_V

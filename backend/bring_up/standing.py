@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from backend.bring_up.steps import INSTEAD, STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding
-from backend.reading import counted
 from backend.storage import bring_up
 from backend.storage.bring_up import NewStepResult, StepResult
 from backend.storage.database import Database
+from backend.units import counted
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
 from plant.factory import wiring_of_choice
 from plant.interface import PlantChoice, PlantKind

@@ -29,8 +29,8 @@ from backend.cli import (
 )
 from backend.cli.garbage import look_as_usual, look_seldom
 from backend.cli.output import ANGLES, angles, fail, print_what_can_be_printed
-from backend.forks import import_nothing_from_here
-from backend.refusal import RefusedValueError
+from backend.errors import RefusedValueError
+from backend.workers import import_nothing_from_here
 
 app = typer.Typer(
     name="sinew",
@@ -90,13 +90,13 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.access.tokens import TokenError
     from backend.data_folder import AlreadyRunningError, DataFolderError
     from backend.documents.edge import UnreadableDocumentError
+    from backend.errors import OutOfRangeError, RefusalError
     from backend.experiments.banks.bank_consistency import BankError
     from backend.experiments.composing.refused import ExperimentError
     from backend.experiments.results.again import NotEvaluableError
     from backend.experiments.settings import SettingError
     from backend.loop.access import LoopDiedError
     from backend.recording.recorder import RecordingError
-    from backend.refusal import OutOfRangeError, RefusalError
     from backend.settings import UnusableSettingError
     from backend.storage.errors import StorageError
     from backend.storage.maintenance import BackupError

@@ -7,7 +7,7 @@ import threading
 from contextlib import suppress
 
 from backend.cli.output import angles, errors
-from backend.reading import in_words
+from backend.units import in_words
 
 GIVE_UP = "q"
 

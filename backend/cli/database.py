@@ -72,9 +72,9 @@ def restore(
 
 def _claimed_by(settings: "Settings") -> str:
     """Say which service works on the database; "" where none does, or where the file cannot be read."""
-    from backend.storage import StorageError
     from backend.storage.claims import claimed_by
     from backend.storage.database import connect, sqlite_url
+    from backend.storage.errors import StorageError
 
     engine = connect(sqlite_url(settings.data))
     try:
@@ -92,7 +92,7 @@ def name_station(
 ) -> None:
     """Give all that a database without stations holds to one; refused while a service works on it."""
     from backend.data_folder import only_service_on
-    from backend.station import require_station_name
+    from backend.errors import require_station_name
     from backend.storage.claims import HeldClaim
     from backend.storage.station_names import give_all
     from backend.storage.stations import HeldStation

@@ -12,8 +12,8 @@ from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, database_of, parameters_in_force, settings_with
 from backend.plain_text import as_lines
-from backend.reading import counted
 from backend.settings import Settings
+from backend.units import counted
 
 if TYPE_CHECKING:
     from backend.archive.own_experiments import Checked

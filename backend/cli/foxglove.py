@@ -34,7 +34,7 @@ def foxglove(
         if error.name != "foxglove":
             raise
         fail("this needs the extra foxglove: pip install 'sinew[foxglove]'")
-    from backend.offload import POLITE
+    from backend.workers import POLITE
 
     os.setpriority(os.PRIO_PROCESS, 0, POLITE)  # the loop and the page come first
     settings = settings_with(data=data)

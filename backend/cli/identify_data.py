@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backend.cli.output import AsJson, fail, out, print_json, print_table
-from backend.reading import percent
+from backend.units import percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

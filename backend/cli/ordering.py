@@ -86,9 +86,9 @@ def ordered(
 def in_force(settings: Settings) -> Standing:
     """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
     from backend.documents.edge import UnreadableDocumentError
+    from backend.errors import OutOfRangeError
     from backend.experiments.banks import kept_choice
     from backend.experiments.settings import SettingError
-    from backend.refusal import OutOfRangeError
 
     _figures().restore()
     with database_of(settings, reading=True) as database:

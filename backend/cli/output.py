@@ -16,7 +16,7 @@ from rich.table import Table
 
 from backend.experiments.playing.progress import Doing
 from backend.plain_text import as_json, as_line, as_lines
-from backend.reading import Angles, in_words
+from backend.units import Angles, in_words
 
 
 class Screen(Console):

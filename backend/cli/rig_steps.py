@@ -12,8 +12,8 @@ from backend.cli.asking import GivenUpError, Terminal, say
 from backend.cli.ordering import current_user
 from backend.cli.output import angles, fail, print_json, print_table
 from backend.cli.place import database_of
-from backend.reading import in_words, read, reading_of, with_unit
 from backend.settings import Settings
+from backend.units import in_words, read, reading_of, with_unit
 
 if TYPE_CHECKING:
     from backend.bring_up.session import Session
@@ -165,7 +165,7 @@ async def _one(at_rig: "Session", terminal: Terminal, order: Order) -> "StepResu
 async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
     """Ask for the numbers of a step until they are good."""
     from backend.bring_up.engine import values_of
-    from backend.refusal import RefusedValueError
+    from backend.errors import RefusedValueError
 
     while True:
         try:

@@ -7,13 +7,13 @@ import typer
 from backend.cli.ordering import current_user
 from backend.cli.output import AsJson, angles, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
-from backend.reading import in_words, read, reading_of
+from backend.units import in_words, read, reading_of
 
 if TYPE_CHECKING:
     from backend.archive.stored_runs import StoredRuns
     from backend.messages.comparison import ComparedValue
     from backend.messages.run import RunView
-    from backend.storage import Database
+    from backend.storage.database import Database
 
 Where = Annotated[str, typer.Option("--where", help='A search, such as "kind=tracking overshoot_q_percent < 5".')]
 AllStations = Annotated[bool, typer.Option("--all-stations", help="Of all stations on the database.")]

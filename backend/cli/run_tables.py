@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from backend.cli.output import angles, out, print_table
-from backend.reading import in_words, read, reading_of
+from backend.units import in_words, read, reading_of
 
 if TYPE_CHECKING:
     from backend.documents.result import Criterion, Figure

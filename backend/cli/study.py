@@ -12,7 +12,7 @@ from backend.cli.experiment import text_in
 from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
-from backend.reading import counted, digits_over, in_digits, read, reading_of
+from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
     from backend.messages.study import StudyDetail, StudyFigure, StudyView

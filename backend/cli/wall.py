@@ -7,7 +7,7 @@ import typer
 from backend.cli.output import AsJson, angles, fail, out, print_json
 from backend.cli.place import DataFolder, settings_with
 from backend.cli.running_service import running_service
-from backend.reading import told, typed
+from backend.units import told, typed
 
 app = typer.Typer(
     help="A wall in the simulated joint's way, at the running service.", no_args_is_help=True, rich_markup_mode=None

@@ -10,8 +10,8 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
 from backend.documents.run_settings import DeclaredValue, Value
-from backend.reading import Angles, reading_of, typed
-from backend.refusal import Path, RefusedValueError, require_within
+from backend.errors import Path, RefusedValueError, require_within
+from backend.units import Angles, reading_of, typed
 
 _KEY = "setting"
 _SHOWN = 100
@@ -22,7 +22,7 @@ _T = TypeVar("_T")
 class SettingError(RefusedValueError):
     """A setting that is not even of the right kind: unknown, no number, not among the choices.
 
-    A number outside its bounds raises ``backend.refusal.OutOfRangeError`` instead.
+    A number outside its bounds raises ``backend.errors.OutOfRangeError`` instead.
     """
 
     def __init__(

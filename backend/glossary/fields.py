@@ -6,6 +6,7 @@ Settings of experiments and identifications describe themselves where they are o
 from annotated_types import Ge, Le
 from pydantic.fields import FieldInfo
 
+from backend.errors import WORDS
 from backend.glossary.entry import Entry, Kind
 from backend.messages.base import HUGE, Schema
 from backend.messages.identification import ActuatorRequest
@@ -13,7 +14,6 @@ from backend.messages.state import Push, References, Wall
 from backend.messages.touch import TouchOrder
 from backend.messages.trigger import TriggerOrder
 from backend.messages.tuning import TrialRequest
-from backend.refusal import WORDS
 
 FORMS: dict[str, type[Schema]] = {
     "references": References,

@@ -29,7 +29,7 @@ from backend.identification.validation import (
     NEGLIGIBLE_PERCENT,
     graded,
 )
-from backend.reading import percent
+from backend.units import percent
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult

@@ -9,7 +9,7 @@ import numpy as np
 
 from backend.identification.record import Signal
 from backend.identification.structures import structure
-from backend.reading import percent
+from backend.units import percent
 
 Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 

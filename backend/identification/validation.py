@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.identification.record import MAX_SATURATED_PERCENT, RestAtLimit, Signal
 from backend.identification.result import DryFriction, FirstOrder, Grade, Model, Residuals, Verdict, worst
-from backend.reading import percent
+from backend.units import percent
 
 MIN_COUNTS = 20.0
 MAX_MISFIT_PERCENT = 20.0

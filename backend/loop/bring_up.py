@@ -2,6 +2,8 @@
 
 from typing import assert_never
 
+from backend.control.motion_types import NO_REFERENCE
+from backend.errors import require_within
 from backend.faults import Fault
 from backend.loop.causes import Cause, HomingEnd
 from backend.loop.commands import ByHand, Home, ProveDirections, Stop, SwitchDrives, TryModule, TryMotor, Zero
@@ -12,8 +14,6 @@ from backend.loop.motion import Motion
 from backend.loop.motor_trial import MotorTrial
 from backend.loop.now import Now
 from backend.loop.tick_desk import TickDesk
-from backend.refusal import require_within
-from backend.tick.decision import NO_REFERENCE
 from plant.interface import EndSwitched, Plant, PlantError, Proven, Switched
 from plant.manual_input import Handled
 

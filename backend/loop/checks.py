@@ -1,14 +1,14 @@
-"""What is said of a fault that the tick has found (``backend.tick.checks``): its name, and what was seen."""
+"""Names the fault that the control step has found, and says what was seen (``backend.control.fault_detection``)."""
 
 import math
 from collections.abc import Callable
 
-from backend.controllers.limits import bounds_for
+from backend.control import fault_detection
+from backend.control.decoupler import bounds_for
+from backend.control.fault_detection import SLACK_MAX_S, FaultDetectionState, Found
 from backend.faults import Fault
 from backend.loop.sensor_checks import told
-from backend.reading import in_digits
-from backend.tick import checks
-from backend.tick.checks import SLACK_MAX_S, Found, State
+from backend.units import in_digits
 from plant.interface import NO_RAW, Measurement, MotorCommand, RawReading
 from plant.parameters import PlantParameters
 
@@ -20,23 +20,29 @@ class Checks:
         self._bounds = bounds_for(parameters)
 
     def told(
-        self, found: Found, seen: State, m: Measurement, heard: Measurement, command: MotorCommand, at_card: RawReading,
+        self,
+        found: Found,
+        seen: FaultDetectionState,
+        m: Measurement,
+        heard: Measurement,
+        command: MotorCommand,
+        at_card: RawReading,
         missed: int,
-    ) -> tuple[Fault, str]:  # fmt: skip
+    ) -> tuple[Fault, str]:
         """Return the fault and what was seen.
 
         ``m`` has the motors' zeros, ``heard`` is that from the joint's middle; ``at_card`` is what they were made from,
         ``missed`` the deadlines since the last tick.
         """
         match found.what:
-            case checks.NO_NUMBER | checks.OUT_OF_BOUNDS:
+            case fault_detection.NO_NUMBER | fault_detection.OUT_OF_BOUNDS:
                 return self.standing(heard, at_card)
-            case checks.TRIPPED:
+            case fault_detection.TRIPPED:
                 read = _read("F_A", m.F_A, ".1f", "N"), _read("F_B", m.F_B, ".1f", "N"), _read("q", m.q, "", "rad")
                 return Fault.SAFETY_MODULE, f"the loop read {', '.join(read)} then"
-            case checks.INCREDIBLE:
+            case fault_detection.INCREDIBLE:
                 return told(found, seen.past, seen.newest, m, command)
-            case checks.SLACK:
+            case fault_detection.SLACK:
                 F_slack = self._bounds.F_slack
                 slack, taut = _parted(m, lambda F: F_slack > F)
                 return Fault.SLACK, f"{slack} below the bound of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"

@@ -15,9 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import decoupler
-from backend.controllers.cascade import Tuning
-from backend.controllers.limits import Bounds
+from backend.control import decoupler
+from backend.control.cascade import CascadeTuning
+from backend.control.decoupler import Bounds
+from backend.control.motion_types import Carry
+from backend.errors import require_within
 from backend.loop.commands import Event
 from backend.loop.mode import Mode, RefusedError
 from backend.loop.motion import Tracking
@@ -33,8 +35,6 @@ from backend.loop.set_touch import (
 )
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tunings import Tunings
-from backend.refusal import require_within
-from backend.tick.decision import Carry
 from plant.interface import NO_LOAD, Measurement, ShaftLoad, T_s
 
 STAND_S = 0.15
@@ -199,7 +199,7 @@ def _after(program: Program, position: int, elapsed: int) -> tuple[int, Program]
 
 
 def giving_way(
-    tuning: Tuning,
+    tuning: CascadeTuning,
     carry: Carry,
     m: Measurement,
     bounds: Bounds,

@@ -4,9 +4,9 @@ The loop itself lets go when the time is over and whenever it leaves the modes i
 outlives the page, the service or the control that ordered it.
 """
 
+from backend.errors import require_within
 from backend.loop.commands import Push, PushReleased
 from backend.loop.mode import Mode, RefusedError
-from backend.refusal import require_within
 from plant.interface import Plant, PlantError, T_s
 
 PUSH_MAX_S = 10.0

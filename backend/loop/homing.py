@@ -9,10 +9,10 @@ import math
 from collections.abc import Callable
 from enum import Enum, auto
 
-from backend.controllers import cascade, pretension
+from backend.control import cascade, motion_primitives
+from backend.control.motion_types import AT_REST, Carry, Decision, Target
 from backend.loop.causes import HomingEnd
 from backend.loop.motion import Trial
-from backend.tick.decision import AT_REST, Carry, Decision, Target
 from plant.interface import Measurement, T_s
 
 HOMING_MAX_V = 1.5
@@ -73,7 +73,7 @@ class Homing(Trial):
         self._ratio = ratio
         self._at_end = at_end
         self._phase = _Phase.WINDING
-        self._winding = pretension.State(m.F_A, m.F_B, carry.theta_A_ref, carry.theta_B_ref, 0.0)
+        self._winding = motion_primitives.PretensionState(m.F_A, m.F_B, carry.theta_A_ref, carry.theta_B_ref, 0.0)
         self._wound_from = carry.theta_A_ref, carry.theta_B_ref
         self._began = self._wound_at = m.q
         self._ticks = 0
@@ -87,7 +87,7 @@ class Homing(Trial):
         """Return where the joint is [rad] that reads ``q`` in the encoder's counts so far."""
         return self._position + q - self._touched
 
-    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
         """One tick: look for surprises, then go on."""
         self._ticks += 1
         self.end = self._surprise(m) or self._advanced(m)
@@ -161,7 +161,7 @@ class Homing(Trial):
         self._way += speed * T_s
 
     def _wind(self, m: Measurement, held: bool) -> None:
-        self._winding = pretension.step(self._winding, TENSION_N, m.F_A, m.F_B)
+        self._winding = motion_primitives.step_pretension(self._winding, TENSION_N, m.F_A, m.F_B)
         near = abs(self._winding.F_A - TENSION_N) <= _NEAR_N and abs(self._winding.F_B - TENSION_N) <= _NEAR_N
         self._near_s = self._near_s + T_s if near else 0.0
         if self._near_s >= _NEAR_S:

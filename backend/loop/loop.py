@@ -7,6 +7,8 @@ from typing import assert_never
 
 import numpy as np
 
+from backend.control.motion_types import AT_REST
+from backend.control.step import DECIDED, DONE, FELT, FOUND, PUSHES, QUIET, TUNES, Stretch
 from backend.faults import Fault
 from backend.loop import bring_up
 from backend.loop.checks import Checks
@@ -40,9 +42,6 @@ from backend.loop.set_tuning import SetTuning
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
-from backend.tick.batch import DECIDED, Stretch
-from backend.tick.decision import AT_REST
-from backend.tick.desk import DONE, FELT, FOUND, PUSHES, QUIET, TUNES
 from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
 from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError

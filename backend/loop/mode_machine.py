@@ -3,8 +3,10 @@
 import time
 from collections.abc import Callable
 
-from backend.controllers import motors
-from backend.controllers.cascade import Tuning
+from backend.control import pid
+from backend.control.cascade import CascadeTuning
+from backend.control.motion_primitives import PRETENSION_N
+from backend.control.motion_types import NO_REFERENCE, Carry, Target
 from backend.faults import Fault
 from backend.loop.causes import Cause, Why
 from backend.loop.commands import (
@@ -41,8 +43,6 @@ from backend.loop.program_push import ProgramPush
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tunings import Tunings
 from backend.loop.zeros import Zeros
-from backend.tick.decision import NO_REFERENCE, Carry, Target
-from backend.tick.winding import PRETENSION_N
 from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
 from plant.interface import Measurement, Plant, Proven
@@ -63,7 +63,7 @@ class ModeMachine:
         plant: Plant,
         parameters: PlantParameters,
         desk: TickDesk,
-        tuning: Tuning,
+        tuning: CascadeTuning,
         lambdas: Lambdas,
         events: list[Event],
     ) -> None:
@@ -168,7 +168,7 @@ class ModeMachine:
             raise RefusedError("the safety module is tried once both tendons hold the pretension")
         self.motion = ModuleTrial(self.motion.carry(), NO_REFERENCE, now.m)
 
-    def set_tuning(self, tuning: Tuning, lambdas: Lambdas) -> None:
+    def set_tuning(self, tuning: CascadeTuning, lambdas: Lambdas) -> None:
         """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
         if isinstance(self.motion, Baseline):
             raise RefusedError("the gains of a baseline are fixed while its program plays: wait for its end or stop it")
@@ -258,7 +258,7 @@ class ModeMachine:
         if self.motion is not None:
             return self.motion.carry()
         gains = self.tunings.gains.motors
-        return Carry(motors.at_rest(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
+        return Carry(pid.at_rest_motor_pair(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
 
     def _enter(
         self, now: Now, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False
@@ -288,7 +288,7 @@ class ModeMachine:
         self.contact.forget(now.tick)
         self.zeros.move(move_A, move_B)
         carry = winding.carry()
-        state = motors.shift(carry.gains, carry.state, move_A, move_B)
+        state = pid.shift_motor_pair(carry.gains, carry.state, move_A, move_B)
         shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
         self.motion = Travel(shifted, *self._programs.wound(PRETENSION_N))
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)

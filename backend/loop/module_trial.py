@@ -5,10 +5,10 @@ Only so does it show whether the module itself cuts the drives, or merely says s
 
 import math
 
-from backend.controllers import cascade, motors
+from backend.control import cascade, pid
+from backend.control.motion_types import Carry, Decision, Target
 from backend.loop.motion import Interpreted
 from backend.loop.motor_trial import TRIAL_MAX_V
-from backend.tick.decision import Carry, Decision, Target
 from plant.interface import Measurement, T_s
 
 DRIVEN_S = 0.3
@@ -32,7 +32,7 @@ class ModuleTrial(Interpreted):
         self._ticks = 0
         self._tautest = max(m.F_A, m.F_B) + RISE_MAX_N
 
-    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
         """One tick of holding, or of driving."""
         if not (self._ticks or m.safety_trip):
             held = self.follow(tuning, m, self._carry.theta_A_ref, self._carry.theta_B_ref)
@@ -42,7 +42,7 @@ class ModuleTrial(Interpreted):
         within = self._tautest >= m.F_A and self._tautest >= m.F_B
         self.done = self.done or not within or self._ticks * T_s >= DRIVEN_S
         self._u_A, self._u_B = (min(max(u, 0.0) + RISE_V_PER_S * T_s, TRIAL_MAX_V) for u in (self._u_A, self._u_B))
-        at_rest = motors.at_rest(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)
+        at_rest = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)
         self._carry = Carry(at_rest, tuning.motors, m.theta_A, m.theta_B)
         nan = math.nan
         return Decision(self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=self.done)

@@ -6,14 +6,16 @@ Every motion hands the state of the motor loops on to the next one, so that no c
 from collections.abc import Callable
 from typing import Any
 
-from backend.controllers import cascade, feedback_linearization, motors, single_loop
-from backend.controllers.limits import Bounds
+from backend.control import baselines as feedback_linearization
+from backend.control import baselines as single_loop
+from backend.control import cascade, motion_primitives, pid, tracking
+from backend.control import tracking as baselines
+from backend.control.decoupler import Bounds
+from backend.control.motion_types import NO_REFERENCE, Carry, Decision, Target, follow
+from backend.control.step import Moving, Resting
 from backend.loop.causes import Cause, Why
 from backend.loop.program import Law, Program
 from backend.loop.program_arrays import player_of
-from backend.tick import baselines, soft_stop, tracking, travel, winding
-from backend.tick.decision import NO_REFERENCE, Carry, Decision, Target, follow
-from backend.tick.desk import Moving, Resting
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.models import Lambdas
 from plant.compiled import Cell
@@ -55,22 +57,22 @@ class Motion:
 def _held(carry: Carry, m: Measurement, u_max: float) -> tuple[float, float]:
     """Voltages [V] that the motor loops would go on with."""
     references = carry.theta_A_ref, carry.theta_B_ref
-    held, _ = motors.step(carry.gains, carry.state, *references, m.theta_A, m.theta_B, u_max)
+    held, _ = pid.step_motor_pair(carry.gains, carry.state, *references, m.theta_A, m.theta_B, u_max)
     return held.u_A, held.u_B
 
 
 class Rest(Motion):
     """None: zero volts."""
 
-    def __init__(self, gains: motors.Gains) -> None:
-        super().__init__(Carry(motors.at_rest(gains, 0.0, 0.0, 0.0, 0.0), gains, 0.0, 0.0), Resting(0.0))
+    def __init__(self, gains: pid.MotorPairGains) -> None:
+        super().__init__(Carry(pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0), gains, 0.0, 0.0), Resting(0.0))
 
 
 class Winding(Motion):
     """Pretension from slack: both motors wind until both load cells read the pretension."""
 
     def __init__(self, carry: Carry) -> None:
-        super().__init__(carry, winding.begin(carry))
+        super().__init__(carry, motion_primitives.begin_winding(carry))
 
     @property
     def tensions(self) -> tuple[float, float]:
@@ -83,14 +85,14 @@ class Travel(Motion):
     """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
 
     def __init__(self, carry: Carry, theta_A: float, theta_B: float) -> None:
-        super().__init__(carry, travel.State(theta_A, theta_B, 0.0))
+        super().__init__(carry, motion_primitives.TravelState(theta_A, theta_B, 0.0))
 
 
 class Braking(Motion):
     """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
 
     def __init__(self, carry: Carry, m: Measurement, u_max: float) -> None:
-        super().__init__(carry, soft_stop.begin(*_held(carry, m, u_max), m))
+        super().__init__(carry, motion_primitives.begin_soft_stop(*_held(carry, m, u_max), m))
 
 
 class ForceHold(Motion):
@@ -110,7 +112,7 @@ class Tracking(Motion):
 
     def __init__(
         self,
-        tuning: cascade.Tuning,
+        tuning: cascade.CascadeTuning,
         carry: Carry,
         m: Measurement,
         bounds: Bounds,
@@ -124,19 +126,23 @@ class Tracking(Motion):
         player = player_of(() if program is None else program.segments, here)
         references = carry.theta_A_ref, carry.theta_B_ref
         law = cascade.take_over(tuning, carry.state, carry.gains, *references, m, here.q_ref)
-        super().__init__(carry, tracking.State(law, position_loop, program is not None, player), here)
+        super().__init__(carry, tracking.TrackingState(law, position_loop, program is not None, player), here)
 
 
 def _single_loop(parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement) -> Any:
     tuning = single_loop_tuning(parameters, lambdas)
-    return baselines.SingleLoop, tuning, single_loop.take_over(tuning, *u, m)
+    return baselines.SingleLoop, tuning, single_loop.take_over_single_loop(tuning, *u, m)
 
 
 def _feedback_linearization(
     parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement
 ) -> Any:
     tuning = feedback_linearization_tuning(parameters, lambdas)
-    return baselines.FeedbackLinearization, tuning, feedback_linearization.take_over(tuning, *u, m)
+    return (
+        baselines.FeedbackLinearization,
+        tuning,
+        feedback_linearization.take_over_feedback_linearization(tuning, *u, m),
+    )
 
 
 BASELINES: dict[Law, Callable[[PlantParameters, Lambdas, tuple[float, float], Measurement], Any]] = {
@@ -154,7 +160,7 @@ class Baseline(Motion):
         program: Program,
         parameters: PlantParameters,
         lambdas: Lambdas,
-        tuning: cascade.Tuning,
+        tuning: cascade.CascadeTuning,
         carry: Carry,
         m: Measurement,
         bounds: Bounds,
@@ -173,7 +179,7 @@ class Interpreted(Motion):
         self.target = target
         self._carry = carry
 
-    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
         """One tick: measurement to voltages."""
         raise NotImplementedError
 
@@ -181,7 +187,7 @@ class Interpreted(Motion):
         """Return the motor loops for the next motion."""
         return self._carry
 
-    def follow(self, tuning: cascade.Tuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
+    def follow(self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
         """One tick of both motor loops towards motor references [rad]."""
         decision, self._carry = follow(tuning, self._carry, self.target, theta_A_ref, theta_B_ref, m, False)
         return decision

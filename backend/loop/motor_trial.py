@@ -6,10 +6,10 @@ time, so that even with nothing to be seen the joint goes less than 0.1 rad.
 
 import math
 
-from backend.controllers import cascade, motors
+from backend.control import cascade, pid
+from backend.control.motion_types import Carry, Decision, Target
 from backend.loop.causes import Cause
 from backend.loop.motion import Trial
-from backend.tick.decision import Carry, Decision, Target
 from plant.interface import Measurement, T_s
 
 TRIAL_MAX_V = 1.0
@@ -41,7 +41,7 @@ class MotorTrial(Trial):
         self._ticks = 0
         self._out = 0
 
-    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
         """One tick of the way out, of standing, of the way back."""
         self._ticks += 1
         if not self._out and (self._shown(m) or self._ticks * T_s >= TRIAL_MAX_V / RISE_V_PER_S):
@@ -50,7 +50,7 @@ class MotorTrial(Trial):
         u_A, u_B = (u, 0.0) if self._is_A else (0.0, u)
         nan = math.nan
         self._carry = Carry(
-            motors.at_rest(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
+            pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
         )
         return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=False)
 

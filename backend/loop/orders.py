@@ -1,10 +1,10 @@
 """What the compiled tick is told of the mode machine before it is made."""
 
+from backend.control.step import Orders
 from backend.faults import FAULT_CODE, Limit
 from backend.loop.mode import MODE_CODE
 from backend.loop.mode_machine import ModeMachine
 from backend.loop.module_trial import ModuleTrial
-from backend.tick.desk import Orders
 
 
 def orders_of(machine: ModeMachine) -> Orders:

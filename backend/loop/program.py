@@ -9,10 +9,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
+from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
+from backend.errors import require_within
 from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.loop.set_tuning import SetTuning
-from backend.refusal import require_within
-from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 from plant.dynamics import Obstacle
 
 MAX_SEGMENTS = 1000

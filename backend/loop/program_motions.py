@@ -1,16 +1,14 @@
 """From a program to the motion that plays it: what it asks for is looked at whole before anything moves."""
 
-from backend.controllers.cascade import Tuning
-from backend.controllers.decoupler import decoupler_for
-from backend.controllers.limits import bounds_for
+from backend.control.cascade import CascadeTuning
+from backend.control.decoupler import bounds_for, decoupler_for
+from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
+from backend.control.motion_types import Carry
+from backend.errors import require_within
 from backend.loop.mode import RefusedError
 from backend.loop.motion import BASELINES, Baseline, ForceHold, Motion, MotorSteps, TensionSweep, Tracking
 from backend.loop.program import Law, Program, Segment, require_able, require_few
 from backend.loop.program_arrays import tension_hold_of, tension_sweep_of, voltage_steps_of
-from backend.refusal import require_within
-from backend.tick.decision import Carry
-from backend.tick.voltage_steps import Room
-from backend.tick.winding import PRETENSION_N
 from backend.tuning.models import Lambdas
 from plant.dynamics import elongation
 from plant.interface import Measurement, Plant
@@ -27,7 +25,9 @@ class ProgramMotions:
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._geometry = decoupler_for(parameters)
 
-    def motion_for(self, program: Program, carry: Carry, m: Measurement, tuning: Tuning, lambdas: Lambdas) -> Motion:
+    def motion_for(
+        self, program: Program, carry: Carry, m: Measurement, tuning: CascadeTuning, lambdas: Lambdas
+    ) -> Motion:
         """Return what plays the program from here on. Raises RefusedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
             if program.excitation is None:
@@ -81,7 +81,7 @@ class ProgramMotions:
         for step in program.steps:
             require_within("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
             require_within("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
-        room = Room(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
+        room = VoltageMargin(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
         return MotorSteps(carry, voltage_steps_of(program, room))
 
     def _tension_sweep(self, program: Program, carry: Carry) -> TensionSweep:

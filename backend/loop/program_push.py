@@ -2,12 +2,12 @@
 
 from contextlib import suppress
 
+from backend.control.motion_types import Target
+from backend.errors import require_within
 from backend.loop.commands import Event, WallChanged
 from backend.loop.contact import Acting, Contact
 from backend.loop.mode import RefusedError
 from backend.loop.program import IDENTIFYING, MAX_WALLS, NO_WALL, Program
-from backend.refusal import require_within
-from backend.tick.decision import Target
 from plant.dynamics import Obstacle, Obstructed
 from plant.interface import NO_LOAD, Plant, PlantError, ShaftLoad
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from backend.control.motion_types import NO_REFERENCE
 from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.homing import Homing
 from backend.loop.loop import Loop
@@ -11,7 +12,6 @@ from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, 
 from backend.loop.ring import Ring
 from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_of
-from backend.tick.decision import NO_REFERENCE
 from backend.tuning.gains import knowledge
 from backend.tuning.models import motor_model
 from plant.parameters import PlantParameters

@@ -7,13 +7,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, decoupler, plausibility, touch
+from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, step
+from backend.control.motion_types import AT_REST, Decision
+from backend.control.step import NO_ORDERS, Desk, Moving, Orders, Stretch
 from backend.loop.motion import Motion
 from backend.sample import FIELDS
-from backend.tick import batch, checks, desk, velocity
-from backend.tick.batch import Stretch
-from backend.tick.decision import AT_REST, Decision
-from backend.tick.desk import NO_ORDERS, Desk, Moving, Orders
 from plant.compiled import Cell, Specialised
 from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 from plant.parameters import PlantParameters
@@ -30,28 +28,30 @@ class TickDesk:
     """One loop's desk, and on it the motion that is under way.
 
     ``unattended_max_s`` [s] is how long the plant may be left alone. ``look``, ``decide`` and ``write_row`` are of
-    ``backend.tick.desk``, for this desk and what lies on it.
+    ``backend.control.step``, for this desk and what lies on it.
     """
 
     def __init__(
         self,
         parameters: PlantParameters,
         unattended_max_s: float,
-        tuning: cascade.Tuning,
+        tuning: cascade.CascadeTuning,
     ) -> None:
         self.cell = cell = Cell(
             Desk(
                 tuning,
-                checks.watched_for(parameters, round(unattended_max_s / T_s)),
+                fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
                 NO_ORDERS,
-                checks.State(0.0, False, NOT_MEASURED, NOT_MEASURED, plausibility.nothing_remembered()),
-                checks.CLEAR,
-                velocity.State(0.0, math.nan),
+                fault_detection.FaultDetectionState(
+                    0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.nothing_remembered()
+                ),
+                fault_detection.CLEAR,
+                motion_primitives.VelocityState(0.0, math.nan),
                 NOT_MEASURED,
                 ZERO_VOLTS,
                 AT_REST,
-                touch.observer_for(parameters),
-                touch.UNKNOWN,
+                disturbance_observer.observer_for(parameters),
+                disturbance_observer.UNKNOWN,
                 np.zeros((0, 2)),
                 math.nan,
             )
@@ -65,29 +65,29 @@ class TickDesk:
         self._orders = NO_ORDERS
         self._places: dict[type, tuple[Cell[Moving], _Decide]] = {}
         row = np.zeros(len(FIELDS))
-        self.look: _Look = partial(Specialised(desk.look, cell, NOT_MEASURED, 0), cell)
-        self.write_row: _WriteRow = partial(Specialised(desk.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell)
+        self.look: _Look = partial(Specialised(step.look, cell, NOT_MEASURED, 0), cell)
+        self.write_row: _WriteRow = partial(Specialised(step.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell)
 
     def begin(self, raw: Measurement) -> None:
         """Take in what is measured before the first tick."""
         self._m.put(raw)
-        self._velocity.put(velocity.State(0.0, raw.q))
+        self._velocity.put(motion_primitives.VelocityState(0.0, raw.q))
 
     def lay(self, motion: Motion) -> None:
         """Let a motion be the one that is under way."""
         kind = type(motion.first.state)
         if kind not in self._places:
             place = Cell(motion.first)
-            self._places[kind] = place, partial(Specialised(desk.decide, self.cell, place), self.cell, place)
+            self._places[kind] = place, partial(Specialised(step.decide, self.cell, place), self.cell, place)
         self.moving, self.decide = self._places[kind]
         motion.lie_in(self.moving)
         self._run: _Run | None = None  # on a clock there are no batches
 
     def run(self, simulated: Cell[Simulated], m: Measurement, stretch: Stretch, rows: NDArray[np.float64]) -> _Made:
-        """Make ticks in a batch (``backend.tick.batch``)."""
+        """Make ticks in a batch (``backend.control.step``)."""
         if self._run is None:
             like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
-            self._run = Specialised(batch.run, self.cell, self.moving, simulated, m, stretch, like)
+            self._run = Specialised(step.run_batch, self.cell, self.moving, simulated, m, stretch, like)
         made = self._run(self.cell, self.moving, simulated, m, stretch, rows)
         self._orders = self._orders_cell.get()
         return made
@@ -130,18 +130,18 @@ class TickDesk:
         return command
 
     @property
-    def found(self) -> checks.Found:
+    def found(self) -> fault_detection.Found:
         """What the checks have found."""
-        found: checks.Found = self._found.get()
+        found: fault_detection.Found = self._found.get()
         return found
 
     @property
-    def readings(self) -> checks.State:
+    def readings(self) -> fault_detection.FaultDetectionState:
         """What the checks remember."""
-        readings: checks.State = self._checks.get()
+        readings: fault_detection.FaultDetectionState = self._checks.get()
         return readings
 
-    def retune(self, tuning: cascade.Tuning) -> None:
+    def retune(self, tuning: cascade.CascadeTuning) -> None:
         """Replace all gains of the cascade."""
         self._tuning.put(tuning)
 
@@ -171,5 +171,5 @@ class TickDesk:
 
     def stands_at(self, q: float) -> None:
         """Say where the joint stands now [rad]: it has not moved there."""
-        self._touch.put(touch.UNKNOWN)
+        self._touch.put(disturbance_observer.UNKNOWN)
         self._velocity.put(self._velocity.get()._replace(q_before=q))

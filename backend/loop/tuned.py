@@ -5,9 +5,9 @@ from dataclasses import astuple
 
 import numpy as np
 
-from backend.controllers import cascade, i_pd, motors
+from backend.control import cascade, pid
+from backend.errors import require_within
 from backend.loop.set_tuning import EntryGains, MotorGains, SetTuning
-from backend.refusal import require_within
 from backend.tuning.gains import Knowledge, cascade_tuning, require_share, tuning_with
 from backend.tuning.models import Lambdas, MotorModel, PointModel
 from plant.parameters import PlantParameters
@@ -36,13 +36,15 @@ def tuning_for(
     )
 
 
-def tuning_of(command: SetTuning, known: Knowledge) -> cascade.Tuning:
+def tuning_of(command: SetTuning, known: Knowledge) -> cascade.CascadeTuning:
     """Tuning that a command carries. Raises ValueError for a bank without entries or gains that are no numbers."""
     if not command.entries:
         raise ValueError("a bank needs at least one entry: no gain was changed")
     rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
     table = np.array(rows, dtype=np.float64)
-    inner = motors.Gains(*(i_pd.Gains(*map(float, astuple(motor))) for motor in (command.motor_A, command.motor_B)))
+    inner = pid.MotorPairGains(
+        *(pid.IPDGains(*map(float, astuple(motor))) for motor in (command.motor_A, command.motor_B))
+    )
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
     require_within("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")

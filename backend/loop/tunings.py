@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from backend.controllers.cascade import Tuning
+from backend.control.cascade import CascadeTuning
+from backend.errors import require_within
 from backend.loop.commands import Event, TuningChanged
 from backend.loop.mode import RefusedError
 from backend.loop.motion import BASELINES
 from backend.loop.program import IDENTIFYING, MAX_TUNINGS, Program
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tuned import tuning_of
-from backend.refusal import require_within
 from backend.tuning.gains import Knowledge
 from backend.tuning.models import Lambdas
 
@@ -23,14 +23,14 @@ NOT_LEARNED = (
 class InForce(NamedTuple):
     """Gains, and the λ that they are of."""
 
-    gains: Tuning
+    gains: CascadeTuning
     lambdas: Lambdas
 
 
 class Tunings:
     """Keeps the desk to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
 
-    def __init__(self, desk: TickDesk, events: list[Event], gains: Tuning, lambdas: Lambdas) -> None:
+    def __init__(self, desk: TickDesk, events: list[Event], gains: CascadeTuning, lambdas: Lambdas) -> None:
         self.gains, self.lambdas = _rejecting_nothing(gains), lambdas
         self.number = 0
         self._desk = desk
@@ -38,7 +38,7 @@ class Tunings:
         self._of_program: tuple[InForce, ...] = ()  # the operator's first
         desk.retune(self.gains)  # as nothing is learned yet
 
-    def replace(self, gains: Tuning, lambdas: Lambdas) -> None:
+    def replace(self, gains: CascadeTuning, lambdas: Lambdas) -> None:
         """Put an operator's tuning into use. Raises RefusedError while a program changes it."""
         if self._of_program:
             raise RefusedError("the program changes the tuning by itself: wait for its end or stop it")
@@ -52,7 +52,7 @@ class Tunings:
             self._require_learned(tuning.gains)
         return found
 
-    def _require_learned(self, gains: Tuning) -> None:
+    def _require_learned(self, gains: CascadeTuning) -> None:
         """Raise RefusedError for a rejection of what is not known."""
         if gains.rejection.k_ext > 0.0 and not self._desk.learned:
             raise RefusedError(NOT_LEARNED)
@@ -83,7 +83,7 @@ class Tunings:
         self._desk.retune(tuning.gains)
 
 
-def _rejecting_nothing(gains: Tuning) -> Tuning:
+def _rejecting_nothing(gains: CascadeTuning) -> CascadeTuning:
     return gains._replace(rejection=gains.rejection._replace(k_ext=0.0))
 
 

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from backend.errors import Because, RefusalError
 from backend.messages.base import Schema, quantity
 from backend.plain_text import ONE_LINE
-from backend.refusal import Because, RefusalError
 from backend.sample import UNIT_OF
 
 _NAME = "[A-Za-z][A-Za-z0-9_]{0,19}"

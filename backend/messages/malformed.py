@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, Tag
 from pydantic.fields import FieldInfo
 
+from backend.errors import WORDS, Path, out_of_range
 from backend.messages.base import UNITS, Problem
-from backend.reading import Angles, reading_of
-from backend.refusal import WORDS, Path, out_of_range
+from backend.units import Angles, reading_of
 
 SHOWN = 40
 """Characters of a refused text that are repeated."""

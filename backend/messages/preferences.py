@@ -6,7 +6,7 @@ from pydantic import Field
 
 from backend.messages.base import Schema, quantity
 from backend.messages.layouts import ChartLayout, Drawn, LayoutName
-from backend.reading import Angles
+from backend.units import Angles
 
 SignalName = Annotated[str, Field(max_length=20, pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
 SignalColours = dict[SignalName, Annotated[str, Field(max_length=7, pattern="^#[0-9a-fA-F]{6}$")]]

@@ -1,11 +1,11 @@
 """What is said of a refused number, setting or experiment, and what of a refused value can be shown."""
 
+from backend.errors import OutOfRangeError
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.settings import SettingError
 from backend.messages.base import Problem
 from backend.messages.malformed import SHOWN
-from backend.reading import Angles
-from backend.refusal import OutOfRangeError
+from backend.units import Angles
 
 _LARGEST = 2**53
 """Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""

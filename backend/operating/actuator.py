@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from backend.bring_up.hands import KeptHands, switch_drives
+from backend.errors import Because, RefusalError, require_within
 from backend.faults import EXPLAINED, Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
@@ -31,9 +32,8 @@ from backend.operating.present_state import F_PUSH_MAX, PresentState
 from backend.operating.retuning import Retuning
 from backend.operating.session_runs import RECORDED, SessionRuns
 from backend.operating.touching import Touching
-from backend.reading import in_digits
-from backend.refusal import Because, RefusalError, require_within
 from backend.supervision import KeptTask, Part, Supervision
+from backend.units import in_digits
 from plant.calibration import BroughtUp
 from plant.interface import Broken, PlantKind
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from backend.documents.applied_parameters import AppliedParameters
+from backend.errors import Because, RefusalError
 from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import Change, NotApplicableError, Version, differences
 from backend.loop.mode import Mode
@@ -18,7 +19,6 @@ from backend.messages.parameters import ParameterChange, ParameterProposal, Para
 from backend.operating.actuator import Actuator
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
-from backend.refusal import Because, RefusalError
 from backend.storage import identifications
 from backend.storage.database import Database
 from backend.tuning.formulas import TuningError

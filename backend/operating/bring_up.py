@@ -12,6 +12,7 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.bring_up.standing import Kept, Standing, StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding, Work
+from backend.errors import Because, RefusalError, RefusedValueError
 from backend.faults import Fault
 from backend.loop.access import LoopDiedError
 from backend.loop.commands import ProveDirections
@@ -21,7 +22,6 @@ from backend.messages.bring_up import BringUpView, DrivesLeft, RunningStep
 from backend.operating.actuator import Actuator
 from backend.operating.bring_up_view import nothing_to_do, step_view
 from backend.operating.findings import NOT_YET, Findings
-from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage.database import Database
 from plant.calibration import calibrated
 from plant.interface import PlantError

@@ -2,9 +2,9 @@
 
 from backend.access.people import Person
 from backend.departure import HasLeft, unless_left
-from backend.offload import Offload
 from backend.operating.work_places import WorkPlaces
 from backend.reports.sheet import sheet_pdf
+from backend.workers import Offload
 
 PLACES = 8
 VIEWERS_PLACES = 6

@@ -13,17 +13,17 @@ from tempfile import mkdtemp
 from backend.access.people import Person
 from backend.archive.views import dry_run_view
 from backend.departure import HasLeft, unless_left
+from backend.errors import require_within
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.dry_run import dry_run, get_ready, progress_in
 from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
 from backend.messages.experiment import DryRunProgress, DryRunView
-from backend.offload import Offload
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.work_places import WorkPlaces
-from backend.refusal import require_within
 from backend.storage.banks import Bank
+from backend.workers import Offload
 from plant.parameters import PlantParameters
 
 SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")

@@ -4,9 +4,11 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
+from backend.errors import Because, RefusalError, require_within
 from backend.messages.experiment import ExperimentRequest, QueuedView, QueueView
-from backend.refusal import Because, RefusalError, require_within
-from backend.storage import Database, StorageError, queue
+from backend.storage import queue
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.runs import EndState
 from backend.supervision import Part, Supervision
 

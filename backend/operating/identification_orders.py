@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from backend.errors import OutOfRangeError
 from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.prediction import predict
 from backend.experiments.forecasts.unloaded_prediction import PredictedRun, predict_motor, predict_spring
@@ -19,7 +20,6 @@ from backend.messages.identification import (
     Prediction,
     SpringRequest,
 )
-from backend.refusal import OutOfRangeError
 from plant.parameters import PlantParameters
 
 

@@ -11,11 +11,11 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-from backend.private import write_private
+from backend.data_folder import write_private
 from backend.tuning.remembered import FIGURES
 from plant.compiled import CACHE
 
-_SOURCES = ("plant/*.py", "backend/controllers/*.py", "backend/tuning/*.py")
+_SOURCES = ("plant/*.py", "backend/control/*.py", "backend/tuning/*.py")
 _LIBRARIES = ("numpy", "scipy", "control", "numba")
 _ROOT = Path(__file__).resolve().parents[2]
 _log = logging.getLogger(__name__)

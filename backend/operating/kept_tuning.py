@@ -4,11 +4,11 @@ import logging
 from dataclasses import replace
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.errors import OutOfRangeError
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.kept_choice import KeptChoice
 from backend.experiments.settings import SettingError
 from backend.operating.tuning_in_use import Chosen, TuningInUse, by_default, initial
-from backend.refusal import OutOfRangeError
 from backend.storage import banks
 from backend.storage.database import Database
 from backend.storage.errors import StorageError

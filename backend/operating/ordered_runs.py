@@ -10,6 +10,7 @@ from backend.access.people import Person
 from backend.archive.own_experiments import Checked, OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
 from backend.departure import HasLeft
+from backend.errors import Because, RefusalError, RefusedValueError
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.forecasts.forecast import expected, forecast
 from backend.experiments.forecasts.way import start_from
@@ -38,7 +39,6 @@ from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
 from backend.operating.text_work import Compute, TextWork
 from backend.operating.tuning_in_use import Chosen
-from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage.banks import Bank
 from backend.storage.database import Database
 from backend.storage.runs import EndState, Run

@@ -3,11 +3,11 @@
 import asyncio
 from collections.abc import Callable
 
+from backend.errors import Because, RefusalError
 from backend.experiments.playing.play import SLICE_S, NotReadyError, mode_of
 from backend.loop.access import LoopAccess
 from backend.loop.mode import Mode
 from backend.operating.present_state import PresentState
-from backend.refusal import Because, RefusalError
 
 _TAKEN_AWAY = {
     Mode.OFF: "the motors were switched off",

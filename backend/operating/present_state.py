@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import assert_never
 
 from backend import __version__
-from backend.controllers.limits import Bounds, bounds_for
+from backend.control.decoupler import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import (

@@ -9,9 +9,11 @@ import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
+from backend.errors import Because, RefusalError, require_within
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.access import LoopDiedError
-from backend.loop.commands import Accepted, SetTuning
+from backend.loop.commands import Accepted
+from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
 from backend.loop.tunings import NOT_LEARNED
 from backend.messages.live import MarkKind
@@ -33,7 +35,6 @@ from backend.operating.text_work import Compute
 from backend.operating.tuning_in_use import TuningInUse
 from backend.operating.tuning_previews import AskedTuning
 from backend.operating.tuning_trial import Trial
-from backend.refusal import Because, RefusalError, require_within
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F

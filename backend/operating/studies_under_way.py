@@ -11,15 +11,15 @@ from collections.abc import Callable
 from backend.access.people import Person
 from backend.archive.studies import Studies
 from backend.departure import HasLeft
+from backend.errors import Because, RefusalError
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.study import CheckedStudy, PlantNumber, PlantNumbers, StudyDetail, StudyList, StudyView
-from backend.offload import Offload, WorkerDiedError
 from backend.operating.text_work import TextWork
-from backend.refusal import Because, RefusalError
 from backend.storage.database import Database
 from backend.studies.crew import cores
 from backend.studies.point import numbers_of
 from backend.studies.runner import local, run_study
+from backend.workers import Offload, WorkerDiedError
 from plant.parameters import PlantParameters
 
 _LOG = logging.getLogger(__name__)

@@ -11,9 +11,9 @@ from typing import Any, ParamSpec, TypeVar
 
 from backend.access.people import Person
 from backend.departure import LOOK_S, HasLeft, unless_left
-from backend.offload import Offload
+from backend.errors import Because, RefusalError
 from backend.operating.work_places import WorkPlaces, is_operator
-from backend.refusal import Because, RefusalError
+from backend.workers import Offload
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -12,6 +12,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.errors import Because, RefusalError
 from backend.loop.access import LoopDiedError
 from backend.loop.commands import Accepted, Command, SetReferences
 from backend.loop.mode import Mode
@@ -21,9 +22,8 @@ from backend.messages.touch import SweepView
 from backend.operating.journal import Journal
 from backend.operating.present_state import PresentState
 from backend.operating.touch_rest import DRIFT_N, LEARNED_TICKS, drift, touched_by, why_not
-from backend.reading import in_digits
-from backend.refusal import Because, RefusalError
 from backend.sample import INDEX
+from backend.units import in_digits
 from plant.interface import T_s
 
 SWEEP_POINTS = 5

@@ -10,12 +10,13 @@ from collections.abc import Awaitable, Callable
 
 import numpy as np
 
-from backend.controllers import touch
+from backend.control import disturbance_observer
+from backend.errors import Because, RefusalError, require_within
 from backend.loop import commands
 from backend.loop.access import LoopDied
 from backend.loop.causes import Cause
-from backend.loop.commands import Accepted, Command, ContactFelt, Event, ModeChanged, TouchForgotten
-from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS
+from backend.loop.commands import Accepted, Command, Event, ModeChanged
+from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS, ContactFelt, TouchForgotten
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.touch import ContactView, TouchOrder, TouchPoint, TouchView
@@ -23,9 +24,8 @@ from backend.operating.journal import Journal
 from backend.operating.present_state import PresentState
 from backend.operating.touch_rest import LEARNED_TICKS, why_not
 from backend.operating.touch_sweep import TouchSweep
-from backend.reading import in_digits
-from backend.refusal import Because, RefusalError, require_within
 from backend.sample import INDEX
+from backend.units import in_digits
 
 
 class Touching:
@@ -123,7 +123,7 @@ class Touching:
             raise RefusalError(Because.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
-        return TouchPoint(S=S, F=float(F.mean()) + touch.bias_at(bias, S), std_N=float(F.std()))
+        return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.bias_at(bias, S), std_N=float(F.std()))
 
     def _hear(self, event: Event | LoopDied) -> None:
         match event:

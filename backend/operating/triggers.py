@@ -3,6 +3,7 @@
 import asyncio
 from datetime import UTC, datetime
 
+from backend.errors import Because, RefusalError
 from backend.messages.live import MarkKind
 from backend.messages.trigger import TriggerOrder, TriggerView
 from backend.operating.actuator import Actuator
@@ -11,7 +12,6 @@ from backend.recording.condition import WINDOWS, Condition
 from backend.recording.following import derived_from
 from backend.recording.formula import Derived
 from backend.recording.trigger import Armed, Trigger, left_armed
-from backend.refusal import Because, RefusalError
 from backend.sample import UNIT_OF, nearest
 from backend.storage import formulas
 from backend.storage.database import Database

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from math import degrees, isfinite
 from typing import Any
 
+from backend.errors import require_within
 from backend.experiments.banks.bank_building import points_of, tuning_command
 from backend.experiments.banks.default_choice import DefaultChoice, default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
@@ -26,7 +27,6 @@ from backend.messages.tuning import (
     TuningRequest,
     TuningView,
 )
-from backend.refusal import require_within
 from backend.storage.bank_entry import entry_in_use
 from backend.storage.banks import Bank
 from backend.tuning import preview

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 from backend.access.people import Person
+from backend.errors import Because, RefusalError
 from backend.messages.session import Role
-from backend.refusal import Because, RefusalError
 
 RETRY_S = 1
 """How long to wait before asking again where there was no place [s]."""

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from backend.reading import counted
-from backend.storage import Database, events, retention
+from backend.storage import events, retention
+from backend.storage.database import Database
 from backend.storage.events import EventKind
 from backend.storage.retention import Held
+from backend.units import counted
 
 _CHUNKS_AT_ONCE = 200
 """Deleted in one transaction, so that the recorder never waits long for the database."""

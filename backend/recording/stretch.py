@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.errors import OutOfRangeError, require_within
 from backend.recording.following import computed, lengths_of
 from backend.recording.reader import read_samples
-from backend.refusal import OutOfRangeError, require_within
 from backend.sample import COMBINED_BY_NAME
-from backend.storage import Database, Session, recordings
+from backend.storage import recordings
+from backend.storage.database import Database, Session
 
 SLAB_TICKS = 50_000
 """Ticks that are read at once: all columns of them take 6 MB."""

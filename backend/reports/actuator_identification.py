@@ -15,7 +15,6 @@ from backend.documents.edge import UnreadableDocumentError
 from backend.identification.published import TABLE_1
 from backend.identification.residuals import judged
 from backend.identification.result import worst
-from backend.reading import told
 from backend.reports.document import (
     NO_FIGURE,
     Block,
@@ -47,6 +46,7 @@ from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.storage.bank_entry import method_of
 from backend.storage.identifications import Identification
+from backend.units import told
 
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
 

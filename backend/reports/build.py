@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from backend.reading import Angles, in_words
 from backend.reports.actuator_identification import actuator_identification_report
 from backend.reports.compliance import compliance_report
 from backend.reports.composed import composed_report
@@ -17,6 +16,7 @@ from backend.reports.spring_identification import spring_identification_report
 from backend.reports.timing import timing_section
 from backend.reports.tracking import tracking_report
 from backend.storage.runs import RunKind
+from backend.units import Angles, in_words
 
 _BUILDERS = {
     RunKind.TRACKING: tracking_report,

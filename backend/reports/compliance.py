@@ -3,7 +3,6 @@
 import numpy as np
 
 from backend.documents.result import Metrics
-from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import (
@@ -23,6 +22,7 @@ from backend.reports.experiment import experiment_report
 from backend.reports.provenance import S_NOTE
 from backend.reports.source import Source
 from backend.reports.tracking_figures import TENSIONS, tension_panel
+from backend.units import Angles
 
 _LEAST_N = 0.1
 """Least reach of the axis of a difference of forces: below the load cells' noise there is only rounding to see."""

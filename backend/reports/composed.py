@@ -14,7 +14,6 @@ from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.pushed import pushes_seen
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
-from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports import bode, held, pushed
 from backend.reports.compliance import force_panels
@@ -38,6 +37,7 @@ from backend.reports.robustness import error_panels
 from backend.reports.source import Source
 from backend.reports.tracking import steps_table
 from backend.reports.tracking_figures import CUT_OFF, TENSIONS, WHAT_IS_DRAWN, tension_panel, tracking_panels
+from backend.units import Angles
 from plant.interface import T_s
 from plant.parameters import parameters_of
 

@@ -6,7 +6,7 @@ Text may hold symbols in the spelling of the notation, ``S_ref``; the renderings
 from dataclasses import dataclass
 from datetime import datetime
 
-from backend.reading import percent
+from backend.units import percent
 
 
 @dataclass(frozen=True)

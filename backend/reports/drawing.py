@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from backend.reading import Angles, reading_of
+from backend.units import Angles, reading_of
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,6 @@ import plant
 from backend import __version__
 from backend.documents.digest import digest_of
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
-from backend.reading import Angles
 from backend.recording.columns import Columns, missing_between
 from backend.reports.digests import blocks_of, of_samples
 from backend.reports.source import Source
@@ -27,6 +26,7 @@ from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
+from backend.units import Angles
 
 FORMAT = 2
 _BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script

@@ -10,14 +10,14 @@ from backend.experiments.results.again import catch_up
 from backend.exports.files import write_all
 from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import stored_or_none
-from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
 from backend.reports.verdict import verdict_of
-from backend.storage import Database
+from backend.storage.database import Database
 from backend.storage.runs import EndState
+from backend.units import Angles
 
 
 def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:

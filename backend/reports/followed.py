@@ -12,7 +12,6 @@ from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.results.used_settings import law_of
 from backend.loop.program import Law
-from backend.reading import Angles, read
 from backend.reports.document import Column, Table, shown
 from backend.reports.drawing import axis_label
 from backend.reports.judgement import measured
@@ -20,6 +19,7 @@ from backend.reports.source import Source
 from backend.tuning.closed_loop import run
 from backend.tuning.formulas import TuningError
 from backend.tuning.gains import cascade_tuning
+from backend.units import Angles, read
 from plant.interface import T_s
 from plant.parameters import ParameterError, parameters_of
 

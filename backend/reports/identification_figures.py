@@ -14,7 +14,6 @@ from backend.documents.actuator import ChannelModel, ChannelName, ResidualTests
 from backend.identification.residuals import judged
 from backend.identification.response import simulate
 from backend.identification.result import Model
-from backend.reading import Angles, reading_of
 from backend.recording.columns import Columns
 from backend.reports.drawing import (
     COLOURS,
@@ -30,6 +29,7 @@ from backend.reports.drawing import (
     upper_legend,
 )
 from backend.reports.drawn_once import drawn_once
+from backend.units import Angles, reading_of
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from backend.documents.result import DEFINITIONS, Criterion, Metrics
 from backend.identification.result import Grade
-from backend.reading import Angles, read
 from backend.reports.document import Column, Fact, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
 from backend.reports.verdict import SEEN, verdict_of
+from backend.units import Angles, read
 
 OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
 """Outcome of a report by the grade of its model."""

@@ -5,7 +5,6 @@ import numpy as np
 from backend.documents.motor import MotorsFound, Pair
 from backend.documents.motor_grade import grade_of
 from backend.identification.result import worst
-from backend.reading import Angles
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
 from backend.reports.drawn_once import drawn_once
@@ -15,6 +14,7 @@ from backend.reports.provenance import facts, parameter_section, settings_table,
 from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
+from backend.units import Angles
 from plant.parameters import SIDES
 
 PAPER = Pair(K_m=2.86, T_m=0.22)

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.experiments.results.pushed import REST_S, Push
-from backend.reading import Angles, read, reading_of
 from backend.recording.columns import Columns
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
 from backend.reports.drawing import (
@@ -22,6 +21,7 @@ from backend.reports.drawing import (
     upper_legend,
 )
 from backend.reports.drawn_once import drawn_once
+from backend.units import Angles, read, reading_of
 from plant.interface import T_s
 
 NOTES = (

@@ -4,7 +4,6 @@ import json
 from typing import Any
 
 from backend.experiments.results.used_settings import used_settings
-from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, exact
 from backend.reports.judgement import results_section, verdict
 from backend.reports.provenance import (
@@ -21,6 +20,7 @@ from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
 from backend.reports.tracking_figures import CUT_OFF, TENSIONS, WHAT_IS_DRAWN, tension_panel, tracking_panels
 from backend.storage.runs import RunKind
+from backend.units import Angles, read, reading_of
 
 _TITLES = {RunKind.SESSION: "Session", RunKind.SEQUENCE: "Own sequence"}
 

@@ -1,6 +1,5 @@
 """The report of a robustness run: how far a load at the gearbox shaft turns a motor away, and for how long."""
 
-from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
@@ -8,6 +7,7 @@ from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
 from backend.reports.tracking_figures import TENSIONS, tension_panel
+from backend.units import Angles
 from plant.parameters import SIDES
 
 _NOTES = (

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from backend import __version__
 from backend.documents.outcome import Outcome
 from backend.documents.result import Figure as Measured
-from backend.reading import Angles, read
 from backend.reports.bode import overlay_bode
 from backend.reports.build import told
 from backend.reports.composed import lines_of
@@ -19,6 +18,7 @@ from backend.reports.series_figures import is_partial, metric_panels, overlay
 from backend.reports.set_to import set_to
 from backend.reports.source import Source
 from backend.storage.run_title import title_of
+from backend.units import Angles, read
 
 _BESIDE = 5
 """Runs that stand beside each other in one table: as many as fit a page."""

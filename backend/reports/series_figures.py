@@ -9,10 +9,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from backend.documents.result import Figure
-from backend.reading import Angles, read
 from backend.reports.drawing import INK, axis_label, figure, in_unit, thinned, to_svg, upper_legend
 from backend.reports.drawn_once import drawn_once
 from backend.reports.provenance import shown_unit
+from backend.units import Angles, read
 
 _COLUMNS = 3
 _ROW_IN = 1.25

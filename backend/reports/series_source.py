@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from contextlib import suppress
 
+from backend.errors import Because, RefusalError
 from backend.experiments.results.again import catch_up
-from backend.reading import Angles
-from backend.refusal import Because, RefusalError
 from backend.reports.source import Source, load_source
-from backend.storage import Database, recordings, runs
+from backend.storage import recordings, runs
+from backend.storage.database import Database
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import EndState, RunKind
+from backend.units import Angles
 
 MOST_RUNS = 100
 MOST_SAMPLES = 3_000_000

@@ -13,8 +13,8 @@ from importlib import resources
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
+from backend.errors import Because, RefusalError
 from backend.plain_text import as_lines
-from backend.refusal import Because, RefusalError
 from backend.reports.missing_letters import missing_letters, sentence, with_boxes
 
 SVG = "http://www.w3.org/2000/svg"

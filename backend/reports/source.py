@@ -3,14 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from backend.reading import Angles
 from backend.recording.columns import Columns, drawn_columns, recorded_columns
-from backend.storage import Database, banks, identifications, results, runs
+from backend.storage import banks, identifications, results, runs
 from backend.storage.bank_entry import ChannelFit, fits_in
 from backend.storage.banks import Bank
+from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
+from backend.units import Angles
 
 
 @dataclass(frozen=True)

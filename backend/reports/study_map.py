@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.reading import digits_over, in_digits
 from backend.reports.drawing import figure
+from backend.units import digits_over, in_digits
 
 _ROOM = 12
 """Cells along an axis up to which each has its number written into it."""

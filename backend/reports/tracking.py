@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from backend.documents.result import Metrics, StepFigures
-from backend.reading import Angles, read, reading_of, with_unit
 from backend.reports.document import Column, Figure, Report, Section, Table, shown
 from backend.reports.drawing import axis_label
 from backend.reports.experiment import experiment_report
@@ -22,6 +21,7 @@ from backend.reports.tracking_figures import (
     tension_panel,
     tracking_panels,
 )
+from backend.units import Angles, read, reading_of, with_unit
 
 _NOTES = (
     S_NOTE,

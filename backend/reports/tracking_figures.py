@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from backend.documents.result import StepFigures
 from backend.experiments.results.rest import AT_REST, SETTLING_BAND
-from backend.reading import Angles, reading_of
 from backend.reports.drawing import (
     COLOURS,
     INK,
@@ -25,6 +24,7 @@ from backend.reports.drawing import (
     upper_legend,
 )
 from backend.reports.drawn_once import drawn_once
+from backend.units import Angles, reading_of
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

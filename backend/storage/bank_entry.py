@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 from backend.documents.actuator import PartialChannelModel, PartialChannelQuality, PartialReduced
 from backend.identification.result import Grade, joint_method
-from backend.reading import percent
 from backend.storage import identifications
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Session
 from backend.storage.identifications import Identification
+from backend.units import percent
 
 
 def entry_name(S_nominal: float, tension_N: float | None) -> str:

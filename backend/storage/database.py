@@ -17,7 +17,7 @@ from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, SQLAlchemyE
 from sqlalchemy.orm import Session
 
 from backend import __version__
-from backend.private import make_private
+from backend.data_folder import make_private
 from backend.storage import run_index
 from backend.storage.claims import claimed_by
 from backend.storage.errors import DamagedError, StorageError, UnfitError

@@ -9,7 +9,7 @@ from datetime import datetime
 from sqlalchemy import Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from backend.station import STATION_MAX
+from backend.errors import STATION_MAX
 from backend.storage.schema import Base
 
 TAG_MAX = 40

@@ -11,7 +11,7 @@ from urllib.parse import quote
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DatabaseError
 
-from backend.private import FILE, FOLDER
+from backend.data_folder import FILE, FOLDER
 from backend.storage.migrate import broken_references, newest_revision, require_models_match, revision
 
 _RESTORING, _RESTORED, _UNFINISHED = ".restoring", ".restored", ".unfinished"

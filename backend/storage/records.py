@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from sqlalchemy.orm import Session
 
+from backend.errors import Because, RefusalError
 from backend.plain_text import as_folded
-from backend.refusal import Because, RefusalError
 from backend.storage.schema import Base
 
 if TYPE_CHECKING:

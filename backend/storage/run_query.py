@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import StrEnum
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 
 LONGEST = 1000
 _DEEPEST = 20

@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-from backend.station import STATION_MAX
+from backend.errors import STATION_MAX
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 
 Document = dict[str, Any]

@@ -3,19 +3,11 @@
 from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 from backend.storage.formula_schema import FormulaRow
 from backend.storage.index_schema import RunIndexRow
 from backend.storage.queue_schema import QueuedRow
-from backend.storage.schema import (
-    BankRow,
-    BringUpRow,
-    EventRow,
-    ExperimentRow,
-    IdentificationRow,
-    RunRow,
-    SettingRow,
-)
+from backend.storage.schema import BankRow, BringUpRow, EventRow, ExperimentRow, IdentificationRow, RunRow, SettingRow
 from backend.storage.study_schema import StudyPointRow, StudyRow
 
 _TABLES = (

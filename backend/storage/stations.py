@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 
 _KEY = "sinew_station"
 

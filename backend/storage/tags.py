@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 from backend.storage import runs
 from backend.storage.index_schema import TAG_MAX, RunTagRow
 from backend.storage.records import UnknownRecordError

@@ -10,8 +10,7 @@ from typing import Any
 from sqlalchemy import Row, Select, func, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from backend.reading import Angles, in_words
-from backend.refusal import Because, RefusalError
+from backend.errors import Because, RefusalError
 from backend.storage import recordings
 from backend.storage.events import EventKind
 from backend.storage.index_schema import RunIndexRow
@@ -20,6 +19,7 @@ from backend.storage.run_terms import Condition
 from backend.storage.schema import EventRow, FlightRow, RemarkRow, RunRow
 from backend.storage.stations import station_of
 from backend.storage.tags import read_tag
+from backend.units import Angles, in_words
 
 NOTE_MAX = 2000
 TAGS_MAX = 20

@@ -6,9 +6,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol
 
-from backend.forks import spawning
-from backend.offload import POLITE, begin_beside
 from backend.studies.point import LOST, Base, Point, PointResult, run_point, without_run
+from backend.workers import POLITE, begin_beside, spawning
 
 DEATHS_MAX = 3
 """So often a process may die over a point: the last time it has the machine to itself, so that it was this point."""

@@ -15,9 +15,9 @@ from backend.documents.experiment import Experiment
 from backend.documents.run_settings import Value
 from backend.experiments.results.measures import FIGURES
 from backend.experiments.settings import SettingError
-from backend.reading import Angles, digits_apart, in_digits, read
 from backend.storage.studies import StoredPoint
 from backend.studies.loop_figures import LOOP_FIGURES, MARGINS, TRUE
+from backend.units import Angles, digits_apart, in_digits, read
 
 _T = TypeVar("_T")
 

@@ -11,8 +11,10 @@ from datetime import UTC, datetime
 from itertools import islice
 
 from backend.documents.edge import json_ready
-from backend.refusal import Because, RefusalError
-from backend.storage import Database, StorageError, studies
+from backend.errors import Because, RefusalError
+from backend.storage import studies
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design

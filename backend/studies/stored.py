@@ -8,12 +8,12 @@ from pydantic import TypeAdapter
 from backend.documents.edge import Edge
 from backend.documents.run_settings import Value, with_motion
 from backend.documents.study import FORMAT, STUDY, Study
+from backend.errors import Path
 from backend.experiments.composing import text
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.plans.catalogue import Entry, entry_of
 from backend.experiments.plans.composed_plan import KIND
 from backend.experiments.playing.playable import BankOf, banks_of
-from backend.refusal import Path
 from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredStudy

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, decoupler, motors, touch
-from backend.controllers.goals import References
+from backend.control import cascade, decoupler, disturbance_observer, pid
+from backend.control.trajectory import References
 from plant.compiled import compiled, compiled_run
 from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tension
 from plant.interface import Measurement, MotorCommand
@@ -53,7 +53,7 @@ def fill_delay_line(rig: Rig, x: PlantState, line: Array) -> None:
 
 
 @compiled
-def record(row: Array, m: Measurement, y: cascade.Output) -> None:
+def record(row: Array, m: Measurement, y: cascade.CascadeOutput) -> None:
     """Put a tick into its row (len(COLUMNS),)."""
     row[0], row[1], row[2] = m.q, y.S, m.S_true
     row[3], row[4] = m.theta_A, m.theta_B
@@ -66,13 +66,13 @@ def record(row: Array, m: Measurement, y: cascade.Output) -> None:
 @compiled_run
 def simulate(
     rig: Rig,
-    tuning: cascade.Tuning,
+    tuning: cascade.CascadeTuning,
     x: PlantState,
-    controller: cascade.State,
+    controller: cascade.CascadeState,
     inputs: Inputs,
     line: Array,
     out: Array,
-) -> tuple[PlantState, cascade.State, int]:
+) -> tuple[PlantState, cascade.CascadeState, int]:
     """Run the cascade on the simulated plant for len(inputs.q_ref) ticks, filling ``out`` (ticks, len(COLUMNS)).
 
     ``line`` (2, DELAY_SLOTS) is the load cells' memory. Returns the final states and the tick at which the safety
@@ -94,11 +94,11 @@ def simulate(
 @compiled_run
 def simulate_feeling(
     rig: Rig,
-    tuning: cascade.Tuning,
-    observer: touch.Observer,
+    tuning: cascade.CascadeTuning,
+    observer: disturbance_observer.Observer,
     learned_at: int,
     x: PlantState,
-    controller: cascade.State,
+    controller: cascade.CascadeState,
     inputs: Inputs,
     line: Array,
     out: Array,
@@ -108,11 +108,11 @@ def simulate_feeling(
     At the tick ``learned_at`` its bias is learned: nothing is answered before.
     """
     fill_delay_line(rig, x, line)
-    felt, bias = touch.UNKNOWN, math.nan
+    felt, bias = disturbance_observer.UNKNOWN, math.nan
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        felt = touch.step(observer, felt, m)
+        felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
         if k == learned_at:
             bias = felt.mean
         r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
@@ -182,7 +182,7 @@ def rest_state(rig: Rig, theta_A: float, theta_B: float) -> tuple[PlantState, fl
 
 def run(
     parameters: PlantParameters,
-    tuning: cascade.Tuning,
+    tuning: cascade.CascadeTuning,
     q_ref: Array,
     S_ref: Array,
     F_push: Array | None = None,
@@ -205,18 +205,20 @@ def run(
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     line, out = empty_arrays(q_ref.size)
     if learned_at is not None:
-        observer = touch.observer_for(parameters)
+        observer = disturbance_observer.observer_for(parameters)
         return trajectory_of(out, simulate_feeling(rig, tuning, observer, learned_at, x, controller, inputs, line, out))
     _, _, tripped_at = simulate(rig, tuning, x, controller, inputs, line, out)
     return trajectory_of(out, tripped_at)
 
 
-def at_rest(rig: Rig, tuning: cascade.Tuning, q_ref: float, S_ref: float) -> tuple[PlantState, cascade.State]:
+def at_rest(
+    rig: Rig, tuning: cascade.CascadeTuning, q_ref: float, S_ref: float
+) -> tuple[PlantState, cascade.CascadeState]:
     """Plant and cascade standing where the decoupler puts (q_ref [rad], S_ref [N·m/rad])."""
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, q_ref, S_ref)
     x, u_A, u_B = rest_state(rig, theta_A, theta_B)
     m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
-    inner = motors.at_rest(tuning.motors, theta_A, theta_B, u_A, u_B)
+    inner = pid.at_rest_motor_pair(tuning.motors, theta_A, theta_B, u_A, u_B)
     return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m, x.q)
 
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, plan
-from backend.controllers.axis import LANDING_S
-from backend.controllers.decoupler import tension_under
+from backend.control import cascade, trajectory
+from backend.control.decoupler import tension_under
+from backend.control.trajectory import LANDING_S
 from backend.tuning.sampled_loop import SampledLoop, sampled_loop
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -35,7 +35,7 @@ class AxisResponse(NamedTuple):
     lagged: Complex
 
 
-def axis_response(model: plan.Model, f: Array) -> AxisResponse:
+def axis_response(model: trajectory.Model, f: Array) -> AxisResponse:
     """Response to a moving goal at ``f`` (n,) [Hz], in the last stretch before it (``axis.toward``).
 
     ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S, and θ⁺ as the motor turns; its voltage, averaged over some ticks
@@ -49,7 +49,7 @@ def axis_response(model: plan.Model, f: Array) -> AxisResponse:
     ahead = T_s / LANDING_S
     asked = (1.0 - 1.0 / z) / T_s * (1.0 + ahead) + 1.0 / LANDING_S
     reached = (z - 1.0) * (z + ahead) / turning + 1.0 / LANDING_S
-    averaged = sum(z**-ticks for ticks in range(plan.SMOOTHED)) / plan.SMOOTHED
+    averaged = sum(z**-ticks for ticks in range(trajectory.SMOOTHED)) / trajectory.SMOOTHED
     driven = asked / reached * (z - 1.0) / turning * (z - kept) / (1.0 - kept) * averaged
     tau_e = max(model.tau_e_A, model.tau_e_B)
     behind = np.exp(-T_s / tau_e)
@@ -61,14 +61,14 @@ def axis_response(model: plan.Model, f: Array) -> AxisResponse:
     return AxisResponse(theta, omega, driven, lagged)
 
 
-def joint_response(model: plan.Model, S: float, f: Array) -> Complex:
+def joint_response(model: trajectory.Model, S: float, f: Array) -> Complex:
     """Response of the model's joint to its equilibrium: J_j q'' + B_j q' + S q = S q_e, at S [N·m/rad]."""
     s = 2j * np.pi * np.asarray(f)
     return np.asarray(S / (model.J_j * s**2 + model.B_j * s + S))
 
 
 def planned_response(
-    parameters: PlantParameters, tuning: cascade.Tuning, S: float, f: Array, *, position_loop: bool = True
+    parameters: PlantParameters, tuning: cascade.CascadeTuning, S: float, f: Array, *, position_loop: bool = True
 ) -> Complex:
     """Response from (q_ref, S_ref) to (q, S) at ``f`` (n,) [Hz] about S [N·m/rad], shape (n, 2, 2)."""
     model = tuning.following.model
@@ -87,7 +87,7 @@ def planned_response(
 
 
 def _forward(
-    tuning: cascade.Tuning, loop: SampledLoop, S: float, f: Array, axis: AxisResponse, joint: Complex
+    tuning: cascade.CascadeTuning, loop: SampledLoop, S: float, f: Array, axis: AxisResponse, joint: Complex
 ) -> Complex:
     """Voltages of the model per (q_ref, S_ref), shape (n, 2, 2), as ``plan.voltages`` computes them."""
     model, d = tuning.following.model, tuning.decoupler

@@ -5,7 +5,7 @@ The closed loop of each formula is exact for its model: 1/(λ s + 1)^4 for the m
 
 import math
 
-from backend.controllers import i_p, i_pd
+from backend.control import pid
 
 
 class TuningError(ValueError):
@@ -17,7 +17,7 @@ def _positive(name: str, value: float, unit: str) -> None:
         raise TuningError(f"{name} = {value:g} {unit} must be finite and above 0 {unit}")
 
 
-def motor_gains(K_m: float, T_m: float, lam: float) -> i_pd.Gains:
+def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
     """I-PD gains for K_m/(s (T_m s + 1)), 0 < λ < 4 T_m (table 2, first column). Raises TuningError."""
     _positive("K_m", K_m, "rad/(V·s)")
     _positive("T_m", T_m, "s")
@@ -25,7 +25,7 @@ def motor_gains(K_m: float, T_m: float, lam: float) -> i_pd.Gains:
     D = 4.0 * T_m - lam
     if D <= 0.0:
         raise TuningError(f"λ_motor = {lam:g} s must stay below 4 T_m = {4.0 * T_m:g} s")
-    return i_pd.Gains(
+    return pid.IPDGains(
         k_p=4.0 * T_m**2 / (K_m * lam**2 * D),
         k_i=T_m**2 / (K_m * lam**3 * D),
         k_d=(6.0 * T_m**2 - lam * D) / (K_m * lam * D),
@@ -33,7 +33,7 @@ def motor_gains(K_m: float, T_m: float, lam: float) -> i_pd.Gains:
     )
 
 
-def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> i_p.Gains:
+def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> pid.IPGains:
     """I-P gains for K/(T s + 1); ``b`` in 0..1 weighs the reference in the proportional part.
 
     Up to λ = 2T the poles are both at −1/λ. Beyond, the formula would need a negative k_p: the loop becomes purely
@@ -45,15 +45,15 @@ def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> i_p.Gains:
     if not 0.0 <= b <= 1.0:
         raise TuningError(f"b = {b:g} is outside 0 to 1")
     if lam > 2.0 * T:
-        return i_p.Gains(k_p=0.0, k_i=1.0 / (2.0 * K * lam), k_r=0.0)
+        return pid.IPGains(k_p=0.0, k_i=1.0 / (2.0 * K * lam), k_r=0.0)
     k_p = (2.0 * T - lam) / (K * lam)
-    return i_p.Gains(k_p=k_p, k_i=T / (K * lam**2), k_r=b * k_p)
+    return pid.IPGains(k_p=k_p, k_i=T / (K * lam**2), k_r=b * k_p)
 
 
-def printed_outer_gains(K: float, T: float, lam: float) -> i_p.Gains:
+def printed_outer_gains(K: float, T: float, lam: float) -> pid.IPGains:
     """I-P gains as table 2 prints them, k_p = 2/(K λ): wrong (erratum E1), for comparison only. Raises TuningError."""
     outer_gains(K, T, lam)  # refuses what has no gains
-    return i_p.Gains(k_p=2.0 / (K * lam), k_i=T / (K * lam**2), k_r=0.0)
+    return pid.IPGains(k_p=2.0 / (K * lam), k_i=T / (K * lam**2), k_r=0.0)
 
 
 def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:

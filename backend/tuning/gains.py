@@ -7,13 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, i_p, i_pd, motors, plan
-from backend.controllers.decoupler import Decoupler, decoupler_for, stiffness_slope
-from backend.controllers.following import Following
-from backend.controllers.limits import Bounds, bounds_for
-from backend.controllers.rejection import Rejection
-from backend.controllers.scheduling import Schedule
-from backend.refusal import require_within
+from backend.control import cascade, pid, trajectory
+from backend.control.cascade import Following
+from backend.control.decoupler import Bounds, Decoupler, Schedule, bounds_for, decoupler_for, stiffness_slope
+from backend.control.disturbance_observer import Rejection
+from backend.errors import require_within
 from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
 from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
 from plant.interface import T_s
@@ -39,7 +37,7 @@ class Knowledge(NamedTuple):
 
     decoupler: Decoupler
     bounds: Bounds
-    model: plan.Model
+    model: trajectory.Model
     q_count: float
 
 
@@ -48,7 +46,7 @@ def knowledge(parameters: PlantParameters) -> Knowledge:
     known = parameters.identified_dynamics()
     A, B = parameters.identified_of("A"), parameters.identified_of("B")
     joint, motor_A, motor_B = known.joint, known.motor_A, known.motor_B
-    model = plan.Model(
+    model = trajectory.Model(
         A.K_m, A.T_m, B.K_m, B.T_m, motor_A.K_t, motor_B.K_t, joint.J_j, joint.B_j, motor_A.tau_e, motor_B.tau_e
     )
     return Knowledge(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
@@ -63,7 +61,7 @@ def following(known: Knowledge, u_plan: float) -> Following:
     return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, unseen_S)
 
 
-def rejection(known: Knowledge, inner: motors.Gains, k_ext: float) -> Rejection:
+def rejection(known: Knowledge, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
     """Feed-forward of the share ``k_ext`` of an outside force, behind the lags of motor loops ``inner``."""
     lags = [motor_lag(gains, T) for gains, T in ((inner.A, known.model.T_A), (inner.B, known.model.T_B))]
     r_j = known.decoupler.r_j
@@ -75,17 +73,17 @@ def require_share(k_ext: float) -> None:
     require_within("k_ext", k_ext, 0.0, 1.0, "1", "0 leaves pushes to the position loop, 1 answers them whole")
 
 
-def motor_lag(gains: i_pd.Gains, T_m: float) -> float:
+def motor_lag(gains: pid.IPDGains, T_m: float) -> float:
     """λ_motor [s] that a motor loop was given: its four poles at −1/λ sum up to −1/t_f − 1/T_m (table 2)."""
     return 4.0 / (1.0 / gains.t_f + 1.0 / T_m)
 
 
-def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
+def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> pid.IPGains:
     """I-P gains of the position loop at one point. Raises TuningError."""
     return outer_gains(*position_process(parameters, point), lambdas.lam_q, lambdas.b)
 
 
-def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
+def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> pid.IPGains:
     """I-P gains of the stiffness loop at one point. Raises TuningError."""
     return outer_gains(*stiffness_process(parameters, point), lambdas.lam_S, lambdas.b)
 
@@ -101,10 +99,10 @@ def stiffness_process(parameters: PlantParameters, point: PointModel) -> tuple[f
     return stiffness_loop_gain(point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal)), point.T_S
 
 
-def motor_loops(parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None) -> motors.Gains:
+def motor_loops(parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None) -> pid.MotorPairGains:
     """I-PD gains of both motor loops; without a ``motor`` for both, each side as identified. Raises TuningError."""
     A, B = motor or motor_model(parameters, "A"), motor or motor_model(parameters, "B")
-    return motors.Gains(motor_gains(A.K_m, A.T_m, lam_motor), motor_gains(B.K_m, B.T_m, lam_motor))
+    return pid.MotorPairGains(motor_gains(A.K_m, A.T_m, lam_motor), motor_gains(B.K_m, B.T_m, lam_motor))
 
 
 def cascade_tuning(
@@ -115,7 +113,7 @@ def cascade_tuning(
     interpolate: bool = False,
     u_plan: float = 0.0,
     k_ext: float = 0.0,
-) -> cascade.Tuning:
+) -> cascade.CascadeTuning:
     """Gains for every point; without points the 20 N point from geometry, without a motor the parameter set's.
 
     ``u_plan`` [V]: budget of the plan, 0 for the paper's governor; ``k_ext`` [1]: share of an outside force that is
@@ -132,11 +130,16 @@ def cascade_tuning(
 
 
 def tuning_with(
-    known: Knowledge, inner: motors.Gains, entries: NDArray[np.float64], interpolate: bool, u_plan: float, k_ext: float
-) -> cascade.Tuning:
+    known: Knowledge,
+    inner: pid.MotorPairGains,
+    entries: NDArray[np.float64],
+    interpolate: bool,
+    u_plan: float,
+    k_ext: float,
+) -> cascade.CascadeTuning:
     """Put gains of the motor loops and of a bank (n, 7) together with what is known of the plant."""
     bounds, schedule = known.bounds, Schedule(entries, interpolate)
-    return cascade.Tuning(
+    return cascade.CascadeTuning(
         inner,
         schedule,
         known.decoupler,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import decoupler, i_pd, motors
-from backend.controllers.decoupler import Decoupler
+from backend.control import decoupler, pid
+from backend.control.decoupler import Decoupler
 from backend.tuning.models import PointModel
 from plant.dynamics import Dynamics, Motor, PlantState, derivative, tension
 from plant.interface import NO_LOAD
@@ -25,7 +25,7 @@ _STATES = 8
 
 
 def decoupled_model(
-    parameters: PlantParameters, gains: motors.Gains, S: float, *, true_plant: bool = False
+    parameters: PlantParameters, gains: pid.MotorPairGains, S: float, *, true_plant: bool = False
 ) -> "control.StateSpace":
     """Linear model from (q_c, S_c) to (q, S) at stiffness S [N·m/rad] and q = 0, motor loops with ``gains``.
 
@@ -51,7 +51,7 @@ def decoupled_model(
     return system
 
 
-def one_motor_point(parameters: PlantParameters, gains: motors.Gains, S: float) -> PointModel:
+def one_motor_point(parameters: PlantParameters, gains: pid.MotorPairGains, S: float) -> PointModel:
     """Return what geometry, springs and motor loops say of theta_A_ref to q and to S at S [N·m/rad], motor B held.
 
     Static gain, and the sum of lags: minus the slope of the phase at zero frequency, of the linear plant without
@@ -137,7 +137,7 @@ def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
     return half + offset, half - offset
 
 
-def _motor_loop(gains: i_pd.Gains, side: str) -> "control.StateSpace":
+def _motor_loop(gains: pid.IPDGains, side: str) -> "control.StateSpace":
     """I-PD with its filter in continuous time; states: integral, filtered integral, filtered position."""
     import control
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import decoupler_for, stiffness_slope
 from plant.parameters import PlantParameters, Side
 
 LAM_MOTOR = 0.0854

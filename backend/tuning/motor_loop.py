@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backend.controllers import i_pd
+from backend.control import pid
 from backend.tuning.formulas import TuningError, motor_gains
 from backend.tuning.models import MotorModel
 from backend.tuning.remembered import remembered
@@ -31,7 +31,7 @@ _Z = np.exp(1j * _OMEGA * T_s)
 _LAMBDAS = 25
 
 
-def motor_robustness(motor: MotorModel, gains: i_pd.Gains) -> Robustness:
+def motor_robustness(motor: MotorModel, gains: pid.IPDGains) -> Robustness:
     """Robustness of the sampled loop of an unloaded motor; tendons change M_s by less than half a per cent."""
     import control
 
@@ -112,7 +112,7 @@ def _sampled(motor: MotorModel) -> "control.TransferFunction":
     return control.sample_system(process, T_s, "zoh")
 
 
-def _law(gains: i_pd.Gains) -> "control.TransferFunction":
+def _law(gains: pid.IPDGains) -> "control.TransferFunction":
     """From the position to the voltage, sign turned: ``i_pd.step`` as a difference equation."""
     import control
 

@@ -1,6 +1,6 @@
 """Voltage limit of time-optimal motion: the rest of the voltage is for load, friction and feedback."""
 
-from backend.refusal import require_within
+from backend.errors import require_within
 from plant.parameters import PlantParameters
 
 LEAST, MOST, USUAL = 0.2, 0.9, 0.85

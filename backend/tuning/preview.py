@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from backend.controllers import cascade, i_p, scheduling
-from backend.controllers.decoupler import decoupler_for
-from backend.controllers.limits import bounds_for
-from backend.refusal import require_within
+from backend.control import cascade, decoupler, pid
+from backend.control.decoupler import bounds_for, decoupler_for
+from backend.errors import require_within
 from backend.tuning.closed_loop import Rig, rig_of, run
 from backend.tuning.expected_plant import expected_plant
 from backend.tuning.formulas import TuningError, motor_gains, printed_outer_gains
@@ -217,13 +216,13 @@ class Previewer:
         steps = steps or self.steps_at(S)
         tuning = cascade_tuning(self._parameters, lambdas, self.points, self._motor, interpolate, u_plan)
         known = knowledge(self._parameters)
-        active = scheduling.select(tuning.schedule, entry, S)
-        gains = scheduling.gains_at(tuning.schedule, active)
+        active = decoupler.select(tuning.schedule, entry, S)
+        gains = decoupler.gains_at(tuning.schedule, active)
         process_q, process_S, held = self._models_at(S)
         processes = process_q, process_S
         plant, rig = self._expected
 
-        def stepped(number: int, tuning: cascade.Tuning) -> StepForecast:
+        def stepped(number: int, tuning: cascade.CascadeTuning) -> StepForecast:
             lam = (lambdas.lam_q, lambdas.lam_S)[number]
             seconds = 2.0 + (3.0 if u_plan else 9.0) * lam
             q, S_ref = ((steps.q, (S, S)), ((steps.q[0], steps.q[0]), steps.S))[number]
@@ -252,7 +251,7 @@ class Previewer:
         )
         return Preview(S, self._motor_robustness, position, stiffness, step_q, step_S, pushes)
 
-    def _printed_gains(self, lambdas: Lambdas) -> list[tuple[i_p.Gains, i_p.Gains]]:
+    def _printed_gains(self, lambdas: Lambdas) -> list[tuple[pid.IPGains, pid.IPGains]]:
         """Gains of the printed formula for the loops of q and S, by point."""
         return [
             (
@@ -262,7 +261,7 @@ class Previewer:
             for point in self.points
         ]
 
-    def _with_printed(self, tuning: cascade.Tuning, lambdas: Lambdas) -> cascade.Tuning:
+    def _with_printed(self, tuning: cascade.CascadeTuning, lambdas: Lambdas) -> cascade.CascadeTuning:
         entries = tuning.schedule.entries.copy()
         for row, (q, S) in zip(entries, self._printed_gains(lambdas), strict=True):
             row[1:] = q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, rejection, touch
-from backend.controllers.rejection import Rejection
+from backend.control import cascade, disturbance_observer
+from backend.control.disturbance_observer import Rejection
 from backend.tuning import closed_loop
 from backend.tuning.expected_plant import expected_plant
 from backend.tuning.sampled_loop import INPUTS, OUTPUTS, Sampled, sampled_loop
@@ -61,7 +61,7 @@ class PushForecast:
 
 def push_forecast(
     parameters: PlantParameters,
-    tuning: cascade.Tuning,
+    tuning: cascade.CascadeTuning,
     S: float,
     lam_q: float,
     F_push: float = PUSH_N,
@@ -109,10 +109,10 @@ def answered(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
     q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
     if r.k_ext == 0.0:
         return q_e, q_off
-    state, estimate = rejection.changed(r, rejection.IDLE, 0.0), estimated(tau)
+    state, estimate = disturbance_observer.changed(r, disturbance_observer.IDLE, 0.0), estimated(tau)
     for k, seen in enumerate(estimate):
-        state = rejection.step(r, state, float(seen))
-        q_e[k], q_off[k] = rejection.answer(state, S)
+        state = disturbance_observer.step_disturbance_feedforward(r, state, float(seen))
+        q_e[k], q_off[k] = disturbance_observer.answer(state, S)
     return q_e, q_off
 
 
@@ -120,7 +120,7 @@ def estimated(tau: Array) -> Array:
     """Estimate (n,) of a torque (n,) [N·m]: that of a tick has what acted before it."""
     from scipy.signal import lfilter
 
-    kept = np.exp(-touch.POLE * T_s)
+    kept = np.exp(-disturbance_observer.POLE * T_s)
     estimate = np.append(0.0, tau[:-1])
     for _ in range(3):
         estimate = lfilter([1.0 - kept], [1.0, -kept], estimate)
@@ -133,7 +133,7 @@ def felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex
     ``closed`` is the loop at S [N·m/rad].
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
-    kept = np.exp(-touch.POLE * T_s)
+    kept = np.exp(-disturbance_observer.POLE * T_s)
     estimate = ((1.0 - kept) / (1.0 - kept / z)) ** 3 / z
     behind = ((1.0 - r.kept) / (1.0 - r.kept / z)) ** 4
     H = closed.response(f)[:, OUTPUTS.q, :]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import i_p
+from backend.control import pid
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX
 
@@ -49,11 +49,11 @@ class OuterProcess:
             :, 0, 0
         ]
 
-    def loop_response(self, gains: i_p.Gains) -> NDArray[np.complex128]:
+    def loop_response(self, gains: pid.IPGains) -> NDArray[np.complex128]:
         """Frequency response of the loop opened at the control signal."""
         return np.asarray(self.response * (gains.k_p + gains.k_i / (1j * _OMEGA)))
 
-    def is_stable(self, gains: i_p.Gains) -> bool:
+    def is_stable(self, gains: pid.IPGains) -> bool:
         """Whether all poles of the I-P loop around this process lie in the left half plane."""
         states = len(self._A)
         closed = np.zeros((states + 1, states + 1))
@@ -61,11 +61,11 @@ class OuterProcess:
         closed[:states, states:], closed[states:, :states] = gains.k_i * self._B, -self._C
         return bool(np.all(np.linalg.eigvals(closed).real < 0.0))
 
-    def robustness(self, gains: i_p.Gains) -> Robustness:
+    def robustness(self, gains: pid.IPGains) -> Robustness:
         """Robustness of the I-P loop around this process."""
         return _robustness(self.is_stable(gains), self.loop_response(gains), _OMEGA)
 
-    def sensitivity_peak(self, gains: i_p.Gains) -> float:
+    def sensitivity_peak(self, gains: pid.IPGains) -> float:
         """M_s alone; inf for an unstable loop."""
         return peak(self.loop_response(gains)) if self.is_stable(gains) else math.inf
 
@@ -156,7 +156,7 @@ def _stable(loop: "control.StateSpace") -> bool:
     return bool(np.all(np.abs(poles) < 1.0) if loop.isdtime(strict=True) else np.all(poles.real < 0.0))
 
 
-def safe_lambda(process: OuterProcess, gains_for: Callable[[float], i_p.Gains], M_s: float = M_S_MAX) -> float:
+def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains], M_s: float = M_S_MAX) -> float:
     """Smallest λ [s] from which on, up to LAM_MAX, the outer loop's sensitivity peak stays at or below ``M_s``.
 
     ``gains_for`` gives the gains for a λ. Raises TuningError where no λ up to LAM_MAX is that robust.

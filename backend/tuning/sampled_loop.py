@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, i_p, i_pd
-from backend.controllers.decoupler import Decoupler, stiffness_slope
-from backend.controllers.scheduling import gains_at, select
+from backend.control import cascade, pid
+from backend.control.decoupler import Decoupler, gains_at, select, stiffness_slope
 from backend.tuning.linear_model import decoupling, linear_plant
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -95,7 +94,7 @@ class SampledLoop:
 
 def sampled_loop(
     parameters: PlantParameters,
-    tuning: cascade.Tuning,
+    tuning: cascade.CascadeTuning,
     S: float,
     *,
     position_loop: bool = True,
@@ -114,13 +113,13 @@ def sampled_loop(
 
     def law(x: Array, w: Array) -> tuple[Array, Array]:
         q_ref, S_ref, q, theta_A, theta_B, q_e, q_off = w
-        q_c, position = i_p.step(gains_q, i_p.State(x[6]), q_ref, q - q_off, 0.0)
-        S_c, stiffness = i_p.step(gains_S, i_p.State(x[7]), S_ref, slope * (theta_A + theta_B), 0.0)
+        q_c, position = pid.step_i_p(gains_q, pid.IPState(x[6]), q_ref, q - q_off, 0.0)
+        S_c, stiffness = pid.step_i_p(gains_S, pid.IPState(x[7]), S_ref, slope * (theta_A + theta_B), 0.0)
         if not position_loop:
-            q_c, position, q_e = q_ref, i_p.State(0.0), 0.0
+            q_c, position, q_e = q_ref, pid.IPState(0.0), 0.0
         ref_A, ref_B = split @ (q_c + q_e, S_c)
-        u_A, _, A = i_pd.step(inner.A, i_pd.State(*x[:3]), ref_A, theta_A, np.inf)
-        u_B, _, B = i_pd.step(inner.B, i_pd.State(*x[3:6]), ref_B, theta_B, np.inf)
+        u_A, _, A = pid.step_i_pd(inner.A, pid.IPDState(*x[:3]), ref_A, theta_A, np.inf)
+        u_B, _, B = pid.step_i_pd(inner.B, pid.IPDState(*x[3:6]), ref_B, theta_B, np.inf)
         return np.array([u_A, u_B]), np.concatenate([A, B, position, stiffness])
 
     def tick(x: Array, w: Array) -> tuple[Array, Array]:

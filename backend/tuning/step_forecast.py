@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade
+from backend.control import cascade
 from backend.tuning import closed_loop
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -44,7 +44,7 @@ class StepForecast:
 
 def step_forecast(
     plant: PlantParameters,
-    tuning: cascade.Tuning,
+    tuning: cascade.CascadeTuning,
     q: tuple[float, float],
     S: tuple[float, float],
     seconds: float,

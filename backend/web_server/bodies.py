@@ -6,8 +6,8 @@ import pydantic_core
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import Message, Receive
 
+from backend.errors import Because, RefusalError
 from backend.plain_text import PlainTextError, require_plain_texts
-from backend.refusal import Because, RefusalError
 
 MOST_NAMES, MOST_LISTED = 1_500, 12_000
 """Named values, and values in lists, that a body may have: twenty layouts of charts have 1100, a removal of recordings

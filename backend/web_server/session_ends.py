@@ -6,7 +6,7 @@ from contextlib import suppress
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from backend.refusal import RefusalError
+from backend.errors import RefusalError
 from backend.web_server.cookies import authentication_of, shown_by
 
 LIVE = "/api/live"

@@ -21,7 +21,6 @@ from backend.loop.ring import Ring
 from backend.loop.set_tuning import SetTuning
 from backend.loop.supervisor import Supervisor
 from backend.messages.session import Role
-from backend.offload import Offload
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
 from backend.operating.journal import Journal
@@ -35,6 +34,7 @@ from backend.operating.text_work import TextWork
 from backend.recording.recorder import Recorder
 from backend.storage.database import Database
 from backend.supervision import Supervision
+from backend.workers import Offload
 from plant.interface import SIMULATOR, Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator

@@ -11,6 +11,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 import plant
+from backend.errors import RefusalError
 from backend.experiments import applied_parameters
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.access import LoopDiedError
@@ -22,7 +23,6 @@ from backend.messages.tuning import TrialRequest
 from backend.operating import foundation
 from backend.operating.applied import Applied
 from backend.operating.tuning_in_use import TuningInUse, initial
-from backend.refusal import RefusalError
 from backend.sample import INDEX
 from backend.storage import banks
 from backend.storage.banks import BankEntry

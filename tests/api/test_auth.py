@@ -14,8 +14,8 @@ from backend.access.people import Person
 from backend.access.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
 from backend.access.tokens import TokenFiles, rotate
 from backend.api.errors import STATUS
+from backend.errors import RefusalError
 from backend.messages.session import Role
-from backend.refusal import RefusalError
 from backend.web_server.cookies import COOKIE, forget, grant, shown_by
 
 

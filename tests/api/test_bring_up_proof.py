@@ -16,6 +16,7 @@ from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import StepState
 from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding
+from backend.errors import RefusalError
 from backend.experiments.playing.runner import create_run
 from backend.loop.channel import Ready
 from backend.loop.commands import Accepted, Command, Refused, TryMotor
@@ -25,7 +26,6 @@ from backend.loop.supervisor import Supervisor
 from backend.messages.bring_up import BringUpStep
 from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp
-from backend.refusal import RefusalError
 from backend.storage.bring_up import StepResult
 from backend.storage.database import open_database
 from backend.storage.errors import StorageError

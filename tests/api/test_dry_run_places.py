@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 from backend.access.people import BEARER, Person
+from backend.errors import RefusalError
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.dry_run import _Progress
 from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
 from backend.messages.session import Role
-from backend.offload import Offload
 from backend.operating.dry_runs import DryRuns
-from backend.refusal import RefusalError
+from backend.workers import Offload
 from plant.parameters import load_parameters
 
 OTHER = Person("another", Role.VIEWER, BEARER)

@@ -7,10 +7,10 @@ import httpx
 import pytest
 
 from backend.access.control import Control
+from backend.errors import Because, RefusalError
 from backend.faults import FAULTS, Fault
 from backend.operating.actuator import Actuator
 from backend.operating.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
-from backend.refusal import Because, RefusalError
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
 

@@ -8,9 +8,9 @@ import pytest
 from backend.access.control import HOLD_S, LOOK_S, LOST_S, Control, Holder, Stamp
 from backend.access.hand_over import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, HandOver
 from backend.access.people import BEARER, People, Person
+from backend.errors import Because, RefusalError
 from backend.messages.control import Answer
 from backend.messages.session import Role
-from backend.refusal import Because, RefusalError
 
 ANA, VERA, ODA = (Person(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
 VIC = Person("Vic (viewer)", Role.VIEWER, "vic", "Vic")

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from backend.offload import Offload
+from backend.workers import Offload
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])

@@ -13,11 +13,12 @@ import pytest
 from backend.archive import checklist
 from backend.documents.kept_tuning import SAVED, SavedParts, saved_for
 from backend.messages.history import ChecklistState
-from backend.reading import Angles, in_words
-from backend.storage import Database, banks, identifications, open_database, runs, settings
+from backend.storage import banks, identifications, runs, settings
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import EndState, NewRun, RunKind
+from backend.units import Angles, in_words
 from tests.api.conftest import until, wait_for
 
 PARAMETERS = {"r_m": 0.0075}

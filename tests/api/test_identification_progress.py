@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from backend.archive.planned import planned as planned_in
+from backend.control.motion_primitives import ZERO_VOLTS_S
+from backend.errors import RefusalError
 from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.playing.progress import Doing
 from backend.loop.commands import Accepted, SetMode
@@ -17,11 +19,9 @@ from backend.messages.history import Planned
 from backend.messages.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
 from backend.messages.state import TaskView
 from backend.recording.reader import read_samples
-from backend.refusal import RefusalError
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
-from backend.tick.voltage_steps import ZERO_VOLTS_S
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped

@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
 from backend.api.errors import install
+from backend.errors import OutOfRangeError
 from backend.messages.bank import BankFile, BankRequest
 from backend.messages.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
 from backend.messages.preferences import NEW_HERE, Preferences
@@ -18,8 +19,7 @@ from backend.messages.run import NoteRequest
 from backend.messages.state import Push, References
 from backend.messages.tuning import TrialRequest
 from backend.operating.identification_orders import plans_of
-from backend.reading import Angles
-from backend.refusal import OutOfRangeError
+from backend.units import Angles
 from tests.api.test_units import CODE_NAME, SYMBOL
 
 ENTRY = {"S_nominal": 10, "K_q": 1, "T_q": 0.1, "K_S": 1, "T_S": 0.1}

@@ -5,8 +5,8 @@ from typing import Any
 import httpx
 import pytest
 
+from backend.errors import RefusalError
 from backend.messages.layouts import ChartLayout, look_over
-from backend.refusal import RefusalError
 
 ERRORS = {"title": "Errors", "signals": ["q - q_ref"], "over": None, "share": 1.5}
 PLANE = {"title": "S over q", "signals": ["S", "S_ref"], "over": "q", "share": 2.0}

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.settings import SettingError
@@ -16,7 +17,6 @@ from backend.loop.commands import Stop
 from backend.messages.experiment import ExperimentRequest
 from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.operating.tuning_in_use import initial
-from backend.refusal import OutOfRangeError, RefusalError
 from backend.reports.build import build_report
 from backend.reports.source import load_source
 from backend.storage import banks, events, runs

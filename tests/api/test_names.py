@@ -5,8 +5,8 @@ import pytest
 
 from backend.access.control import HEADER
 from backend.access.people import BEARER, People, Person
+from backend.errors import Because, RefusalError
 from backend.messages.session import Role
-from backend.refusal import Because, RefusalError
 from tests.e2e.service import Service
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.offload import Limits, Offload, WorkerDiedError, WorkLimitError
+from backend.workers import Limits, Offload, WorkerDiedError, WorkLimitError
 
 TIMEOUT_S = 60.0
 

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run
@@ -20,7 +21,6 @@ from backend.messages.state import TaskView
 from backend.operating import ordered_runs
 from backend.operating.pause import Pause, not_begun
 from backend.operating.present_state import PresentState
-from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX, NAMES
 from backend.storage import runs
 from backend.storage.database import open_database

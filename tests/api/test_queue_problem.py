@@ -6,10 +6,10 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from backend.errors import Because, RefusalError
 from backend.messages.experiment import ExperimentRequest
 from backend.operating.experiment_queue import Queue, Start
-from backend.refusal import Because, RefusalError
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.banks import kept_choice
 from backend.loop.access import LoopDied
 from backend.loop.set_touch import TouchForgotten
 from backend.messages.touch import TouchOrder, TouchPoint
 from backend.messages.tuning import TrialRequest, TuningRequest
-from backend.refusal import OutOfRangeError, RefusalError
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped

@@ -8,7 +8,8 @@ import httpx
 import pytest
 
 from backend.data_folder import AlreadyRunningError, only_service_on
-from backend.storage import open_database, runs
+from backend.storage import runs
+from backend.storage.database import open_database
 from backend.storage.maintenance import BackupError, restore
 from tests.api.conftest import problem
 from tests.storage.test_lineage import NEW_RUN

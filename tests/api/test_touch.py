@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from backend.errors import OutOfRangeError, RefusalError
 from backend.loop.access import LoopDied
 from backend.loop.commands import Obstruct
 from backend.loop.commands import Push as PushCommand
 from backend.loop.mode import Mode
 from backend.messages.touch import TouchOrder, TouchView
-from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database

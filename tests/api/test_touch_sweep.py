@@ -9,6 +9,7 @@ import httpx
 import numpy as np
 import pytest
 
+from backend.errors import RefusalError
 from backend.experiments.playing.progress import Doing
 from backend.faults import Fault
 from backend.loop import commands
@@ -17,7 +18,6 @@ from backend.loop.mode import Mode
 from backend.messages.state import Push, TaskView
 from backend.messages.touch import SweepView, TouchOrder
 from backend.operating import touch_sweep
-from backend.refusal import RefusalError
 from backend.sample import INDEX
 from backend.storage import events
 from backend.storage.database import Database, open_database

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from backend.access.command_turns import BUSY_S, GAP_S, WAITING, Turns
-from backend.refusal import RefusalError
+from backend.errors import RefusalError
 
 
 class Skipping(selectors.DefaultSelector):

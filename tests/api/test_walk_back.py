@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from backend.errors import RefusalError
 from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import TrialRequest, TuningRequest
-from backend.refusal import RefusalError
 from backend.storage import banks, events
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.controllers import cascade
+from backend.control import cascade
 from backend.tuning.closed_loop import Array, Inputs, Rig
 from plant.dynamics import PlantState
 
@@ -45,7 +45,13 @@ class CTwin:
         self._simulate.restype = ctypes.c_int64
 
     def simulate(
-        self, rig: Rig, tuning: cascade.Tuning, x: PlantState, controller: cascade.State, inputs: Inputs, out: Array
+        self,
+        rig: Rig,
+        tuning: cascade.CascadeTuning,
+        x: PlantState,
+        controller: cascade.CascadeState,
+        inputs: Inputs,
+        out: Array,
     ) -> int:
         """As ``closed_loop.simulate``; returns the tick at which the safety module tripped, or −1."""
         structs = [struct_of(value) for value in (rig, tuning, x, controller, inputs)]

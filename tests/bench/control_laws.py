@@ -7,12 +7,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from backend.control import setpoint_player
+from backend.control.motion_types import Target
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.metrics import Overall, tracking_metrics
 from backend.loop.program_arrays import player_of
-from backend.tick import player
-from backend.tick.decision import Target
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.closed_loop import Array, Trajectory, run
 from backend.tuning.gains import cascade_tuning
@@ -116,7 +116,7 @@ def references(plan: ComposedPlan) -> tuple[Array, Array]:
     playing = player_of(segments, target)
     targets: list[Target] = []
     while True:
-        ended, target, playing = player.play(playing, target)
+        ended, target, playing = setpoint_player.play(playing, target)
         if ended:
             return np.array([target.q_ref for target in targets]), np.array([target.S_ref for target in targets])
         targets.append(target)

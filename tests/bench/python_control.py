@@ -10,20 +10,20 @@ from typing import Any
 import control
 import numpy as np
 
-from backend.controllers import cascade, i_pd
+from backend.control import cascade, pid
 from backend.tuning.closed_loop import Array, Rig
 from plant.dynamics import Motor, PlantState, Spring
 
 _PLANT_STATES = ["q", "q_dot", "theta_A", "omega_A", "tau_A", "theta_B", "omega_B", "tau_B"]
 
 
-def closed_loop(rig: Rig, tuning: cascade.Tuning) -> control.InterconnectedSystem:
+def closed_loop(rig: Rig, tuning: cascade.CascadeTuning) -> control.InterconnectedSystem:
     """From (q_ref, S_ref) to (q, S)."""
     systems = [_plant(rig), _cascade(rig, tuning)]
     return control.interconnect(systems, inputs=["q_ref", "S_ref"], outputs=["q", "S"])
 
 
-def initial_state(x: PlantState, controller: cascade.State) -> Array:
+def initial_state(x: PlantState, controller: cascade.CascadeState) -> Array:
     """State of ``closed_loop`` from the states of the offline loop; its friction has no bristles."""
     outer = [controller.position.integral, controller.stiffness.integral]
     return np.array([*x[:8], *outer, *controller.motors.A, *controller.motors.B])
@@ -68,19 +68,19 @@ def _plant(rig: Rig) -> control.NonlinearIOSystem:
     )
 
 
-def _cascade(rig: Rig, tuning: cascade.Tuning) -> control.NonlinearIOSystem:
+def _cascade(rig: Rig, tuning: cascade.CascadeTuning) -> control.NonlinearIOSystem:
     d, u_max = tuning.decoupler, rig.u_max
     gains_q, gains_S = tuning.schedule.entries[0, 1:4], tuning.schedule.entries[0, 4:7]
 
     def stiffness(theta_A: float, theta_B: float) -> float:
         return 2.0 * d.r_j**2 * (d.k_1 + d.k_2 * d.r_m * (theta_A + theta_B))
 
-    def motor_loop(gains: i_pd.Gains, theta: float, integral_f: float, theta_f: float) -> tuple[float, float]:
+    def motor_loop(gains: pid.IPDGains, theta: float, integral_f: float, theta_f: float) -> tuple[float, float]:
         wanted = integral_f - gains.k_p * theta_f - gains.k_d / gains.t_f * (theta - theta_f)
         return wanted, min(max(wanted, -u_max), u_max)
 
     def motor_rates(
-        gains: i_pd.Gains, reference: float, theta: float, integral: float, integral_f: float, theta_f: float
+        gains: pid.IPDGains, reference: float, theta: float, integral: float, integral_f: float, theta_f: float
     ) -> tuple[float, float, float]:
         wanted, u = motor_loop(gains, theta, integral_f, theta_f)
         return (

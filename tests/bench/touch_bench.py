@@ -8,11 +8,11 @@ from unittest.mock import patch
 import numba
 from rich.console import Console
 
+from backend.control import step
 from backend.loop.loop import Loop
 from backend.loop.ring import Ring
 from backend.loop.set_touch import SetTouch
 from backend.sample import INDEX
-from backend.tick import batch, desk
 from plant.compiled import STRICT
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.plan_bench import COMPILED_US, LIVE_US, drive_batches, drive_ticks, more_us
@@ -56,12 +56,12 @@ def _numb_loop(parameters: PlantParameters, ring: Ring) -> Loop:
         return math.nan
 
     strict: Any = numba.njit(**STRICT)
-    its_look, its_run = cast(Any, desk.look), cast(Any, batch.run)
-    with patch.object(desk, "_feel", strict(feel_nothing)):
+    its_look, its_run = cast(Any, step.look), cast(Any, step.run_batch)
+    with patch.object(step, "_feel", strict(feel_nothing)):
         look = strict(its_look.py_func)
-        with patch.object(desk, "look", look), patch.object(batch, "look", look):
+        with patch.object(step, "look", look), patch.object(step, "look", look):
             run = numba.njit(nogil=True, **STRICT)(its_run.py_func)
-            with patch.object(batch, "run", run):
+            with patch.object(step, "run_batch", run):
                 loop = loop_in_run(parameters, ring)
                 drive_batches(loop, 1)
     return loop

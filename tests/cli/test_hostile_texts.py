@@ -18,12 +18,13 @@ from backend.exports.formats import DataFormat, write_file
 from backend.exports.source import of_run
 from backend.messages.comparison import ComparisonAsked, DifferencesAsked
 from backend.plain_text import as_line
-from backend.reading import Angles
 from backend.reports.files import write_files
-from backend.storage import banks, experiments, open_database, results
+from backend.storage import banks, experiments, results
 from backend.storage.banks import BankEntry
+from backend.storage.database import open_database
 from backend.storage.results import NewResult
 from backend.storage.runs import RunKind
+from backend.units import Angles
 from tests.cli.conftest import Command
 from tests.exports.stored import NEW, noise, recorded
 

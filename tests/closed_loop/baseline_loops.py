@@ -1,7 +1,7 @@
 """The closed loops of the baselines offline: plant, sensors, limits and safety module as for the cascade."""
 
-from backend.controllers import decoupler, feedback_linearization, single_loop
-from backend.controllers.decoupler import Decoupler
+from backend.control import baselines, decoupler
+from backend.control.decoupler import Decoupler
 from backend.tuning.closed_loop import (
     Array,
     Inputs,
@@ -25,9 +25,9 @@ from plant.simulator import DELAY_SLOTS, actuate, exceeded, sense
 @compiled_run
 def _single_loop(
     rig: Rig,
-    tuning: single_loop.Tuning,
+    tuning: baselines.SingleLoopTuning,
     x: PlantState,
-    controller: single_loop.State,
+    controller: baselines.SingleLoopState,
     inputs: Inputs,
     line: Array,
     out: Array,
@@ -36,7 +36,7 @@ def _single_loop(
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        y, controller = single_loop.step(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
+        y, controller = baselines.step_single_loop(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
         record(out[k], m, y)
         x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
         if exceeded(rig.plant, rig.bounds, x):
@@ -48,9 +48,9 @@ def _single_loop(
 @compiled_run
 def _feedback_linearization(
     rig: Rig,
-    tuning: feedback_linearization.Tuning,
+    tuning: baselines.FeedbackLinearizationTuning,
     x: PlantState,
-    controller: feedback_linearization.State,
+    controller: baselines.FeedbackLinearizationState,
     inputs: Inputs,
     line: Array,
     out: Array,
@@ -59,7 +59,7 @@ def _feedback_linearization(
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        y, controller = feedback_linearization.step(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
+        y, controller = baselines.step_feedback_linearization(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
         record(out[k], m, y)
         x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
         if exceeded(rig.plant, rig.bounds, x):
@@ -69,7 +69,7 @@ def _feedback_linearization(
 
 def run_single_loop(
     parameters: PlantParameters,
-    tuning: single_loop.Tuning,
+    tuning: baselines.SingleLoopTuning,
     q_ref: Array,
     S_ref: Array,
     F_push: Array | None = None,
@@ -77,7 +77,7 @@ def run_single_loop(
 ) -> Trajectory:
     """As ``closed_loop.run``, under the single loop."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
-    controller = single_loop.take_over(tuning, u_A, u_B, m)
+    controller = baselines.take_over_single_loop(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     return trajectory_of(out, _single_loop(rig, tuning, x, controller, inputs, line, out))
@@ -85,7 +85,7 @@ def run_single_loop(
 
 def run_feedback_linearization(
     parameters: PlantParameters,
-    tuning: feedback_linearization.Tuning,
+    tuning: baselines.FeedbackLinearizationTuning,
     q_ref: Array,
     S_ref: Array,
     F_push: Array | None = None,
@@ -93,7 +93,7 @@ def run_feedback_linearization(
 ) -> Trajectory:
     """As ``closed_loop.run``, under feedback linearisation."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
-    controller = feedback_linearization.take_over(tuning, u_A, u_B, m)
+    controller = baselines.take_over_feedback_linearization(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     return trajectory_of(out, _feedback_linearization(rig, tuning, x, controller, inputs, line, out))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from backend.controllers import touch
+from backend.control import disturbance_observer
 from backend.tuning.closed_loop import Array, Trajectory, run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
@@ -19,7 +19,7 @@ WARM = 500
 
 @compiled_run
 def _each(
-    observer: touch.Observer,
+    observer: disturbance_observer.Observer,
     q: Array,
     theta_A: Array,
     theta_B: Array,
@@ -27,17 +27,19 @@ def _each(
     bias: Array,
     out: Array,
 ) -> None:
-    state = touch.UNKNOWN
+    state = disturbance_observer.UNKNOWN
     for k in range(q.size):
-        state = touch.step(observer, state, Measurement(q[k], theta_A[k], theta_B[k], 0.0, 0.0, 0.0, 0.0, 0.0))
-        out[k] = touch.force(observer, state, bias, S[k])
+        state = disturbance_observer.step_disturbance_observer(
+            observer, state, Measurement(q[k], theta_A[k], theta_B[k], 0.0, 0.0, 0.0, 0.0, 0.0)
+        )
+        out[k] = disturbance_observer.force(observer, state, bias, S[k])
 
 
 def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
     """Outside force [N] by tick, as the tick computes it."""
     out = np.empty(y.q.size)
     q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
-    _each(touch.observer_for(parameters), q, theta_A, theta_B, S, bias, out)
+    _each(disturbance_observer.observer_for(parameters), q, theta_A, theta_B, S, bias, out)
     return out
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from backend.controllers.limits import bounds_for
+from backend.control.decoupler import bounds_for
 from backend.tuning.closed_loop import Trajectory, run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backend.controllers import cascade, decoupler
-from backend.controllers.limits import bounds_for
+from backend.control import cascade, decoupler
+from backend.control.decoupler import bounds_for
 from backend.tuning import closed_loop
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas, PointModel, designed_point
@@ -29,7 +29,7 @@ def random_program(plant: PlantParameters, seed: int) -> Played:
     rig, bounds = closed_loop.rig_of(plant), bounds_for(plant)
     points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
 
-    def tuning() -> cascade.Tuning:
+    def tuning() -> cascade.CascadeTuning:
         lambdas = Lambdas(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
         bank: list[PointModel] = points if random.random() < 0.5 else []
         budget = random.uniform(*plan_range(plant)) if random.random() < 0.8 else 0.0

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.controllers.envelope import Envelope
+from backend.control.decoupler import Envelope
 from backend.tuning import closed_loop
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from backend.controllers import cascade, plan
+from backend.control import cascade
+from backend.control import trajectory as plan
 from backend.tuning import closed_loop
 from backend.tuning.closed_loop import Array, Trajectory, run
 from backend.tuning.gains import cascade_tuning
@@ -140,8 +141,8 @@ def test_a_sine_is_followed(name: str) -> None:
 
 
 def without_and_with(
-    before: cascade.Tuning, after: cascade.Tuning, at: int
-) -> tuple[Array, Array, cascade.State, cascade.State, cascade.State]:
+    before: cascade.CascadeTuning, after: cascade.CascadeTuning, at: int
+) -> tuple[Array, Array, cascade.CascadeState, cascade.CascadeState, cascade.CascadeState]:
     """Voltages (2,) in the tick ``at`` without and with the change; the law before it, and after it either way."""
     ideal = load_parameters("ideal")
     rig = closed_loop.rig_of(ideal)
@@ -161,7 +162,7 @@ def without_and_with(
     return voltages[0], voltages[1], law, laws[0], laws[1]
 
 
-def mean_voltages(way: plan.State) -> Array:
+def mean_voltages(way: plan.TrajectoryState) -> Array:
     """Voltages of motors A and B that the model is driven by."""
     d, c = np.mean(way.window_d), np.mean(way.window_c)
     return np.array([c + d, c - d])
@@ -204,7 +205,7 @@ def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tupl
     governed = cascade_tuning(plant, LAMBDAS)
     x, law = closed_loop.at_rest(rig, planned, 0.3, way[0])
 
-    def play(tuning: cascade.Tuning, x: PlantState, law: cascade.State, ticks: int) -> tuple[Any, ...]:
+    def play(tuning: cascade.CascadeTuning, x: PlantState, law: cascade.CascadeState, ticks: int) -> tuple[Any, ...]:
         line, out = closed_loop.empty_arrays(ticks)
         inputs = closed_loop.inputs_of(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
         return *closed_loop.simulate(rig, tuning, x, law, inputs, line, out), out

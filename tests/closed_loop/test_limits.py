@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from backend.controllers.envelope import Envelope
+from backend.control.decoupler import Envelope
 from backend.tuning.closed_loop import Trajectory, run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.controllers import i_pd, motors
+from backend.control import pid
 from backend.tuning.gains import motor_loops
 from backend.tuning.models import motor_model
 from backend.tuning.motor_loop import motor_robustness
@@ -23,14 +23,16 @@ def ideal() -> PlantParameters:
     return load_parameters("ideal")
 
 
-def readings(parameters: PlantParameters, gains: motors.Gains, errors: NDArray[np.float64]) -> NDArray[np.float64]:
+def readings(
+    parameters: PlantParameters, gains: pid.MotorPairGains, errors: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """What the encoders say (ticks, 2) [rad] while ``errors`` (ticks, 2) are added; slack tendons, reference 0."""
-    simulator, state = Simulator(parameters), motors.at_rest(gains, 0.0, 0.0, 0.0, 0.0)
+    simulator, state = Simulator(parameters), pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0)
     read = np.empty_like(errors)
     for k, (error_A, error_B) in enumerate(errors):
         m = simulator.read()
         read[k] = m.theta_A + error_A, m.theta_B + error_B
-        y, state = motors.step(gains, state, 0.0, 0.0, read[k, 0], read[k, 1], parameters.motor.u_max)
+        y, state = pid.step_motor_pair(gains, state, 0.0, 0.0, read[k, 0], read[k, 1], parameters.motor.u_max)
         assert y.excess_A == y.excess_B == 0.0, "a clipped voltage measures nothing"
         simulator.write(MotorCommand(y.u_A, y.u_B))
     return read
@@ -66,13 +68,13 @@ def test_a_conditionally_stable_loop_bears_as_little_gain_as_is_shown_and_no_les
     assert motor_robustness(motor_model(ideal, "A"), motor_loops(ideal, 0.0854).A).gain_reduction == 0.0
 
 
-def times(law: i_pd.Gains, factor: float) -> i_pd.Gains:
-    return i_pd.Gains(factor * law.k_p, factor * law.k_i, factor * law.k_d, law.t_f)
+def times(law: pid.IPDGains, factor: float) -> pid.IPDGains:
+    return pid.IPDGains(factor * law.k_p, factor * law.k_i, factor * law.k_d, law.t_f)
 
 
-def grows(parameters: PlantParameters, law: i_pd.Gains, duration_s: float) -> bool:
+def grows(parameters: PlantParameters, law: pid.IPDGains, duration_s: float) -> bool:
     """Whether what an error of 1e-9 rad in the first reading sets off has grown by the last third."""
     errors = np.zeros((3 * round(duration_s / 3.0 / T_s), 2))
     errors[0] = 1e-9
-    _, middle, last = np.split(np.abs(readings(parameters, motors.Gains(law, law), errors)), 3)
+    _, middle, last = np.split(np.abs(readings(parameters, pid.MotorPairGains(law, law), errors)), 3)
     return float(last.max()) > float(middle.max())

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.controllers import cascade
+from backend.control import cascade
 from backend.tuning import closed_loop
 from backend.tuning.closed_loop import Array, run
 from backend.tuning.gains import cascade_tuning
@@ -110,7 +110,7 @@ def test_constants_a_fifth_off(name: str) -> None:
         assert quality.least_tension > 2.0, plant.asymmetry
 
 
-Change = Callable[[PlantParameters], tuple[cascade.Tuning, cascade.Tuning]]
+Change = Callable[[PlantParameters], tuple[cascade.CascadeTuning, cascade.CascadeTuning]]
 
 
 def four_points(parameters: PlantParameters, scale: float = 1.0) -> list[PointModel]:
@@ -131,7 +131,7 @@ CHANGES: dict[str, Change] = {
 }
 
 
-def voltages_around(tunings: tuple[cascade.Tuning, cascade.Tuning], at: int) -> tuple[Array, Array]:
+def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning], at: int) -> tuple[Array, Array]:
     """Voltages (2,) in the tick ``at``, without and with the change of tuning in that tick."""
     parameters = load_parameters("ideal")
     before, after = tunings

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from backend.controllers import cascade, decoupler
-from backend.controllers.dead_zone import beyond
-from backend.controllers.goals import References
+from backend.control import cascade, decoupler
+from backend.control.pid import beyond
+from backend.control.trajectory import References
 from backend.tuning.closed_loop import at_rest, rig_of
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas

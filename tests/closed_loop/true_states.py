@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backend.controllers import cascade
-from backend.controllers.goals import References
+from backend.control import cascade
+from backend.control.trajectory import References
 from backend.tuning.closed_loop import Array, Inputs, Rig, at_rest, empty_arrays, fill_delay_line, inputs_of, rig_of
 from plant.compiled import compiled_run
 from plant.dynamics import PlantState
@@ -28,7 +28,13 @@ class TrueStates(NamedTuple):
 
 @compiled_run
 def _simulate(
-    rig: Rig, tuning: cascade.Tuning, x: PlantState, law: cascade.State, inputs: Inputs, line: Array, out: Array
+    rig: Rig,
+    tuning: cascade.CascadeTuning,
+    x: PlantState,
+    law: cascade.CascadeState,
+    inputs: Inputs,
+    line: Array,
+    out: Array,
 ) -> None:
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
@@ -42,7 +48,7 @@ def _simulate(
 
 
 def run(
-    parameters: PlantParameters, tuning: cascade.Tuning, q_ref: Array, S_ref: Array, F_push: Array | None = None
+    parameters: PlantParameters, tuning: cascade.CascadeTuning, q_ref: Array, S_ref: Array, F_push: Array | None = None
 ) -> TrueStates:
     """As ``closed_loop.run``, without the safety module."""
     rig = rig_of(parameters)

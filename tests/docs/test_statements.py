@@ -10,14 +10,13 @@ import pytest
 
 from backend import main
 from backend.access import control
-from backend.controllers import plausibility
+from backend.control import fault_detection, motion_primitives, motion_types
+from backend.control.step import KINDS, Resting
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.loop import bring_up, commands, heartbeat, supervisor, timing, worker  # noqa: F401  # with what it plays
 from backend.loop.motion import Interpreted
 from backend.messages.state import TimingView
 from backend.recording import flight
-from backend.tick import checks, decision, soft_stop, winding
-from backend.tick.desk import KINDS, Resting
 from plant import safety_card
 from plant.interface import PlantKind, T_s
 from plant.parameters import load_parameters
@@ -43,13 +42,13 @@ def said(documented: object) -> str:
 @pytest.mark.parametrize(
     "statement",
     [
-        f"A soft stop brakes the joint under tension first, for {soft_stop.SOFT_STOP_S:g} s.",
+        f"A soft stop brakes the joint under tension first, for {motion_primitives.SOFT_STOP_S:g} s.",
         f"heard nothing from the service for {worker.SILENCE_S:g} s",
         f"F_max ({PARAMETERS.safety.F_max:g} N)",
-        f"below 1 N for more than {checks.SLACK_MAX_S:g} s",
-        f"For {plausibility.CONTRADICTION_S:g} s a load cell",
-        f"differed by more than {plausibility.CONTRADICTION_N:g} N",
-        f"by a count for {plausibility.UNMOVED_S:g} s",
+        f"below 1 N for more than {fault_detection.SLACK_MAX_S:g} s",
+        f"For {fault_detection.CONTRADICTION_S:g} s a load cell",
+        f"differed by more than {fault_detection.CONTRADICTION_N:g} N",
+        f"by a count for {fault_detection.UNMOVED_S:g} s",
         f"may be left alone: {Simulator.unattended_max_s:g} s on the simulator",
         f"was not heard for {control.LOST_S:g} s",
         f"held for {control.HOLD_S:g} s more",
@@ -64,7 +63,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
     told = f"{worker.SILENCE_S:g} s"
     assert f"falls silent for {told}" in decision_page("0001")
     assert f"nothing for {told}" in supervisor._HEARTBEAT.meaning
-    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + soft_stop.SOFT_STOP_S
+    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + motion_primitives.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._SHOWING.meaning
     # In comments and docstrings the constant is named: a number there would be held by nothing.
     for module in (main, heartbeat):
@@ -73,7 +72,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
 
 def test_docstrings_say_what_the_code_does() -> None:
     assert "back to PRETENSION when it has ended" in said(commands.RunProgram)
-    assert set(re.findall(r"``(\w+)``", said(decision.Decision))) <= set(decision.Decision._fields)
+    assert set(re.findall(r"``(\w+)``", said(motion_types.Decision))) <= set(motion_types.Decision._fields)
     window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
     for name in ("rate_Hz", "lateness_p50_ms", "lateness_p99_ms"):
         assert window in (TimingView.model_fields[name].description or ""), name
@@ -89,7 +88,7 @@ def test_what_can_be_controlled_is_said_in_the_first_lines() -> None:
 
 
 def test_readme_has_the_figures_of_the_code() -> None:
-    assert f"until the tendons hold {winding.PRETENSION_N:g} N" in README
+    assert f"until the tendons hold {motion_primitives.PRETENSION_N:g} N" in README
     excitation_s = ActuatorIdentificationPlan().program().duration_s
     assert 25.0 < excitation_s < 35.0
     assert "for half a minute" in README
@@ -97,7 +96,7 @@ def test_readme_has_the_figures_of_the_code() -> None:
 
 def test_a_signal_is_defined_where_the_architecture_says() -> None:
     assert "`FIELDS` of `backend/sample.py`" in ARCHITECTURE
-    assert "`write_row` of `backend/tick/desk.py`" in ARCHITECTURE
+    assert "`write_row` of `backend/control/step.py`" in ARCHITECTURE
 
 
 def test_motions_live_in_the_files_that_the_architecture_names() -> None:
@@ -127,7 +126,7 @@ def test_imports_run_as_the_contract_has_them() -> None:
 
 
 def test_files_that_the_architecture_names_are_there() -> None:
-    places = ("", "backend", "backend/loop", "backend/tick", "backend/experiments", "tests")
+    places = ("", "backend", "backend/loop", "backend/control", "backend/experiments", "tests")
     for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|toml))`", ARCHITECTURE):
         assert any((ROOT / place / name).is_file() for place in places), name
 

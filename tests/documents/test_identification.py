@@ -15,11 +15,11 @@ from backend.documents.actuator import ArxEstimate, FailedCandidate
 from backend.documents.edge import Edge, UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
 from backend.identification.residuals import judged
-from backend.offload import Offload
 from backend.operating.tuning_in_use import by_default
 from backend.storage import identifications
 from backend.storage.bank_entry import method_of
 from backend.storage.database import Database, open_database
+from backend.workers import Offload
 from plant.parameters import load_parameters
 from tests.documents import earlier_identifications as earlier
 from tests.documents.earlier_identifications import put_identification

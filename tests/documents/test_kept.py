@@ -15,12 +15,12 @@ from backend.documents.kept_tuning import KEPT, SAVED
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.bank_consistency import BankError, point_of
 from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
-from backend.offload import Offload
 from backend.operating.kept_tuning import KeptTuning
 from backend.storage import banks, settings
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
+from backend.workers import Offload
 from plant.parameters import load_parameters
 
 LAB = load_parameters("lab")

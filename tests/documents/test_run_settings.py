@@ -15,10 +15,10 @@ from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import SETTINGS, KeptLoop
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.offload import Offload
 from backend.operating.tuning_in_use import by_default
 from backend.storage import runs
 from backend.storage.database import Database, open_database
+from backend.workers import Offload
 from plant.parameters import load_parameters
 from tests.documents.earlier import put_run
 

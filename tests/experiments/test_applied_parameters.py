@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.controllers.decoupler import decoupler_for, stiffness
+from backend.control.decoupler import decoupler_for, stiffness
 from backend.documents.applied_parameters import AppliedParameters
 from backend.documents.motor import (
     MODELS,

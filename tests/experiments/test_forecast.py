@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from backend.errors import OutOfRangeError
 from backend.experiments.forecasts.forecast import Forecast, forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
 from backend.loop.commands import Accepted, RunProgram, SetMode, SetReferences
 from backend.loop.mode import Mode
-from backend.refusal import OutOfRangeError
 from backend.tuning.models import LAM_MOTOR
 from plant.parameters import PlantParameters, load_parameters
 from tests.loop.bench_top import BenchTop

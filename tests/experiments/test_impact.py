@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from backend.controllers.touch import POLE
+from backend.control.disturbance_observer import POLE
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.impact import Hit, beside_each_other, hits_of, impact_figures
 from backend.experiments.results.metrics import NoSamplesError

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from backend.control import setpoint_player
+from backend.control.motion_types import Target
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.plans.profile import POINTS, profile
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.loop.program import Law, Program, Segment, Shape
 from backend.loop.program_arrays import player_of
-from backend.tick import player
-from backend.tick.decision import Target
 from plant.interface import T_s
 
 MIXED = Program(
@@ -34,7 +34,7 @@ def played(program: Program, q_ref: float, S_ref: float) -> np.ndarray:
     now = player_of(program.segments, last)
     rows: list[tuple[float, float]] = []
     while True:
-        over, last, now = player.play(now, last)
+        over, last, now = setpoint_player.play(now, last)
         if over:
             return np.array(rows)
         rows.append((last.q_ref, last.S_ref))

@@ -5,6 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from backend.control.motion_types import Target
+from backend.control.setpoint_player import play
 from backend.experiments.results.metrics import NoSamplesError
 from backend.experiments.results.response import (
     LEAST_LOW_GAIN,
@@ -18,8 +20,6 @@ from backend.experiments.results.response import (
 from backend.experiments.results.windows import excitations
 from backend.loop.program import Program
 from backend.loop.program_arrays import player_of
-from backend.tick.decision import Target
-from backend.tick.player import play
 from plant.interface import T_s
 from tests.experiments.composing.written import plan_of, with_parts
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.errors import OutOfRangeError
 from backend.experiments.banks.bank_building import build_bank, points_of, tuning_command
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -20,7 +21,6 @@ from backend.experiments.results.metrics import tracking_metrics
 from backend.faults import Fault
 from backend.loop.commands import Accepted, Reset, Stop
 from backend.recording.columns import recorded_columns
-from backend.refusal import OutOfRangeError
 from backend.storage import identifications, results, runs
 from backend.storage.database import open_database
 from backend.storage.records import UnknownRecordError

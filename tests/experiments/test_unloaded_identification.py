@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from backend.errors import OutOfRangeError
 from backend.experiments.forecasts.unloaded_prediction import predict_motor, predict_spring
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -18,7 +19,6 @@ from backend.experiments.settings import from_values
 from backend.identification.errors import IdentificationError
 from backend.loop.commands import Stop
 from backend.recording.columns import recorded_columns
-from backend.refusal import OutOfRangeError
 from backend.reports.build import build_report
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf

@@ -3,6 +3,7 @@
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from backend.errors import RefusedValueError
 from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.settings import describe
@@ -12,7 +13,6 @@ from backend.messages.base import UNITS
 from backend.messages.experiment import SettingView
 from backend.messages.identification import IdentificationRequest
 from backend.operating.run_kinds import identification_kinds, views_of
-from backend.refusal import RefusedValueError
 
 REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)
 NAMED = ("kind",)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.estimate import estimate

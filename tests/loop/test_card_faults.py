@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.controllers.limits import bounds_for
+from backend.control.decoupler import bounds_for
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.commands import (
     Accepted,

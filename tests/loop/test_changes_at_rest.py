@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from backend.control.motion_primitives import LARGEST_STEP_V
 from backend.loop.commands import SetMode, SetReferences
 from backend.loop.mode import Mode
-from backend.tick.soft_stop import LARGEST_STEP_V
 from plant.parameters import load_parameters
 from tests.loop.changes_at_rest import Moved, Session, changes_at_rest
 

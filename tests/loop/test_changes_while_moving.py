@@ -7,10 +7,10 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from backend.control.motion_primitives import LARGEST_STEP_V
 from backend.loop.commands import RunProgram, SetMode, SetReferences
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.program import Excitation, Law, Program, Segment
-from backend.tick.soft_stop import LARGEST_STEP_V
 from plant.parameters import load_parameters
 from tests.docs.faults_page import PAGE
 from tests.loop.changes_at_rest import Session

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from backend.errors import OutOfRangeError
 from backend.faults import Fault
 from backend.loop import commands
 from backend.loop.causes import Cause, HomingEnd
@@ -30,7 +31,6 @@ from backend.loop.mode import Mode, RefusedError
 from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Excitation, Law, Program, Segment, Shape
 from backend.loop.program_parts import ProgramParts
 from backend.loop.set_tuning import EntryGains, MotorGains, SetTuning
-from backend.refusal import OutOfRangeError
 from plant.dynamics import Obstacle
 from plant.manual_input import Hand
 

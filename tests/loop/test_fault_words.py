@@ -4,10 +4,10 @@ import re
 
 import pytest
 
+from backend.control.fault_detection import CLEAR, TRIPPED, FaultDetectionState
 from backend.faults import EXPLAINED, Fault, explained
 from backend.loop.checks import Checks
 from backend.loop.commands import Inject, Stop, Stopped
-from backend.tick.checks import CLEAR, TRIPPED, State
 from plant.interface import NO_RAW, NOT_MEASURED, Breakage, Broken, MotorCommand, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.loop.test_faults import moving, until_tripped
@@ -66,7 +66,7 @@ def test_a_stop_that_was_pressed_says_no_more_than_that(lab: PlantParameters) ->
 
 def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters) -> None:
     tripped = CLEAR._replace(what=TRIPPED)
-    seen = State(*(len(State._fields) * [None]))  # type: ignore[arg-type]
+    seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
     m = NOT_MEASURED._replace(F_B=12.0)
     _, detail = Checks(lab).told(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)
     assert detail == "the loop read no number from F_A, F_B = 12.0 N, no number from q then"

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from backend.controllers.limits import F_SLACK
-from backend.controllers.plausibility import CONTRADICTION_N
+from backend.control.decoupler import F_SLACK
+from backend.control.fault_detection import CONTRADICTION_N
 from backend.faults import FAULT_CODE, FAULTS, Fault
 from backend.loop.commands import (
     Accepted,

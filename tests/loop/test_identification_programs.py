@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.controllers import motors
+from backend.control import motion_primitives, pid
+from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
+from backend.control.motion_types import NO_REFERENCE, Carry, Decision
 from backend.loop.commands import Inject, Refused, RunEnded, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.program import Law, Program, TensionLeg, VoltageStep
 from backend.loop.program_arrays import voltage_steps_of
-from backend.tick import voltage_steps
-from backend.tick.decision import NO_REFERENCE, Carry, Decision
-from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from plant.interface import Breakage, Broken, Measurement, Sensor
@@ -152,11 +151,11 @@ def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -
     """Twice, at the joint's centre and where the step starts: here the same place, to which no way leads."""
     program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
     tuning = cascade_tuning(load_parameters("ideal"), Lambdas())
-    carry = Carry(motors.at_rest(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
-    state = voltage_steps_of(program, voltage_steps.Room(0.0, 0.0, F_slack=1.0, theta_max=9.0))
+    carry = Carry(pid.at_rest_motor_pair(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
+    state = voltage_steps_of(program, motion_primitives.VoltageMargin(0.0, 0.0, F_slack=1.0, theta_max=9.0))
     decided: list[Decision] = []
     for _ in range(60):
-        decision, carry, state = voltage_steps.step(tuning, carry, NO_REFERENCE, state, STILL)
+        decision, carry, state = motion_primitives.step_voltage_steps(tuning, carry, NO_REFERENCE, state, STILL)
         decided.append(decision)
     assert [decision.theta_A_ref for decision in decided[:40]] == [0.0] * 40
     assert {decision.bank_entry for decision in decided[:40]} == {0.0}  # no bank: its first entry, in no sample another

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from backend.control.motion_types import clipped
 from backend.faults import Fault, Limit
 from backend.loop.checks import Checks
 from backend.loop.commands import Push, SetReferences
-from backend.reading import Angles, in_words
-from backend.tick.decision import clipped
+from backend.units import Angles, in_words
 from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop

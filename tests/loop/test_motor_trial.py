@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from backend.controllers import motors
+from backend.control import pid
+from backend.control.motion_types import NO_REFERENCE, Carry
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.faults import Fault
@@ -17,7 +18,6 @@ from backend.loop.motor_trial import MotorTrial
 from backend.loop.set_tuning import SetTuning
 from backend.loop.tuned import tuning_of
 from backend.sample import INDEX
-from backend.tick.decision import NO_REFERENCE, Carry
 from backend.tuning.gains import knowledge
 from plant.factory import make_plant
 from plant.interface import Measurement, PlantChoice, PlantKind
@@ -87,7 +87,7 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
 def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
     gains = tuning_of(tuning_command(PARAMETERS, LoopSettings(), None), knowledge(PARAMETERS))
-    carry = Carry(motors.at_rest(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    carry = Carry(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = MotorTrial(carry, NO_REFERENCE, m, "A")
     rising = [trial.step(gains, m).u_A for _ in range(50)]
     assert rising == sorted(rising)
@@ -99,7 +99,7 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
 def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
     gains = tuning_of(tuning_command(PARAMETERS, LoopSettings(), None), knowledge(PARAMETERS))
-    carry = Carry(motors.at_rest(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    carry = Carry(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = ModuleTrial(carry, NO_REFERENCE, m)
     trial.step(gains, m)
     assert not trial.done

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from backend.controllers import brake
+from backend.control import motion_primitives
 from backend.loop.program import Law, Program, VoltageStep
 from backend.loop.program_arrays import voltage_steps_of
-from backend.tick import voltage_steps
 
 
 def test_voltage_steps_begin_on_the_way_to_the_centre_at_rest_with_the_first() -> None:
-    room = voltage_steps.Room(3.0, 3.5, 2.0, 12.0)
+    room = motion_primitives.VoltageMargin(3.0, 3.5, 2.0, 12.0)
     up = VoltageStep(theta_start=-0.5, u=2.5, duration_s=0.25, travel_rad=1.5)
     down = VoltageStep(theta_start=0.75, u=-2.5, duration_s=0.1, travel_rad=2.0)
     begun = voltage_steps_of(Program(Law.MOTOR_STEPS, steps=(up, down), settle_s=0.3), room)
@@ -17,10 +16,10 @@ def test_voltage_steps_begin_on_the_way_to_the_centre_at_rest_with_the_first() -
     assert begun._replace(steps=np.empty(0))[2:] == (
         300,
         0,
-        voltage_steps.CENTRED,
+        motion_primitives.CENTRED,
         0,
         0.0,
         0.0,
-        brake.State(0, 0, 0, 0),
+        motion_primitives.BrakeState(0, 0, 0, 0),
     )
     assert begun.room == room

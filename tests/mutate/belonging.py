@@ -9,10 +9,9 @@ from tests.mutate.trees import ROOT
 
 ROOMS = {
     "plant": ("tests/plant", "tests/closed_loop"),
-    "backend/controllers": ("tests/controllers", "tests/closed_loop", "tests/loop"),
+    "backend/control": ("tests/control", "tests/closed_loop", "tests/loop"),
     "backend/identification": ("tests/identification",),
     "backend/tuning": ("tests/tuning", "tests/closed_loop"),
-    "backend/tick": ("tests/tick", "tests/loop"),
     "backend/loop": ("tests/loop",),
 }
 """What is changed, and where it is tested."""

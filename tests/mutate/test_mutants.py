@@ -15,7 +15,7 @@ DYNAMICS = "plant/dynamics.py"
 TORQUE = """
 import pathlib
 import numba
-from backend.controllers.dead_zone import beyond
+from backend.control.pid import beyond
 from plant.dynamics import Friction, friction_torque
 
 def test_torque():

@@ -26,7 +26,7 @@ from numba.core.caching import _CacheLocator
 ROOT = Path(__file__).parents[2]
 COMPILED = (
     "plant",
-    *(f"backend/{room}" for room in ("controllers", "identification", "tuning", "tick", "loop")),
+    *(f"backend/{room}" for room in ("control", "identification", "tuning", "loop")),
 )
 """Where compiled functions stand."""
 
@@ -105,10 +105,9 @@ class Tree:
         target = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]  # numba fills this module at run time
         for sources in (
             "plant",
-            "backend/controllers",
+            "backend/control",
             "backend/identification",
             "backend/tuning",
-            "backend/tick",
             "backend/loop",
         ):
             old, new = (

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from backend.archive.comparison import compare
 from backend.archive.comparison_file import curves_file, table_file
 from backend.archive.differences import Curve, differences
+from backend.errors import RefusalError
 from backend.messages.comparison import AlignBy, ComparisonAsked, DifferencesAsked, StepSignal
 from backend.messages.live import MarkKind
 from backend.recording.reader import UnknownSignalError
-from backend.refusal import RefusalError
-from backend.storage import Database, events, open_database, runs
+from backend.storage import events, runs
+from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from tests.recording.compared_runs import recorded_run
 

@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.archive.stored_runs import Excerpt, StoredRuns
-from backend.offload import Offload
 from backend.recording.codec import pack, summarise
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.reader import read_envelope
@@ -18,6 +17,7 @@ from backend.storage import recordings, runs
 from backend.storage.database import Database, open_database
 from backend.storage.recordings import Chunk
 from backend.storage.runs import NewRun, RunKind
+from backend.workers import Offload
 from plant.interface import T_s
 
 SECONDS = 3 * 3600 + 7

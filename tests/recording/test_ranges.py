@@ -16,10 +16,10 @@ from scipy import signal
 
 from backend.archive import figures
 from backend.archive.figures import RangeAsked, file_pieces, spectra_lines, statistics_lines, values_at
+from backend.errors import OutOfRangeError
 from backend.exports import csv_file
 from backend.exports.source import of_run
 from backend.recording.reader import UnknownSignalError
-from backend.refusal import OutOfRangeError
 from backend.sample import STORED_NAMES
 from backend.storage.database import Database, open_database
 from backend.storage.records import UnknownRecordError

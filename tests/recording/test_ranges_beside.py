@@ -8,8 +8,8 @@ import pytest
 
 from backend.archive import figures
 from backend.archive.figures import RangeAsked, RecordedFigures, statistics_lines
-from backend.refusal import OutOfRangeError, RefusalError
-from backend.storage import Database
+from backend.errors import OutOfRangeError, RefusalError
+from backend.storage.database import Database
 from tests.recording.stored_run import store_run
 
 COUNT = 120_000

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from backend.experiments.results.held import Held
-from backend.reading import Angles
 from backend.reports.document import Paragraph, Report, Section
 from backend.reports.drawing import figure, frequency_axis, limit_line
 from backend.reports.held import hold_panels
 from backend.reports.html import to_html
 from backend.reports.series_figures import overlay
+from backend.units import Angles
 from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
 
 

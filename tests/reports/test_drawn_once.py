@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from backend.experiments.results.held import Held
-from backend.reading import Angles
 from backend.reports.drawn_once import drawn_once, forget_drawings
 from backend.reports.html import to_html
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
+from backend.units import Angles
 
 Given = tuple[tuple[Any, ...], dict[str, Any]]
 T = np.arange(5.0)

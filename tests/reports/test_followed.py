@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from backend.documents.result import StepFigures
-from backend.reading import Angles
 from backend.reports.document import Fact, Figure, Report, Table
 from backend.reports.followed import PapersLaw, beside, papers_law
 from backend.reports.html import to_html
@@ -17,6 +16,7 @@ from backend.reports.tracking import tracking_report
 from backend.tuning.closed_loop import run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
+from backend.units import Angles
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of
 

@@ -11,7 +11,6 @@ from backend.documents.result import Figure as Measured
 from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.result import Model
-from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.drawn_once import forget_drawings
@@ -21,6 +20,7 @@ from backend.reports.pdf import to_pdf
 from backend.reports.source import Source
 from backend.sample import STORED_NAMES
 from backend.storage.identifications import Identification
+from backend.units import Angles
 from plant.interface import T_s
 from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
 

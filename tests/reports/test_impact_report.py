@@ -11,7 +11,6 @@ from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.impact import hits_of
-from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.document import NO_FIGURE, Figure, Table
@@ -20,6 +19,7 @@ from backend.reports.impact import hits_table, reaction_tables
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
 from backend.storage.database import open_database
+from backend.units import Angles
 from plant.parameters import load_parameters
 
 PLAN = ready_plan("impact", speeds=2, v_slow=0.3)

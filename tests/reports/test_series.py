@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.errors import RefusalError
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.reading import Angles
 from backend.recording.columns import Columns
-from backend.refusal import RefusalError
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.document import Report, Table
@@ -35,6 +34,7 @@ from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.records import UnknownRecordError
+from backend.units import Angles
 from plant.parameters import load_parameters
 
 LAMBDAS = (0.4, 0.5, 0.6)

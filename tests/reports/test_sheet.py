@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from pypdf import PdfReader
 
+from backend.errors import RefusalError
 from backend.messages.sheet import LONGEST_SHEET
-from backend.refusal import RefusalError
 from backend.reports.sheet import (
     DEEPEST,
     LONGEST_MM,

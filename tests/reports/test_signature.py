@@ -11,7 +11,7 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from cryptography.hazmat.primitives.serialization import load_ssh_public_key
 
-from backend.private import make_private
+from backend.data_folder import make_private
 from backend.reports.signature import UnsignableError, Whose, read_signature, sign_page
 from backend.reports.signing_key import (
     SigningKeyError,

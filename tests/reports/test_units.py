@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure as Drawn
 
-from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.document import Code, Figure, Paragraph, Report, Table
 from backend.reports.drawn_once import forget_drawings
 from backend.reports.source import Source
+from backend.units import Angles
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from backend.data_folder import only_service_on
-from backend.storage import Database, open_database, settings
+from backend.storage import settings
+from backend.storage.database import Database, open_database
 from backend.storage.errors import DamagedError, StorageError
 from backend.storage.maintenance import backup, is_cut_short, recover
 from tests.cli.test_report import sinew

@@ -2,9 +2,10 @@
 
 import pytest
 
-from backend.refusal import RefusalError
-from backend.storage import Database, banks, experiments
+from backend.errors import RefusalError
+from backend.storage import banks, experiments
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database
 
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 

@@ -15,13 +15,13 @@ from backend.bring_up.steps import StepId
 from backend.documents.digest import digest_of
 from backend.documents.kept_tuning import saved_for
 from backend.documents.outcome import Outcome
+from backend.errors import STATION_MAX
 from backend.experiments.composing import ready_made
 from backend.faults import Fault
 from backend.identification.fit import Fit
 from backend.identification.noise import MAX_NOISE_ORDER
 from backend.identification.result import joint_method
 from backend.messages.run_search import SEARCH_NAME_MAX
-from backend.station import STATION_MAX
 from backend.storage import identifications, runs
 from backend.storage.carried import KINDS
 from backend.storage.database import Database

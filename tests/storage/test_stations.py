@@ -10,20 +10,16 @@ from threading import Barrier
 
 import pytest
 
+from backend.errors import STATION_MAX, RefusalError, require_station_name
 from backend.recording import retention as keeping
 from backend.recording.retention import NotRemovableError, Rule
-from backend.refusal import RefusalError
-from backend.station import STATION_MAX, require_station_name
 from backend.storage import (
-    Database,
-    Session,
     banks,
     bring_up,
     events,
     experiments,
     flights,
     identifications,
-    open_database,
     recordings,
     retention,
     run_search,
@@ -34,6 +30,7 @@ from backend.storage import (
 )
 from backend.storage.banks import BankEntry
 from backend.storage.bring_up import NewStepResult
+from backend.storage.database import Database, Session, open_database
 from backend.storage.flights import NewFlight
 from backend.storage.recordings import Chunk
 from backend.storage.records import UnknownRecordError

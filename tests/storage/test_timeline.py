@@ -7,16 +7,17 @@ from itertools import pairwise
 import pytest
 from sqlalchemy import update
 
+from backend.errors import RefusalError
 from backend.messages.live import MarkKind
-from backend.reading import Angles
-from backend.refusal import RefusalError
-from backend.storage import Database, Session, events, recordings, runs, timeline
+from backend.storage import events, recordings, runs, timeline
+from backend.storage.database import Database, Session
 from backend.storage.events import EventKind
 from backend.storage.recordings import Chunk
 from backend.storage.records import UnknownRecordError
 from backend.storage.schema import RunRow
 from backend.storage.tags import TagError
 from backend.storage.timeline import Asked, Happening
+from backend.units import Angles
 from tests.storage.test_run_search import NEW
 
 NOON = datetime(2026, 3, 31, 12, tzinfo=UTC)

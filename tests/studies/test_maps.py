@@ -11,22 +11,13 @@ from scipy.stats import binomtest
 
 from backend.experiments.results.measures import FIGURES
 from backend.experiments.settings import SettingError
-from backend.reading import Angles
 from backend.reports import study_map
 from backend.storage.studies import StoredPoint
 from backend.studies.loop_figures import LOOP_FIGURES
-from backend.studies.maps import (
-    LEAST_IS_WORST,
-    NEITHER_IS_WORST,
-    PICKS,
-    WORST,
-    axis_labels,
-    map_of,
-    shares,
-    spreadings,
-)
+from backend.studies.maps import LEAST_IS_WORST, NEITHER_IS_WORST, PICKS, WORST, axis_labels, map_of, shares, spreadings
 from backend.studies.point import UNSTABLE, PointResult
 from backend.studies.runner import as_stored
+from backend.units import Angles
 
 AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 

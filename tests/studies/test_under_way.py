@@ -8,13 +8,13 @@ from typing import Any, cast
 import pytest
 
 from backend.archive.studies import Studies
+from backend.errors import RefusalError
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.offload import Offload
 from backend.operating.studies_under_way import WAITING_MAX, StudiesUnderWay
 from backend.operating.text_work import TextWork
-from backend.refusal import RefusalError
 from backend.storage import studies
 from backend.storage.database import Database, open_database
+from backend.workers import Offload
 from plant.parameters import load_parameters
 from tests.studies.studying import SHORT
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.controllers.decoupler import Decoupler, stiffness_slope
+from backend.control.decoupler import Decoupler, stiffness_slope
 from backend.tuning.formulas import (
     TuningError,
     motor_gains,

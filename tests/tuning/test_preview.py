@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from backend.refusal import OutOfRangeError
+from backend.errors import OutOfRangeError
 from backend.tuning.closed_loop import run
 from backend.tuning.formulas import TuningError, motor_gains
 from backend.tuning.gains import cascade_tuning, motor_loops, position_gains, stiffness_gains

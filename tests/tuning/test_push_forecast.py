@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from backend.controllers import i_p, i_pd, rejection, touch
-from backend.controllers.rejection import Rejection
-from backend.controllers.scheduling import gains_at, select
-from backend.refusal import OutOfRangeError
+from backend.control import disturbance_observer, pid
+from backend.control.decoupler import gains_at, select
+from backend.control.disturbance_observer import Rejection
+from backend.errors import OutOfRangeError
 from backend.tuning.closed_loop import Array
 from backend.tuning.gains import UNSEEN_F, cascade_tuning, require_share
 from backend.tuning.linear_model import decoupling, linear_plant
@@ -45,7 +45,7 @@ def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 
         u = inner_f - k_p * y_f - k_d / t_f * (plant[2] - y_f)
         moved = DIFFERENCE.A @ plant + DIFFERENCE.B @ (u, acts)
         laws = (-i * q, k_i * (reference - plant[2]), (inner - inner_f) / t_f, (plant[2] - y_f) / t_f)
-        observed = touch.POLE * (np.append(acts, seen[:2]) - seen)
+        observed = disturbance_observer.POLE * (np.append(acts, seen[:2]) - seen)
         return np.concatenate([moved, laws, observed, (np.append(answered, lags[:3]) - lags) / LAM_M])
 
     at = np.arange(0.0, seconds, T_s)
@@ -108,7 +108,7 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
     The springs are ``off`` times what the observer takes them for; the joint leans on ``K_env`` [N·m/rad].
     """
     tuning = cascade_tuning(LAB, Lambdas(lam_q=lam), k_ext=k_ext)
-    d, observer = tuning.decoupler, touch.observer_for(LAB)
+    d, observer = tuning.decoupler, disturbance_observer.observer_for(LAB)
     plant = linear_plant(LAB, d, S)
     moving = plant.A.copy()
     moving[:, 0] -= plant.B[:, 2] * K_env
@@ -131,12 +131,14 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
             observer.q_dot_of_q_dot * x[16] + observer.q_dot_of_tau * tau + observer.L_q_dot * surprise,
             x[17] + observer.L_tau * surprise,
         )
-        state = rejection.step(r, rejection.State(k_ext, *x[19:24]), seen[2])
-        answer = rejection.answer(state, S)
-        q_c, position = i_p.step(gains_q, i_p.State(x[14]), 0.0, q - answer.q, 0.0)
+        state = disturbance_observer.step_disturbance_feedforward(
+            r, disturbance_observer.DisturbanceFeedforwardState(k_ext, *x[19:24]), seen[2]
+        )
+        answer = disturbance_observer.answer(state, S)
+        q_c, position = pid.step_i_p(gains_q, pid.IPState(x[14]), 0.0, q - answer.q, 0.0)
         ref_A, ref_B = split @ (q_e, 0.0)
-        u_A, _, A = i_pd.step(tuning.motors.A, i_pd.State(*x[8:11]), ref_A, theta_A, math.inf)
-        u_B, _, B = i_pd.step(tuning.motors.B, i_pd.State(*x[11:14]), ref_B, theta_B, math.inf)
+        u_A, _, A = pid.step_i_pd(tuning.motors.A, pid.IPDState(*x[8:11]), ref_A, theta_A, math.inf)
+        u_B, _, B = pid.step_i_pd(tuning.motors.B, pid.IPDState(*x[11:14]), ref_B, theta_B, math.inf)
         moved = held[:8, :8] @ x[:8] + held[:8, 8:] @ (u_A, u_B)
         return np.concatenate([moved, A, B, position, seen, [pull], state[1:], [q_c + answer.q_e]])
 

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from backend.controllers.decoupler import decoupler_for, motor_positions
+from backend.control.decoupler import decoupler_for, motor_positions
 from backend.tuning.formulas import TuningError, motor_gains, outer_gains
 from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
 from backend.tuning.linear_model import decoupled_model

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
-from backend.controllers import cascade
+from backend.control import cascade
 from backend.tuning import closed_loop
 from backend.tuning.followed_plan import planned_response
 from backend.tuning.gains import cascade_tuning
@@ -154,7 +154,7 @@ UNLIKE = replace(
 """Sides that differ, and are known to."""
 
 
-def measured_response(parameters: PlantParameters, tuning: cascade.Tuning, signal: str, period: int) -> Complex:
+def measured_response(parameters: PlantParameters, tuning: cascade.CascadeTuning, signal: str, period: int) -> Complex:
     """Of q and S (2,) to a small sine of a reference: fitted over whole periods, after the transient."""
     ticks, before = period * max(round(3000 / period), 2), -(-8000 // period) * period
     phase = 2.0 * np.pi * np.arange(before + ticks) / period
@@ -189,7 +189,7 @@ def test_the_simulated_actuator_follows_a_small_sine_as_predicted(
     assert abs(measured[1 - own] - H[1 - own]) < bounds[1 - own]
 
 
-def loop_response(parameters: PlantParameters, tuning: cascade.Tuning, S: float, f: Array) -> Complex:
+def loop_response(parameters: PlantParameters, tuning: cascade.CascadeTuning, S: float, f: Array) -> Complex:
     return sampled_loop(parameters, tuning, S).closed.response(f)
 
 

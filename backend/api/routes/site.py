@@ -11,8 +11,8 @@ from starlette.types import Receive, Scope, Send
 
 from backend.api.auth import SignedIn
 from backend.api.errors import STATUS
+from backend.errors import RefusalError
 from backend.public_url import PublicUrl
-from backend.refusal import RefusalError
 from backend.web_server.cookies import authentication_of, grant, shown_by
 from backend.web_server.message_page import message_page
 from backend.web_server.proxied import COOKIE_PATH, PUBLIC

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, ServiceInUse
+from backend.errors import Because, RefusalError
 from backend.messages.base import Finite
 from backend.messages.state import State
 from backend.messages.tuning import (
@@ -18,7 +19,6 @@ from backend.messages.tuning import (
     TuningRequest,
     TuningView,
 )
-from backend.refusal import Because, RefusalError
 
 LAM_PREVIEW_MIN = 0.05
 """Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""

@@ -6,7 +6,7 @@ from itertools import pairwise
 from math import isfinite
 from typing import Any
 
-from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.documents.plant_numbers import PLANT_NUMBERS, PlantNumber
 from backend.experiments.banks.default_choice import default_lam_motor
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from backend.controllers import i_p
+from backend.control import pid
 from backend.experiments.banks.bank_consistency import point_of
 from backend.storage.banks import BankEntry
 from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
@@ -94,7 +94,7 @@ def with_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[B
     return tuple(sorted([*kept, *new], key=lambda entry: entry.S_nominal))
 
 
-def _loop(K: float, T: float, gains: i_p.Gains, process: OuterProcess) -> LoopFigures:
+def _loop(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> LoopFigures:
     M_s = process.sensitivity_peak(gains)
     return LoopFigures(K, T, gains.k_p, gains.k_i, M_s if isfinite(M_s) else None)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from backend.documents.result import Phase
 from backend.documents.run_settings import Value
+from backend.errors import Path
 from backend.loop.program import Segment, Touch
-from backend.refusal import Path
 from plant.dynamics import Obstacle
 
 

@@ -6,9 +6,11 @@ from dataclasses import replace
 from functools import singledispatchmethod
 from typing import Any
 
+from backend.control.setpoint_player import LEAST_BITS, MOST_BITS, MOST_LINES
 from backend.documents import experiment as form
 from backend.documents.result import Phase
 from backend.documents.run_settings import Value, with_motion
+from backend.errors import Path, require_within
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, Names
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
@@ -20,8 +22,6 @@ from backend.experiments.composing.touches import LEARNING_S, Touches
 from backend.experiments.settings import describe
 from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, Shape
 from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
-from backend.refusal import Path, require_within
-from backend.tick.waveforms import LEAST_BITS, MOST_BITS, MOST_LINES
 from plant.dynamics import K_LEAST, Obstacle
 
 LONGEST_S = 3600.0

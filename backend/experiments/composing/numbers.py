@@ -1,8 +1,8 @@
 """Numbers as a part of an experiment asks for them: expressions, their bounds, and where they stand. Pure."""
 
+from backend.errors import Path, require_within
 from backend.experiments.composing.expressions import ExpressionError, Names, number_of
 from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
-from backend.refusal import Path, require_within
 
 LONGEST_PART_S = 600.0
 Q_REF_MAX = 1.4

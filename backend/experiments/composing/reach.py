@@ -1,10 +1,10 @@
 """Whether a plant's joint and stiffness may be brought where an experiment asks, told with line and bound. Pure."""
 
-from backend.controllers.limits import bounds_for
+from backend.control.decoupler import bounds_for
+from backend.errors import require_within
 from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
 from backend.loop.program import OSCILLATING, left_at
-from backend.refusal import require_within
 from plant.dynamics import SUBSTEPS, require_possible
 from plant.interface import PlantError, T_s
 from plant.parameters import PlantParameters

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from backend.reading import Angles
-from backend.refusal import Path, RefusedValueError
+from backend.errors import Path, RefusedValueError
+from backend.units import Angles
 
 Lines = Mapping[Path, int]
 """Line of each part of a text, from 1, by its place in what the text says."""

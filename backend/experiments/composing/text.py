@@ -14,9 +14,9 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from backend.documents.experiment import EXPERIMENT, FORMAT, Experiment
+from backend.errors import Path
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
-from backend.refusal import Path
 
 MAX_CHARACTERS = 100_000
 _DEEPEST = 40

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, replace
 
+from backend.errors import Path
 from backend.experiments.composing.laid import Laid
 from backend.loop.program import left_at
-from backend.refusal import Path
 
 
 @dataclass(frozen=True)

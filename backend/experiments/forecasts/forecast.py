@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import force_hold
-from backend.controllers.decoupler import decoupler_for, equilibrium, stiffness
-from backend.controllers.limits import bounds_for
+from backend.control import pid
+from backend.control.decoupler import bounds_for, decoupler_for, equilibrium, stiffness
+from backend.errors import OutOfRangeError
 from backend.experiments.forecasts.timetable import Timetable, of_way
 from backend.experiments.forecasts.way import Start, Way
 from backend.experiments.plans.plan import IdentificationPlan, Plan
 from backend.loop.program import IDENTIFYING, Law
-from backend.refusal import OutOfRangeError
 from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -110,8 +109,8 @@ def forecast(
     q_expected = [start.q, *q[taut]]
     q_low, q_high = min(q_expected) - ASIDE_RAD, max(q_expected) + ASIDE_RAD
     for at in np.flatnonzero(trimmed[::STEP_TICKS]):
-        q_low = min(q_low, equilibrium(d, theta_A[at] - force_hold.TRIM_MAX, theta_B[at]))
-        q_high = max(q_high, equilibrium(d, theta_A[at] + force_hold.TRIM_MAX, theta_B[at]))
+        q_low = min(q_low, equilibrium(d, theta_A[at] - pid.TRIM_MAX, theta_B[at]))
+        q_high = max(q_high, equilibrium(d, theta_A[at] + pid.TRIM_MAX, theta_B[at]))
     shown = np.flatnonzero(taut)
     shown = shown[:: max(shown.size // PATH_POINTS, 1)]
     return Forecast(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers.decoupler import decoupler_for, equilibrium
+from backend.control.decoupler import decoupler_for, equilibrium
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.validation import MIN_COUNTS
 from plant.dynamics import elongation, tension

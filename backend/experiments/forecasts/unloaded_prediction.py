@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backend.controllers.decoupler import decoupler_for, stiffness
+from backend.control.decoupler import decoupler_for, stiffness
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification.motor import turn_from_rest
 from plant.dynamics import elongation

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import brake, pretension
+from backend.control import motion_primitives
+from backend.control.motion_primitives import PRETENSION_N, STEP_BRAKING_S, ZERO_VOLTS_S
+from backend.control.motion_types import TRAVEL_SPEED
 from backend.experiments.forecasts.stretches import Stage, Stretch
 from backend.loop.mode import MODES, Mode
 from backend.loop.program import Law, Program, VoltageStep, starts_from
 from backend.sample import INDEX
-from backend.tick.decision import TRAVEL_SPEED
-from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.tick.winding import PRETENSION_N
 from plant.dynamics import elongation, tension
 from plant.interface import T_s
 from plant.parameters import SIDES, PlantParameters, Side
@@ -96,7 +95,7 @@ class Way:
     def home(self) -> None:
         """Travel to pretension and stand there as long as it takes to be granted."""
         self._walk(self.wound(PRETENSION_N))
-        self._hold(pretension.STANDSTILL_S)
+        self._hold(motion_primitives.STANDSTILL_S)
         self._mode = Mode.PRETENSION
 
     def play(self, program: Program) -> None:
@@ -181,12 +180,12 @@ class Way:
         """Pretension from slack, as ``pretension.step`` winds: the zero is found anew, the joint is left at rest."""
         r_m = self._parameters.geometry.r_m
         behind = 1.0 - math.exp(-T_s / _WINDING_LAG_S)
-        state = pretension.State(0.0, 0.0, *self.at, 0.0)
+        state = motion_primitives.PretensionState(0.0, 0.0, *self.at, 0.0)
         theta = list(self.at)
         ticks: list[Angles] = []
-        while state.steady_s < pretension.STANDSTILL_S and len(ticks) * T_s < _WINDING_MAX_S:
+        while state.steady_s < motion_primitives.STANDSTILL_S and len(ticks) * T_s < _WINDING_MAX_S:
             F = [max(tension(self._springs[side], r_m * angle), 0.0) for side, angle in zip(SIDES, theta, strict=True)]
-            state = pretension.step(state, PRETENSION_N, *F)
+            state = motion_primitives.step_pretension(state, PRETENSION_N, *F)
             asked = state.theta_A_ref, state.theta_B_ref
             theta = [angle + behind * (to - angle) for angle, to in zip(theta, asked, strict=True)]
             ticks.append(asked)
@@ -203,10 +202,10 @@ class Way:
                 break
         self._add(*np.array(turned).T)
         u_max = self._parameters.motor.u_max
-        state = brake.State(*turned[-1], 0.0, 0.0)
+        state = motion_primitives.BrakeState(*turned[-1], 0.0, 0.0)
         braked = turned[-1:]
         for _ in range(round(STEP_BRAKING_S / T_s)):
-            u_A, u_B, state = brake.step(state, *braked[-1], u_max)
+            u_A, u_B, state = motion_primitives.step_brake(state, *braked[-1], u_max)
             braked.append((motors[0].step(u_A), motors[1].step(u_B)))
         theta_A, theta_B = np.array(braked[1:]).T
         return theta_A, theta_B

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backend.documents.result import Phase
+from backend.errors import require_within
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import choice, integer, number
 from backend.identification.fit import Method
 from backend.loop.program import Excitation, Law, Program
-from backend.refusal import require_within
 
 MAX_EXCITATION_S = 600.0
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.control import setpoint_player
+from backend.control.motion_types import Target
 from backend.loop.program import Program, Shape
 from backend.loop.program_arrays import player_of
-from backend.tick import player, waveforms
-from backend.tick.decision import Target
 from plant.interface import T_s
 
 Array = NDArray[np.float64]
@@ -38,11 +38,11 @@ def profile(program: Program, q_ref: float, S_ref: float) -> Profile:
     for segment, row in zip(program.segments, player_of(program.segments, start).segments, strict=True):
         ticks = round(segment.duration_s / T_s)
         chip = max(1, round(segment.period_s / T_s)) if segment.shape is Shape.PRBS else ticks + 1
-        register, advanced = waveforms.FIRST, 0
+        register, advanced = setpoint_player.FIRST, 0
         for tick in sorted({1, *range(every, ticks, every), ticks}):
             while advanced < (tick - 1) // chip:
-                register, advanced = waveforms.next_register(register, segment.count), advanced + 1
-            target = player.within(row, start, tick * T_s, register)
+                register, advanced = setpoint_player.next_register(register, segment.count), advanced + 1
+            target = setpoint_player.within(row, start, tick * T_s, register)
             points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
-        start, begun = player.after(row, start), begun + ticks
+        start, begun = setpoint_player.after(row, start), begun + ticks
     return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)

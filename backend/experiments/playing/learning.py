@@ -5,7 +5,7 @@ At a rig and at the dashboard a person lets go of the joint and learns; at a com
 
 import numpy as np
 
-from backend.controllers.limits import STIFFNESS_RANGE
+from backend.control.decoupler import STIFFNESS_RANGE
 from backend.experiments.playing.play import PRETENSION_TIMEOUT_S, SLICE_S, NotPlayedError
 from backend.loop.commands import Accepted, Command, Refused, SetMode, SetReferences
 from backend.loop.headless import Headless

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from backend.errors import Path, RefusedValueError
 from backend.experiments.banks.bank_building import points_of, tuning_command
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.reach import require_reach
@@ -12,7 +13,6 @@ from backend.experiments.plans.plan import Plan
 from backend.experiments.results.measures import require_measurable
 from backend.loop.program import Program
 from backend.loop.set_tuning import SetTuning
-from backend.refusal import Path, RefusedValueError
 from backend.storage import banks
 from backend.storage.banks import Bank
 from backend.storage.database import Database

@@ -13,6 +13,7 @@ from typing import Any
 
 from backend import __version__
 from backend.documents.run_settings import SETTINGS, KeptGrant, KeptLoop, RunSettings
+from backend.errors import RefusedValueError
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
@@ -26,7 +27,6 @@ from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
 from backend.loop.access import LoopAccess, LoopDiedError
-from backend.refusal import RefusedValueError
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.errors import StorageError

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.documents.actuator import (
     MODEL,
     QUALITY,

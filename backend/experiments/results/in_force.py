@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.controllers import cascade
+from backend.control import cascade
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import KeptLoop, with_motion
 from backend.experiments.banks.bank_building import HasEntries, points_of
@@ -69,7 +69,7 @@ class InForce:
             q, S = left_at(segment, q, S)
         return q, S
 
-    def gains_at(self, sample: int) -> cascade.Tuning:
+    def gains_at(self, sample: int) -> cascade.CascadeTuning:
         """Return the gains of the cascade at a sample. Raises NotPredictedError."""
         if self.plan.law not in (Law.CASCADE, Law.COMPLIANCE):
             raise NotPredictedError(f"of the law {self.plan.law} no prediction is made")

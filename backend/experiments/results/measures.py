@@ -6,6 +6,7 @@ from typing import Any
 
 from backend.documents.experiment import Bound, Experiment, Measure
 from backend.documents.run_settings import Value
+from backend.errors import Path
 from backend.experiments.composing.expressions import ExpressionError, require_known
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.composing.settings import OF_THE_PLANT
@@ -18,7 +19,6 @@ from backend.experiments.results.metrics import Overall
 from backend.experiments.results.pushed import PushFigures
 from backend.experiments.results.response import ResponseFigures
 from backend.experiments.results.robustness import RobustnessFigures
-from backend.refusal import Path
 from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backend.controllers.limits import bounds_for
+from backend.control.decoupler import bounds_for
 from backend.documents.actuator import Channel, ChannelName
 from backend.documents.edge import Document, UnreadableDocumentError
 from backend.experiments.results.load_friction import document_of, load_friction_of_newest

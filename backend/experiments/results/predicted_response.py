@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade
+from backend.control import cascade
 from backend.experiments.results.in_force import InForce, NotPredictedError
 from backend.experiments.results.response import Response, bandwidth
 from backend.experiments.results.windows import Excited
@@ -29,7 +29,7 @@ class Predicted:
 
     signal: str
     S: float
-    tuning: cascade.Tuning
+    tuning: cascade.CascadeTuning
     in_force: InForce
 
     def response(self, f: Array) -> Complex:
@@ -63,7 +63,7 @@ def predicted(in_force: InForce, excited: Excited, references: Array) -> Predict
     return Predicted(excited.signal, S, tuning, in_force)
 
 
-def asked_voltage(tuning: cascade.Tuning, S: float, references: Array) -> float:
+def asked_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
     """Largest |u_d| + |u_c| [V] with which the axes of a plan keep up with references (n, 2): (T θ'' + θ')/K."""
     model = tuning.following.model
     theta = (references - references[0]) @ decoupling(tuning.decoupler, S).T

@@ -1,7 +1,7 @@
 /**
  * The one place where a quantity is turned into what a person reads or types, and back. SI on the wire and in the
  * code; angles in the unit that the person chose. What is converted hangs on the unit alone: gains per radian
- * (N·m/rad, rad/(V·s)) stay as the paper has them. The service has the same rules in `backend/reading.py`. Pure.
+ * (N·m/rad, rad/(V·s)) stay as the paper has them. The service has the same rules in `backend/units.py`. Pure.
  */
 
 import { fixed, MINUS, short } from "./format";
@@ -134,7 +134,7 @@ export function rangeWithUnit(minimum: number, maximum: number, unit: string, an
   return withUnit(rangeText(minimum, maximum, unit, angles), readingOf(unit, angles).unit);
 }
 
-/** A bound as `backend/refusal.py` writes it: a whole number, or in few digits rounded towards the inside. */
+/** A bound as `backend/errors.py` writes it: a whole number, or in few digits rounded towards the inside. */
 function bound(shown: number, inwards: (value: number) => number, digits: number): number {
   const read = Number(shown.toPrecision(digits));
   if (Number.isInteger(shown) || Math.abs(read - shown) <= 1e-12 * Math.abs(shown)) {

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.errors import IdentificationError
 from backend.identification.estimate import estimate

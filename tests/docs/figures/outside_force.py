@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.controllers import touch
+from backend.control import disturbance_observer
 from backend.sample import INDEX
 from backend.storage.database import open_database
 from plant.interface import T_s
@@ -81,7 +81,7 @@ def swept(parameters: PlantParameters, seed: int) -> tuple[tuple[float, float], 
             ring = parts.supervisor.ring
             newest = ring.newest()
             assert newest is not None
-            off.append(touch.bias_at(bias, float(newest[INDEX["S"]])) - await truth.at_rest(parts))
+            off.append(disturbance_observer.bias_at(bias, float(newest[INDEX["S"]])) - await truth.at_rest(parts))
             count = round(1.0 / T_s)
             _, rows, _ = ring.read(ring.count - count, count)
             shown.append(float(rows[:, INDEX["F_ext_hat"]].mean()))

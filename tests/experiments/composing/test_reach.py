@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from backend.controllers.limits import bounds_for
+from backend.control.decoupler import bounds_for
 from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.reach import require_reach
 from backend.experiments.composing.refused import ExperimentError

@@ -1,0 +1,338 @@
+"""Rivals of the paper: feedback linearisation with a full model, and one loop per output without a cascade."""
+
+import math
+from typing import NamedTuple
+
+from backend.control import cascade, decoupler, pid
+from backend.control import cascade as governor
+from backend.control.decoupler import Decoupler
+from plant.compiled import compiled
+from plant.dynamics import (
+    SUBSTEPS,
+    Dynamics,
+    Motor,
+    PlantState,
+    advance,
+    curvature,
+    elongation_A,
+    elongation_B,
+    friction_torque,
+    joint_acceleration,
+    slope,
+    tension,
+)
+from plant.interface import Measurement, T_s
+
+# Feedback linearization ----------------------------------------------------------------------------
+#
+# Baseline with a full model: feedback linearisation with decoupling of joint position and
+# stiffness.
+#
+# The static law, as in Palli, Melchiorri, Wimböck, Grebenstein, Hirzinger, "Feedback linearization
+# and simultaneous stiffness-position control of robots with antagonistic actuated joints" (ICRA
+# 2007); De Luca, Flacco, Bicchi, Schiavi, "Nonlinear decoupled motion-stiffness control and
+# collision detection/reaction for the VSA-II variable stiffness device" (IROS 2009). Static: q has
+# relative degree 4 and S has 2, together the six states of the model, so the law needs no states of
+# its own but the integrals; the dynamic extension filters S twice more (docs/errata.md, E9). The
+# motors' accelerations appear in the fourth derivative of q and in the second of S (the torques'
+# lag of 2 ms left out); the law solves for those that make q'''' = v_q, S'' = v_S and lets
+#
+#     v_q = q_d'''' + Σ a_i (q_d − q)^(i),  v_S = S_d'' + Σ b_i (S_d − S)^(i),  i = −1 (the integral), 0, 1 ...
+#
+# follow a smooth reference. Speeds, which no sensor reads, come from the model itself, run beside
+# the plant and corrected by the measured angles.
+
+
+class FeedbackLinearizationGains(NamedTuple):
+    """References pass 1/(λ s + 1)^4 and 1/(λ s + 1)²; all poles of each error at −``pole``; poles in rad/s.
+
+    ``observer_pole``: of the model's correction, double for each angle.
+    """
+
+    lam_q: float
+    lam_S: float
+    pole_q: float
+    pole_S: float
+    observer_pole: float
+
+
+class FeedbackLinearizationTuning(NamedTuple):
+    """Model of the plant and all else the tick needs; ``omega_max`` [rad/s] bounds the governor, ``u_max`` [V].
+
+    The model's friction is smoothed (``plant.dynamics.smoothed``): of bristles the law knows nothing.
+    """
+
+    gains: FeedbackLinearizationGains
+    model: Dynamics
+    decoupler: Decoupler
+    omega_max: float
+    u_max: float
+
+
+class Smooth(NamedTuple):
+    """A reference with its derivatives, each in the unit of the signal per s^i."""
+
+    r_0: float
+    r_1: float
+    r_2: float
+    r_3: float
+
+
+class FeedbackLinearizationState(NamedTuple):
+    """Everything the law remembers; ``x`` is the model's state, the integrals are of the errors [rad·s, N·m·s/rad]."""
+
+    governor: governor.GovernorState
+    q_d: Smooth
+    S_d: Smooth
+    x: PlantState
+    integral_q: float
+    integral_S: float
+
+
+class _Chain(NamedTuple):
+    """Where the two chains of integrators stand, and how the motors couple into them.
+
+    ``drift`` is q'''' [rad/s⁴] while both motors turn at constant speed; slopes [N/m] and forces [N] of the springs.
+    """
+
+    q_2: float
+    q_3: float
+    S_1: float
+    drift: float
+    slope_A: float
+    slope_B: float
+    F_A: float
+    F_B: float
+
+
+@compiled
+def _smooth_4(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
+    """One tick of 1/(λ s + 1)^4: the fourth derivative now, and the reference in the next tick."""
+    w = 1.0 / lam
+    r_4 = w**4 * (r - s.r_0) - 4.0 * w**3 * s.r_1 - 6.0 * w**2 * s.r_2 - 4.0 * w * s.r_3
+    return r_4, Smooth(s.r_0 + T_s * s.r_1, s.r_1 + T_s * s.r_2, s.r_2 + T_s * s.r_3, s.r_3 + T_s * r_4)
+
+
+@compiled
+def _smooth_2(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
+    """One tick of 1/(λ s + 1)²: the second derivative now, and the reference in the next tick."""
+    w = 1.0 / lam
+    r_2 = w**2 * (r - s.r_0) - 2.0 * w * s.r_1
+    return r_2, Smooth(s.r_0 + T_s * s.r_1, s.r_1 + T_s * r_2, 0.0, 0.0)
+
+
+@compiled
+def _corrected(pole: float, x: PlantState, m: Measurement) -> PlantState:
+    """State of the model, drawn towards the measured angles."""
+    e_q, e_A, e_B = m.q - x.q, m.theta_A - x.theta_A, m.theta_B - x.theta_B
+    angle, speed = 2.0 * pole * T_s, pole**2 * T_s
+    return PlantState(
+        x.q + angle * e_q,
+        x.q_dot + speed * e_q,
+        x.theta_A + angle * e_A,
+        x.omega_A + speed * e_A,
+        x.tau_A,
+        x.theta_B + angle * e_B,
+        x.omega_B + speed * e_B,
+        x.tau_B,
+        x.z_A,
+        x.z_B,
+    )
+
+
+@compiled
+def _chain(model: Dynamics, d: Decoupler, x: PlantState) -> _Chain:
+    """Differentiate q and S along the model (equations 1-5, 13, 16 differentiated)."""
+    joint = model.joint
+    x_A, x_B = elongation_A(joint, x.theta_A, x.q), elongation_B(joint, x.theta_B, x.q)
+    rate_A, rate_B = elongation_A(joint, x.omega_A, x.q_dot), elongation_B(joint, x.omega_B, x.q_dot)
+    F_A, F_B = tension(model.spring_A, x_A), tension(model.spring_B, x_B)
+    slope_A, slope_B = slope(model.spring_A, x_A), slope(model.spring_B, x_B)
+    bend_A, bend_B = curvature(model.spring_A, x_A), curvature(model.spring_B, x_B)
+    q_2 = joint_acceleration(joint, x.q_dot, F_A, F_B, 0.0)
+    q_3 = joint_acceleration(joint, q_2, slope_A * rate_A, slope_B * rate_B, 0.0)
+    F_A_2 = bend_A * rate_A**2 - slope_A * joint.r_j * q_2
+    F_B_2 = bend_B * rate_B**2 + slope_B * joint.r_j * q_2
+    drift = joint_acceleration(joint, q_3, F_A_2, F_B_2, 0.0)
+    _, S_1 = decoupler.rates(d, x.theta_A, x.theta_B, x.omega_A, x.omega_B)
+    return _Chain(q_2, q_3, S_1, drift, slope_A, slope_B, F_A, F_B)
+
+
+@compiled
+def _voltage(motor: Motor, acceleration: float, omega: float, omega_d: float, load: float) -> float:
+    """Voltage [V] for an acceleration [rad/s²] (equations 6-9, without the lag of the torque).
+
+    Friction is compensated at the speed that is wanted: at the estimated speed it would excite what it should damp.
+    """
+    friction = friction_torque(motor.friction, omega_d, load, 0.0)
+    return (motor.J_m * acceleration + motor.B_m * omega + load + friction) / motor.K_t
+
+
+@compiled
+def step_feedback_linearization(
+    tuning: FeedbackLinearizationTuning, state: FeedbackLinearizationState, q_ref: float, S_ref: float, m: Measurement
+) -> tuple[cascade.CascadeOutput, FeedbackLinearizationState]:
+    """One tick: references [rad, N·m/rad] and a measurement to motor voltages [V]."""
+    d, model, gains = tuning.decoupler, tuning.model, tuning.gains
+    motor_A, motor_B, joint = model.motor_A, model.motor_B, model.joint
+    reference, governed = governor.step_governor(d, tuning.omega_max, state.governor, q_ref, S_ref)
+    q_4, q_next = _smooth_4(gains.lam_q, state.q_d, reference.q_ref)
+    S_2, S_next = _smooth_2(gains.lam_S, state.S_d, reference.S_ref)
+    q_d, S_d = state.q_d, state.S_d
+    x = _corrected(gains.observer_pole, state.x, m)
+    c = _chain(model, d, x)
+
+    # All poles of the errors at −p: (s + p)^5 and (s + p)^3, the last power for the integral.
+    p, S = gains.pole_q, decoupler.stiffness(d, m.theta_A, m.theta_B)
+    e_q, e_S = q_d.r_0 - m.q, S_d.r_0 - S
+    v_q = q_4 + 5.0 * p * (q_d.r_3 - c.q_3) + 10.0 * p**2 * (q_d.r_2 - c.q_2) + 10.0 * p**3 * (q_d.r_1 - x.q_dot)
+    v_q += 5.0 * p**4 * e_q + p**5 * state.integral_q
+    p = gains.pole_S
+    v_S = S_2 + 3.0 * p * (S_d.r_1 - c.S_1) + 3.0 * p**2 * e_S + p**3 * state.integral_S
+
+    # J_j (v_q − drift) = r_j r_m (F_A' θ_A'' − F_B' θ_B'')  and  v_S = dS/dθ (θ_A'' + θ_B'')
+    twist = joint.J_j * (v_q - c.drift) / (joint.r_j * joint.r_m)
+    S_slope = decoupler.stiffness_slope(d, S)
+    wind = v_S / S_slope
+    acceleration_A = (twist + c.slope_B * wind) / (c.slope_A + c.slope_B)
+    acceleration_B = wind - acceleration_A
+    speed_q, speed_S = d.r_j / d.r_m * q_d.r_1, 0.5 * S_d.r_1 / S_slope
+    wanted_A = _voltage(motor_A, acceleration_A, x.omega_A, speed_S + speed_q, joint.r_m * c.F_A)
+    wanted_B = _voltage(motor_B, acceleration_B, x.omega_B, speed_S - speed_q, joint.r_m * c.F_B)
+    u_A = min(max(wanted_A, -tuning.u_max), tuning.u_max)
+    u_B = min(max(wanted_B, -tuning.u_max), tuning.u_max)
+
+    clipped = u_A != wanted_A or u_B != wanted_B
+    output = cascade.CascadeOutput(
+        u_A,
+        u_B,
+        math.nan,
+        math.nan,
+        S,
+        reference.q_ref,
+        reference.S_ref,
+        0.0,
+        u_A != wanted_A,
+        u_B != wanted_B,
+        governed,
+        False,
+        False,
+        False,
+    )
+    return output, FeedbackLinearizationState(
+        reference,
+        q_next,
+        S_next,
+        advance(model, x, u_A, u_B, 0.0, T_s, SUBSTEPS),
+        # Anti-windup: no integration while a voltage is clipped.
+        state.integral_q + (0.0 if clipped else T_s * e_q),
+        state.integral_S + (0.0 if clipped else T_s * e_S),
+    )
+
+
+@compiled
+def take_over_feedback_linearization(
+    tuning: FeedbackLinearizationTuning, u_A: float, u_B: float, m: Measurement
+) -> FeedbackLinearizationState:
+    """State that continues from the voltages u_A, u_B [V] at a standing joint; references where the joint is."""
+    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+    torque_A, torque_B = tuning.model.motor_A.K_t * u_A, tuning.model.motor_B.K_t * u_B
+    return FeedbackLinearizationState(
+        governor.GovernorState(m.q, S),
+        Smooth(m.q, 0.0, 0.0, 0.0),
+        Smooth(S, 0.0, 0.0, 0.0),
+        PlantState(m.q, 0.0, m.theta_A, 0.0, torque_A, m.theta_B, 0.0, torque_B, 0.0, 0.0),
+        0.0,
+        0.0,
+    )
+
+
+# Single loop ---------------------------------------------------------------------------------------
+#
+# Baseline without cascade: one I-PD loop on joint position and one on stiffness, straight to the
+# motor voltages.
+#
+# What the paper compares its cascade with. Both motors pull against each other, so a voltage with
+# opposite signs turns the joint and a voltage with equal signs stiffens it: u_A = u_S + u_q, u_B =
+# u_S − u_q, the directions of the decoupler (equations 18, 19). Governor, voltage limit and
+# references are the cascade's.
+
+
+NOT_USED = math.nan
+"""What the sample shows for motor references, which this law does not have."""
+
+
+class SingleLoopGains(NamedTuple):
+    """``position``: volts from rad; ``stiffness``: volts from N·m/rad."""
+
+    position: pid.IPDGains
+    stiffness: pid.IPDGains
+
+
+class SingleLoopTuning(NamedTuple):
+    """All the tick needs; ``omega_max`` [rad/s] of the governor, ``u_max`` [V]."""
+
+    gains: SingleLoopGains
+    decoupler: Decoupler
+    omega_max: float
+    u_max: float
+
+
+class SingleLoopState(NamedTuple):
+    """Everything the law remembers from tick to tick."""
+
+    governor: governor.GovernorState
+    position: pid.IPDState
+    stiffness: pid.IPDState
+
+
+@compiled
+def step_single_loop(
+    tuning: SingleLoopTuning, state: SingleLoopState, q_ref: float, S_ref: float, m: Measurement
+) -> tuple[cascade.CascadeOutput, SingleLoopState]:
+    """One tick: references [rad, N·m/rad] and a measurement to motor voltages [V]."""
+    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+    reference, governed = governor.step_governor(tuning.decoupler, tuning.omega_max, state.governor, q_ref, S_ref)
+    u_q, _, position = pid.step_i_pd(tuning.gains.position, state.position, reference.q_ref, m.q, math.inf)
+    u_S, _, stiffness = pid.step_i_pd(tuning.gains.stiffness, state.stiffness, reference.S_ref, S, math.inf)
+    u_A = min(max(u_S + u_q, -tuning.u_max), tuning.u_max)
+    u_B = min(max(u_S - u_q, -tuning.u_max), tuning.u_max)
+    clipped_A, clipped_B = u_S + u_q - u_A, u_S - u_q - u_B
+    output = cascade.CascadeOutput(
+        u_A,
+        u_B,
+        NOT_USED,
+        NOT_USED,
+        S,
+        reference.q_ref,
+        reference.S_ref,
+        0.0,
+        clipped_A != 0.0,
+        clipped_B != 0.0,
+        governed,
+        False,
+        False,
+        False,
+    )
+    return output, SingleLoopState(
+        reference,
+        _bled(position, 0.5 * (clipped_A - clipped_B)),
+        _bled(stiffness, 0.5 * (clipped_A + clipped_B)),
+    )
+
+
+@compiled
+def _bled(state: pid.IPDState, excess: float) -> pid.IPDState:
+    """Anti-windup: the voltage that the motors did not get bleeds the integrator, as in the cascade's inner loops."""
+    return pid.IPDState(state.integral - T_s * excess / pid.TRACKING_TIME_S, state.integral_f, state.y_f)
+
+
+@compiled
+def take_over_single_loop(tuning: SingleLoopTuning, u_A: float, u_B: float, m: Measurement) -> SingleLoopState:
+    """State that continues from the voltages u_A, u_B [V] at a standing joint; references where the joint is."""
+    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+    return SingleLoopState(
+        governor.GovernorState(m.q, S),
+        pid.at_rest_i_pd(tuning.gains.position, m.q, 0.5 * (u_A - u_B)),
+        pid.at_rest_i_pd(tuning.gains.stiffness, S, 0.5 * (u_A + u_B)),
+    )

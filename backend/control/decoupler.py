@@ -1,0 +1,397 @@
+"""Static decoupler: from joint position and stiffness to motor positions and back (equations 18-21).
+
+Two like quadratic springs have the paper's closed form. Any other pair has a table of what happens at rest: both
+tendons then carry the same tension F, so that S = r_j² (F_A' + F_B') and the sum of the motor angles depend on F alone,
+not on q, even where the springs differ. What differs is how far each spring is wound for that F: an offset that turns
+one motor forward and the other back. ``backend.control.decoupler`` makes the table; here it is read, the
+same straight pieces in both directions, so that there and back again is exact.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control import pid
+from plant.compiled import compiled
+from plant.dynamics import Spring, polynomial, slope
+from plant.interface import T_s
+from plant.parameters import PlantParameters, SpringParameters
+
+# Equilibrium table ---------------------------------------------------------------------------------
+#
+# What a pair of springs does at rest, over the sum of the motor angles: the numerical side of the
+# decoupler.
+
+
+SUM, STIFFNESS, OFFSET, TENSION = 0, 1, 2, 3
+"""Columns of the table: θ_A + θ_B [rad], S [N·m/rad], (x_A − x_B)/(2 r_m) [rad], tension of both tendons [N]."""
+
+ROWS = 1025
+"""Straight pieces: with the paper's spring made cubic they miss S by less than 1e-6 N·m/rad."""
+
+_POINTS = 4001
+
+Array = NDArray[np.float64]
+
+
+def equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float) -> Array:
+    """Table (ROWS, 4), evenly spaced in θ_A + θ_B, from slack to where the first of the springs becomes solid.
+
+    At rest F_A(x_A) = F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and
+    θ_A + θ_B = (x_A + x_B)/r_m by equations 1 and 2, whatever q. The springs must stiffen
+    (``plant.dynamics.require_stiffening``), so that S rises from row to row.
+    """
+    x_A, F_A, slope_A = _sampled(spring_A)
+    x_B, F_B, slope_B = _sampled(spring_B)
+    if F_A[-1] > F_B[-1]:
+        table = equilibrium_table(spring_B, spring_A, r_m, r_j)
+        table[:, OFFSET] *= -1.0
+        return table
+    other = np.interp(F_A, F_B, x_B)
+    turned = (x_A + other) / r_m
+    S = r_j**2 * (slope_A + np.interp(F_A, F_B, slope_B))
+    offset = (x_A - other) / (2.0 * r_m)
+    even = np.linspace(turned[0], turned[-1], ROWS)
+    return np.column_stack([even, *(np.interp(even, turned, column) for column in (S, offset, F_A))])
+
+
+def _sampled(spring: Spring) -> tuple[Array, Array, Array]:
+    """Elongation, force and slope from slack to solid."""
+    x = np.linspace(spring.x_slack, spring.x_solid, _POINTS)
+    return x, np.array([polynomial(spring, v) for v in x]), np.array([slope(spring, v) for v in x])
+
+
+# Decoupler -----------------------------------------------------------------------------------------
+
+
+class Decoupler(NamedTuple):
+    """Geometry and identified springs: ``r_m``, ``r_j`` [m]; ``k_0`` [N], ``k_1`` [N/m], ``k_2`` [N/m²] of like ones.
+
+    ``table`` is None for like quadratic springs; for any other pair it is what ``equilibrium_table`` gives, and k_0,
+    k_1, k_2 are nan.
+    """
+
+    r_m: float
+    r_j: float
+    k_0: float
+    k_1: float
+    k_2: float
+    table: NDArray[np.float64] | None = None
+
+
+@compiled
+def motor_positions(d: Decoupler, q_c: float, S_c: float) -> tuple[float, float]:
+    """theta_A, theta_B [rad] that hold q_c [rad] and S_c [N·m/rad] at equilibrium (equations 18, 19)."""
+    difference = d.r_j / d.r_m * q_c
+    common, offset = _half_sum(d, d.table, S_c)
+    return difference + common + offset, -difference + common - offset
+
+
+@compiled
+def stiffness(d: Decoupler, theta_A: float, theta_B: float) -> float:
+    """S [N·m/rad] at rest, from motor positions: 2 r_j² (k1 + k2 r_m (θ_A + θ_B)) (equation 16, order 2)."""
+    return _stiffness(d, d.table, theta_A + theta_B)
+
+
+@compiled
+def equilibrium(d: Decoupler, theta_A: float, theta_B: float) -> float:
+    """q_e [rad] at which the joint rests without load (equation 15)."""
+    return d.r_m * (theta_A - theta_B - _difference(d.table, theta_A + theta_B)) / (2.0 * d.r_j)
+
+
+@compiled
+def rates(d: Decoupler, theta_A: float, theta_B: float, rate_A: float, rate_B: float) -> tuple[float, float]:
+    """q_e' [rad/s] and S' [N·m/(rad·s)] at motor positions [rad] that change at rate_A, rate_B [rad/s]."""
+    S_rate, difference_rate = _slopes(d, d.table, theta_A + theta_B)
+    turning = rate_A + rate_B
+    return d.r_m * (rate_A - rate_B - difference_rate * turning) / (2.0 * d.r_j), S_rate * turning
+
+
+@compiled
+def stiffness_slope(d: Decoupler, S: float) -> float:
+    """dS/dθ [N·m/rad per rad] of one motor at stiffness S [N·m/rad]: 2 r_j² k2 r_m, at any S, for order 2."""
+    half_sum, _ = _half_sum(d, d.table, S)
+    S_rate, _ = _slopes(d, d.table, 2.0 * half_sum)
+    return S_rate
+
+
+@compiled
+def stiffness_under(d: Decoupler, F: float) -> float:
+    """S [N·m/rad] at rest with the tension F [N] in both tendons: 2 r_j² √(k1² + 4 k2 (F − k0)) for order 2."""
+    return _stiffness_under(d, d.table, F)
+
+
+@compiled
+def tension_under(d: Decoupler, S: float) -> float:
+    """Tension [N] in both tendons at rest with stiffness S [N·m/rad]: ``stiffness_under`` inverted."""
+    return _tension_under(d, d.table, S)
+
+
+# Each function below is compiled for a table and for None; for None the compiler drops what the table would need.
+
+
+@compiled
+def _half_sum(d: Decoupler, table: NDArray[np.float64] | None, S: float) -> tuple[float, float]:
+    """(θ_A + θ_B)/2 at stiffness S, and what A is turned further, B less, because the springs differ [rad]."""
+    if table is None:
+        return (S - 2.0 * d.k_1 * d.r_j**2) / (4.0 * d.k_2 * d.r_j**2 * d.r_m), 0.0
+    low, share = _row_below(table, STIFFNESS, S)
+    return 0.5 * _between(table, low, share, SUM), _between(table, low, share, OFFSET)
+
+
+@compiled
+def _stiffness_under(d: Decoupler, table: NDArray[np.float64] | None, F: float) -> float:
+    if table is None:
+        return 2.0 * d.r_j**2 * math.sqrt(max(d.k_1**2 + 4.0 * d.k_2 * (F - d.k_0), 0.0))
+    low, share = _row_below(table, TENSION, F)
+    return _between(table, low, share, STIFFNESS)
+
+
+@compiled
+def _tension_under(d: Decoupler, table: NDArray[np.float64] | None, S: float) -> float:
+    if table is None:
+        return d.k_0 + ((0.5 * S / d.r_j**2) ** 2 - d.k_1**2) / (4.0 * d.k_2)
+    low, share = _row_below(table, STIFFNESS, S)
+    return _between(table, low, share, TENSION)
+
+
+@compiled
+def _stiffness(d: Decoupler, table: NDArray[np.float64] | None, turned: float) -> float:
+    """S at θ_A + θ_B = turned."""
+    if table is None:
+        return 2.0 * d.r_j**2 * (d.k_1 + d.k_2 * d.r_m * turned)
+    low, share = _place(table, turned)
+    return _between(table, low, share, STIFFNESS)
+
+
+@compiled
+def _difference(table: NDArray[np.float64] | None, turned: float) -> float:
+    """θ_A − θ_B that keeps q_e = 0 at θ_A + θ_B = turned."""
+    if table is None:
+        return 0.0
+    low, share = _place(table, turned)
+    return 2.0 * _between(table, low, share, OFFSET)
+
+
+@compiled
+def _slopes(d: Decoupler, table: NDArray[np.float64] | None, turned: float) -> tuple[float, float]:
+    """Differentiate ``_stiffness`` and ``_difference`` with respect to the sum."""
+    if table is None:
+        return 2.0 * d.r_j**2 * d.k_2 * d.r_m, 0.0
+    low, _ = _place(table, turned)
+    width = table[low + 1, SUM] - table[low, SUM]
+    S_rate = (table[low + 1, STIFFNESS] - table[low, STIFFNESS]) / width
+    return S_rate, 2.0 * (table[low + 1, OFFSET] - table[low, OFFSET]) / width
+
+
+@compiled
+def _place(table: NDArray[np.float64], turned: float) -> tuple[int, float]:
+    """Row below the sum ``turned`` (rows are evenly spaced in it) and the share of the way to the next one."""
+    place = (turned - table[0, SUM]) / (table[1, SUM] - table[0, SUM])
+    low = int(min(max(place, 0.0), table.shape[0] - 2.0))
+    return low, place - low
+
+
+@compiled
+def _row_below(table: NDArray[np.float64], column: int, value: float) -> tuple[int, float]:
+    """Row below ``value`` in a rising column, and the share of the way to the next one."""
+    low, high = 0, table.shape[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[middle, column] <= value:
+            low = middle
+        else:
+            high = middle
+    return low, (value - table[low, column]) / (table[high, column] - table[low, column])
+
+
+@compiled
+def _between(table: NDArray[np.float64], low: int, share: float, column: int) -> float:
+    """Value between two rows; beyond the ends of the table the outermost piece goes on."""
+    here, there = float(table[low, column]), float(table[low + 1, column])
+    return here + share * (there - here)
+
+
+def decoupler_for(parameters: PlantParameters) -> Decoupler:
+    """Decoupler of a parameter set's geometry and identified springs."""
+    r_m, r_j = parameters.geometry.r_m, parameters.geometry.r_j
+    A, B = parameters.identified_curve("A"), parameters.identified_curve("B")
+    if A.k == B.k and len(A.k) == 3:
+        return Decoupler(r_m, r_j, *A.k)
+    return Decoupler(r_m, r_j, np.nan, np.nan, np.nan, _table(A, B, r_m, r_j))
+
+
+@lru_cache(maxsize=8)
+def _table(A: SpringParameters, B: SpringParameters, r_m: float, r_j: float) -> NDArray[np.float64]:
+    # Tuning asks for the decoupler at every λ it tries; the table takes 20 ms.
+    return equilibrium_table(A.spring(), B.spring(), r_m, r_j)
+
+
+# Envelope ------------------------------------------------------------------------------------------
+#
+# Where the joint may be sent: both tendons taut, neither near its limit, the equilibrium inside the
+# joint's range.
+#
+# The outer loops ask for an equilibrium (q_c, S_c). At rest both tendons then carry the tension
+# that belongs to S_c, and an external push shares itself out: half of F_A − F_B on top of one, half
+# off the other. So the push that the load cells show raises the floor of S_c and lowers its
+# ceiling; beyond both, the ceiling wins, because a slack tendon can be wound up again and a solid
+# spring cannot be undone.
+
+
+FILTER_TIME_S = 0.05
+"""Low-pass on F_A − F_B: far above the load cells' noise and delay, far below the 0.34 s of the motor loops."""
+
+
+class Envelope(NamedTuple):
+    """``F_floor``, ``F_ceiling`` [N]: wanted of each tendon; ``q_max`` [rad]: furthest equilibrium to either side."""
+
+    F_floor: float
+    F_ceiling: float
+    q_max: float
+
+
+class EnvelopeState(NamedTuple):
+    """``pull``: F_A − F_B behind the low-pass [N]."""
+
+    pull: float
+
+
+class Output(NamedTuple):
+    """What may be asked for, ``q_c`` [rad] and ``S_c`` [N·m/rad], and which bound held it back."""
+
+    q_c: float
+    S_c: float
+    at_floor: bool
+    at_ceiling: bool
+    at_range: bool
+
+
+@compiled
+def step_envelope(
+    envelope: Envelope, d: Decoupler, state: EnvelopeState, q_c: float, S_c: float, F_A: float, F_B: float
+) -> tuple[Output, EnvelopeState]:
+    """One tick: what the outer loops ask for and the load cells' readings [N] to what may be asked for."""
+    pull = state.pull + (1.0 - math.exp(-T_s / FILTER_TIME_S)) * (F_A - F_B - state.pull)
+    share = 0.5 * abs(pull)
+    lowest = stiffness_under(d, envelope.F_floor + share)
+    highest = stiffness_under(d, envelope.F_ceiling - share)
+    S_held = min(max(S_c, lowest), highest)
+    q_held = min(max(q_c, -envelope.q_max), envelope.q_max)
+    return Output(q_held, S_held, S_held > S_c, S_held < S_c, q_held != q_c), EnvelopeState(pull)
+
+
+# Limits --------------------------------------------------------------------------------------------
+#
+# Bounds between operator, controller and plant: said once, read by loop, API and page.
+
+
+class Bounds(NamedTuple):
+    """Bounds of one plant.
+
+    ``q_min``..``q_max`` [rad] and ``S_min``..``S_max`` [N·m/rad] for references; ``F_slack``, ``F_max`` [N] for the
+    tendons; ``q_trip`` [rad] where the joint trips; ``u_max`` [V]; ``omega_max`` [rad/s] for the motor references;
+    ``envelope`` for what the outer loops may ask of the decoupler.
+    """
+
+    q_min: float
+    q_max: float
+    S_min: float
+    S_max: float
+    F_slack: float
+    F_max: float
+    q_trip: float
+    u_max: float
+    omega_max: float
+    envelope: Envelope
+
+
+REFERENCE_MARGIN_RAD = 0.17
+"""Joint references end this far before the trip [rad] (10 degrees: an overshoot of 5 % of the full range)."""
+
+STIFFNESS_RANGE = (8.0, 15.0)
+"""Stiffness in use [N·m/rad] (method section 1)."""
+
+OMEGA_MAX = 20.0
+"""Fastest motor reference [rad/s]: 28.6 rad/s is what 10 V reaches without load (method section 5)."""
+
+F_SLACK = 1.0
+"""A tendon below this tension counts as slack [N]: above the load cells' noise, below any wanted tension."""
+
+
+F_FLOOR = 4.0
+"""Tension that the controller keeps in each tendon [N]: twice what must never be undercut, under a push it can see."""
+
+CEILING_MARGIN_N = 2.0
+"""How far below the trip the controller keeps each tendon [N]; the highest reference, 15 N·m/rad, takes 46.3 N."""
+
+
+def bounds_for(parameters: PlantParameters) -> Bounds:
+    """Bounds of a parameter set."""
+    q_trip, F_max = parameters.geometry.q_max, parameters.safety.F_max
+    q_max = q_trip - REFERENCE_MARGIN_RAD
+    # Against a push the equilibrium lies beyond the reference; when the push ends, the joint must not hit its stop.
+    envelope = Envelope(F_FLOOR, F_max - CEILING_MARGIN_N, q_trip - 0.5 * REFERENCE_MARGIN_RAD)
+    u_max = parameters.motor.u_max
+    return Bounds(-q_max, q_max, *STIFFNESS_RANGE, F_SLACK, F_max, q_trip, u_max, OMEGA_MAX, envelope)
+
+
+# Scheduling ----------------------------------------------------------------------------------------
+#
+# Which gains of the bank act: switching with hysteresis, or interpolation between the two nearest
+# entries.
+
+
+HYSTERESIS = 0.2
+"""How far beyond the border between two entries S must go before the bank switches [N·m/rad]."""
+
+
+class Schedule(NamedTuple):
+    """The bank as the tick reads it.
+
+    ``entries`` (n, 7), sorted by nominal stiffness: S_nominal, then k_p, k_i, k_r of the position loop and of the
+    stiffness loop. ``interpolate``: gain scheduling instead of switching.
+    """
+
+    entries: NDArray[np.float64]
+    interpolate: bool
+
+
+@compiled
+def select(schedule: Schedule, active: float, S: float) -> float:
+    """Active entry for stiffness S [N·m/rad]: an index, fractional while interpolating; ``active`` < 0 to begin."""
+    nominal = schedule.entries[:, 0]
+    last = nominal.shape[0] - 1
+    if schedule.interpolate or active < 0.0 or active > last or active != math.floor(active):
+        place = 0.0
+        for lower in range(last):
+            if nominal[lower] <= S:
+                place = lower + min((S - nominal[lower]) / (nominal[lower + 1] - nominal[lower]), 1.0)
+        return place if schedule.interpolate else math.floor(place + 0.5)
+    entry = int(active)
+    while entry < last and 0.5 * (nominal[entry] + nominal[entry + 1]) + HYSTERESIS < S:
+        entry += 1
+    while entry > 0 and 0.5 * (nominal[entry - 1] + nominal[entry]) - HYSTERESIS > S:
+        entry -= 1
+    return float(entry)
+
+
+@compiled
+def gains_at(schedule: Schedule, active: float) -> tuple[pid.IPGains, pid.IPGains]:
+    """Gains of the position and the stiffness loop at an entry, or between two."""
+    lower = int(active)
+    upper = min(lower + 1, schedule.entries.shape[0] - 1)
+    share = active - lower
+    low, high = schedule.entries[lower], schedule.entries[upper]
+    return (
+        pid.IPGains(_mix(low[1], high[1], share), _mix(low[2], high[2], share), _mix(low[3], high[3], share)),
+        pid.IPGains(_mix(low[4], high[4], share), _mix(low[5], high[5], share), _mix(low[6], high[6], share)),
+    )
+
+
+@compiled
+def _mix(low: float, high: float, share: float) -> float:
+    return (1.0 - share) * low + share * high

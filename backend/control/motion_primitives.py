@@ -1,0 +1,432 @@
+"""Motions below the cascade: pretension, brake, soft stop, travel, tension hold and sweep, voltage steps."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control import cascade, pid
+from backend.control.motion_types import Carry, Decision, Target, clipped, driven, follow, walk
+from plant.compiled import compiled
+from plant.interface import Measurement, T_s
+
+# Brake ---------------------------------------------------------------------------------------------
+#
+# Braking of both motors as fast as ±10 V allow, without letting the tendons go.
+#
+# The motor loops follow a reference through four lags: frozen references would let the joint run on
+# for 0.66 s. Damping the measured speed directly stops it in a fifth of that. The tendons' load
+# makes both motors creep meanwhile, by 0.3 rad/s at 20 N and both alike, so that the joint stands;
+# no load cell is needed: a stop works with a broken one too.
+
+
+DAMPING = 1.5
+"""Braking voltage per speed [V·s/rad]: above 7 rad/s it is the full 10 V, below it a time constant of 42 ms."""
+
+SPEED_FILTER_S = 0.005
+"""Time constant of the speed estimate [s]: one encoder count in one tick would read as 0.8 rad/s."""
+
+
+class BrakeState(NamedTuple):
+    """Last angles [rad] and estimated speeds [rad/s] of both motors."""
+
+    theta_A: float
+    theta_B: float
+    omega_A: float
+    omega_B: float
+
+
+@compiled
+def step_brake(state: BrakeState, theta_A: float, theta_B: float, u_max: float) -> tuple[float, float, BrakeState]:
+    """One tick: measured angles [rad] to braking voltages [V] within ±u_max."""
+    pass_through = 1.0 - math.exp(-T_s / SPEED_FILTER_S)
+    omega_A = state.omega_A + pass_through * ((theta_A - state.theta_A) / T_s - state.omega_A)
+    omega_B = state.omega_B + pass_through * ((theta_B - state.theta_B) / T_s - state.omega_B)
+    u_A = min(max(-DAMPING * omega_A, -u_max), u_max)
+    u_B = min(max(-DAMPING * omega_B, -u_max), u_max)
+    return u_A, u_B, BrakeState(theta_A, theta_B, omega_A, omega_B)
+
+
+# Pretension ----------------------------------------------------------------------------------------
+#
+# Pretension: wind both motors up from slack, each watching its own load cell.
+
+
+RATE_PER_NEWTON = 0.15
+"""Winding speed per newton still missing [rad/(s·N)]: with 5.5 N/rad at 10 N a time constant of 1.2 s, four times
+slower than the motor loops."""
+
+RATE_MAX = 1.5
+"""Fastest winding [rad/s]."""
+
+FILTER_S = 0.1
+"""Time constant of the load cell filter [s]."""
+
+TOLERANCE_N = 0.1
+"""How near the wanted tension counts as reached [N]."""
+
+STANDSTILL_S = 0.5
+"""How long both tensions must stay within tolerance [s]."""
+
+
+class PretensionState(NamedTuple):
+    """Filtered tensions [N], motor references [rad], and how long both tensions have been right [s]."""
+
+    F_A: float
+    F_B: float
+    theta_A_ref: float
+    theta_B_ref: float
+    steady_s: float
+
+
+@compiled
+def step_pretension(state: PretensionState, F_ref: float, F_A: float, F_B: float) -> PretensionState:
+    """One tick towards F_ref [N] in each tendon, from load cell readings [N]."""
+    pass_through = 1.0 - math.exp(-T_s / FILTER_S)
+    F_A = state.F_A + pass_through * (F_A - state.F_A)
+    F_B = state.F_B + pass_through * (F_B - state.F_B)
+    rate_A = min(max(RATE_PER_NEWTON * (F_ref - F_A), -RATE_MAX), RATE_MAX)
+    rate_B = min(max(RATE_PER_NEWTON * (F_ref - F_B), -RATE_MAX), RATE_MAX)
+    right = abs(F_A - F_ref) < TOLERANCE_N and abs(F_B - F_ref) < TOLERANCE_N
+    return PretensionState(
+        F_A,
+        F_B,
+        state.theta_A_ref + T_s * rate_A,
+        state.theta_B_ref + T_s * rate_B,
+        state.steady_s + T_s if right else 0.0,
+    )
+
+
+# Soft stop -----------------------------------------------------------------------------------------
+#
+# Soft stop: brake both motors and keep braking until the joint has come to rest under tension.
+
+
+SOFT_STOP_S = 0.5
+"""Length of a soft stop [s]: the joint stands after 0.15 s, the rest lets it settle before the outputs go to zero."""
+
+
+RELEASE_S = 0.010
+"""Time constant with which the voltages that were there before are let go [s]."""
+
+LARGEST_STEP_V = 1.8
+"""The voltages change by no more than this in a tick [V]: full reversal takes 11 ms."""
+
+
+class SoftStopState(NamedTuple):
+    """Both motors' brake, how long it has been on [s], and the voltages of the tick before and when it began [V]."""
+
+    brake: BrakeState
+    elapsed_s: float
+    u_A: float
+    u_B: float
+    began_A: float
+    began_B: float
+
+
+@compiled
+def step_soft_stop(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: SoftStopState, m: Measurement
+) -> tuple[Decision, Carry, SoftStopState]:
+    """One tick of braking."""
+    braked_A, braked_B, braking = step_brake(state.brake, m.theta_A, m.theta_B, tuning.u_max)
+    elapsed_s = state.elapsed_s + T_s
+    left = math.exp(-elapsed_s / RELEASE_S)
+    u_A = _stepped(state.u_A, braked_A + left * state.began_A, tuning.u_max)
+    u_B = _stepped(state.u_B, braked_B + left * state.began_B, tuning.u_max)
+    limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
+    nan = math.nan
+    decision = Decision(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, elapsed_s >= SOFT_STOP_S)
+    return decision, carry, SoftStopState(braking, elapsed_s, u_A, u_B, state.began_A, state.began_B)
+
+
+@compiled
+def _stepped(before: float, wanted: float, u_max: float) -> float:
+    """Voltage [V] within ±u_max, as near to the wanted one as a tick allows."""
+    wanted = min(max(wanted, -u_max), u_max)
+    return before + min(max(wanted - before, -LARGEST_STEP_V), LARGEST_STEP_V)
+
+
+def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
+    """Brake from here on, and from the voltages [V] that there are."""
+    return SoftStopState(BrakeState(m.theta_A, m.theta_B, 0.0, 0.0), 0.0, u_A, u_B, u_A, u_B)
+
+
+# Tension hold --------------------------------------------------------------------------------------
+#
+# Actuator identification: theta_B_ref at zero, the tension held by motor A, the excitation on top
+# (figure 5).
+
+
+class Chips(NamedTuple):
+    """An excitation: offsets of theta_A_ref [rad] of one period (n,), ticks of a chip and of the whole."""
+
+    levels: NDArray[np.float64]
+    chip_ticks: int
+    ticks: int
+
+
+class TensionHoldState(NamedTuple):
+    """``base_A``, ``base_B`` [rad] on their way to ``goal_A`` and zero; ``tick`` of the excitation."""
+
+    F_ref: float
+    goal_A: float
+    base_A: float
+    base_B: float
+    settle_ticks: int
+    chips: Chips
+    tick: int
+    hold: pid.ForceHoldState
+
+
+@compiled
+def step_tension_hold(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TensionHoldState, m: Measurement
+) -> tuple[Decision, Carry, TensionHoldState]:
+    """One tick: travel to the tension, settle, excite."""
+    base_A, base_B, settle_ticks, tick = state.base_A, state.base_B, state.settle_ticks, state.tick
+    chips, hold = state.chips, state.hold
+    arrived = base_A == state.goal_A and base_B == 0.0
+    offset, done = 0.0, False
+    if not arrived:
+        base_A, base_B = walk(base_A, base_B, state.goal_A, 0.0)
+    elif settle_ticks > 0:
+        settle_ticks -= 1
+    elif tick >= chips.ticks:
+        done = True
+    else:
+        offset = chips.levels[(tick // chips.chip_ticks) % chips.levels.shape[0]]
+        tick += 1
+    trim, held = pid.step_force_hold(hold, state.F_ref, m.F_A, m.F_B)
+    if arrived:
+        hold = held
+    decision, carry = follow(tuning, carry, target, base_A + trim + offset, base_B, m, done)
+    return decision, carry, TensionHoldState(state.F_ref, state.goal_A, base_A, base_B, settle_ticks, chips, tick, hold)
+
+
+# Tension sweep -------------------------------------------------------------------------------------
+#
+# A slow sweep of both tensions at once, for the springs: the joint stays where antagonism holds it.
+
+
+class TensionSweepState(NamedTuple):
+    """``goals`` (n + 1, 2) are theta_A and theta_B [rad] where the sweep starts and where each leg ends.
+
+    ``ticks`` (n,) of the legs; ``leg`` is -1 on the way to the start.
+    """
+
+    goals: NDArray[np.float64]
+    ticks: NDArray[np.int64]
+    settle_ticks: int
+    leg: int
+    elapsed: int
+
+
+@compiled
+def step_tension_sweep(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TensionSweepState, m: Measurement
+) -> tuple[Decision, Carry, TensionSweepState]:
+    """One tick: to the start, settle, then along the legs."""
+    goals, ticks, leg, elapsed, done = state.goals, state.ticks, state.leg, state.elapsed, False
+    if leg < 0:
+        theta_A, theta_B = walk(carry.theta_A_ref, carry.theta_B_ref, goals[0, 0], goals[0, 1])
+        if theta_A == goals[0, 0] and theta_B == goals[0, 1]:
+            elapsed += 1
+            if elapsed >= state.settle_ticks:
+                leg, elapsed = 0, 0
+    else:
+        elapsed += 1
+        share = elapsed / ticks[leg]
+        theta_A = goals[leg, 0] + share * (goals[leg + 1, 0] - goals[leg, 0])
+        theta_B = goals[leg, 1] + share * (goals[leg + 1, 1] - goals[leg, 1])
+        if elapsed >= ticks[leg]:
+            done = leg + 1 == ticks.shape[0]
+            if not done:
+                leg, elapsed = leg + 1, 0
+    decision, carry = follow(tuning, carry, target, theta_A, theta_B, m, done)
+    return decision, carry, TensionSweepState(goals, ticks, state.settle_ticks, leg, elapsed)
+
+
+# Travel --------------------------------------------------------------------------------------------
+#
+# Walk the motor references along a straight line to a goal and hold there.
+
+
+class TravelState(NamedTuple):
+    """``theta_A``, ``theta_B`` [rad] of the goal, and how long it has been reached [s]."""
+
+    theta_A: float
+    theta_B: float
+    settled_s: float
+
+
+@compiled
+def step_travel(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TravelState, m: Measurement
+) -> tuple[Decision, Carry, TravelState]:
+    """One tick of walking, or of holding the goal."""
+    theta_A, theta_B, settled_s = state.theta_A, state.theta_B, state.settled_s
+    theta_A_ref, theta_B_ref = walk(carry.theta_A_ref, carry.theta_B_ref, theta_A, theta_B)
+    if theta_A_ref == theta_A and theta_B_ref == theta_B:
+        settled_s += T_s
+    done = settled_s >= STANDSTILL_S
+    decision, carry = follow(tuning, carry, target, theta_A_ref, theta_B_ref, m, done)
+    return decision, carry, TravelState(theta_A, theta_B, settled_s)
+
+
+# Velocity ------------------------------------------------------------------------------------------
+#
+# How fast the joint moves: its encoder's differences, smoothed.
+
+
+VELOCITY_FILTER_S = 0.010
+"""Time constant of the estimate [s]: an encoder count in one tick would read as 1.6 rad/s."""
+
+_PASS_THROUGH = 1.0 - math.exp(-T_s / VELOCITY_FILTER_S)
+
+
+class VelocityState(NamedTuple):
+    """The estimate ``q_dot`` [rad/s], and the angle before [rad]."""
+
+    q_dot: float
+    q_before: float
+
+
+@compiled
+def step_velocity(state: VelocityState, q: float) -> VelocityState:
+    """Take the reading of a tick [rad]; one that is no number is passed over, as its nan would stay for ever."""
+    if not math.isfinite(q):
+        return state
+    before = state.q_before if math.isfinite(state.q_before) else q
+    return VelocityState(state.q_dot + _PASS_THROUGH * ((q - before) / T_s - state.q_dot), q)
+
+
+# Voltage steps -------------------------------------------------------------------------------------
+#
+# Unloaded voltage steps: tendons let slack, each step from rest, braked before the motors run out
+# of room.
+
+
+ZERO_VOLTS_S = 0.2
+"""How long both motors stand at zero volts before a voltage step [s], so that the step starts from rest."""
+
+STEP_BRAKING_S = 0.5
+"""Length of braking after a voltage step [s]: full speed takes 0.3 s."""
+
+_ZERO_TICKS = round(ZERO_VOLTS_S / T_s)
+_BRAKING_TICKS = round(STEP_BRAKING_S / T_s)
+_START, _VOLTS, _TICKS, _TRAVEL = range(4)
+CENTRED, _POSITIONED, _STANDING, _DRIVEN, _BRAKED = range(5)
+
+
+class VoltageMargin(NamedTuple):
+    """What the steps are kept within.
+
+    The way to the first leads through ``centre_A``, ``centre_B`` [rad], which hold the joint at q = 0: a joint let
+    loose elsewhere would leave one of the tendons taut. A step ends early where a tendon pulls by more than ``F_slack``
+    [N] or a motor is beyond ``theta_max`` [rad].
+    """
+
+    centre_A: float
+    centre_B: float
+    F_slack: float
+    theta_max: float
+
+
+class VoltageStepsState(NamedTuple):
+    """``steps`` (n, 4): start [rad], volts, ticks, travel [rad]; the one that is made, its stage, and since when."""
+
+    room: VoltageMargin
+    steps: NDArray[np.float64]
+    settle_ticks: int
+    step: int
+    stage: int
+    ticks: int
+    began_A: float
+    began_B: float
+    brake: BrakeState
+
+
+@compiled
+def step_voltage_steps(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: VoltageStepsState, m: Measurement
+) -> tuple[Decision, Carry, VoltageStepsState]:
+    """One tick of the stage in progress: walk to where the step starts, stand, zero volts, step, brake, and so on."""
+    room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking = state
+    ticks += 1
+    u, done = 0.0, False
+    if stage in (CENTRED, _POSITIONED):
+        goal_A, goal_B = (room.centre_A, room.centre_B) if stage == CENTRED else (steps[at, _START], steps[at, _START])
+        theta_A, theta_B = walk(carry.theta_A_ref, carry.theta_B_ref, goal_A, goal_B)
+        if theta_A != goal_A or theta_B != goal_B:
+            ticks = 0
+        elif ticks >= settle_ticks:
+            stage, ticks = stage + 1, 0
+        decision, carry = follow(tuning, carry, target, theta_A, theta_B, m, done)
+        return (
+            decision,
+            carry,
+            VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking),
+        )
+    if stage == _STANDING:
+        if ticks >= _ZERO_TICKS:
+            stage, ticks, began_A, began_B = _DRIVEN, 0, m.theta_A, m.theta_B
+        decision, carry = driven(tuning, target, 0.0, 0.0, m, done)
+        return (
+            decision,
+            carry,
+            VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking),
+        )
+    if stage == _DRIVEN:
+        turned = max(abs(m.theta_A - began_A), abs(m.theta_B - began_B))
+        out_of_room = turned >= steps[at, _TRAVEL] or max(abs(m.theta_A), abs(m.theta_B)) > room.theta_max
+        if ticks > steps[at, _TICKS] or out_of_room or max(m.F_A, m.F_B) > room.F_slack:
+            stage, ticks, braking = _BRAKED, 0, BrakeState(m.theta_A, m.theta_B, 0.0, 0.0)
+        else:
+            u = steps[at, _VOLTS]
+            decision, carry = driven(tuning, target, u, u, m, done)
+            return (
+                decision,
+                carry,
+                VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking),
+            )
+    u_A, u_B, braking = step_brake(braking, m.theta_A, m.theta_B, tuning.u_max)
+    if ticks >= _BRAKING_TICKS:
+        at += 1
+        done = at == steps.shape[0]
+        if not done:
+            stage, ticks = _POSITIONED, 0
+    decision, carry = driven(tuning, target, u_A, u_B, m, done)
+    return decision, carry, VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking)
+
+
+# Winding -------------------------------------------------------------------------------------------
+#
+# Pretension from slack: both motors wind until both load cells read the pretension.
+
+
+PRETENSION_N = 10.0
+"""Tension that pretension winds up to (method section 7)."""
+
+
+class WindingState(NamedTuple):
+    """Both motors' winding."""
+
+    winding: PretensionState
+
+
+@compiled
+def step_winding(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: WindingState, m: Measurement
+) -> tuple[Decision, Carry, WindingState]:
+    """One tick of winding."""
+    wound = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
+    done = wound.steady_s >= STANDSTILL_S
+    decision, carry = follow(tuning, carry, target, wound.theta_A_ref, wound.theta_B_ref, m, done)
+    return decision, carry, WindingState(wound)
+
+
+def begin_winding(carry: Carry) -> WindingState:
+    """Wind from where the motors are sent now; the tendons are taken for slack."""
+    return WindingState(PretensionState(0.0, 0.0, carry.theta_A_ref, carry.theta_B_ref, 0.0))

@@ -1,0 +1,116 @@
+"""What a motion decides in a tick, and what all motions below the cascade share: the pair of inner loops."""
+
+import math
+from typing import NamedTuple
+
+from backend.control import cascade, pid
+from backend.faults import Limit
+from plant.compiled import compiled
+from plant.interface import NO_LOAD, Measurement, ShaftLoad, T_s
+
+TRAVEL_SPEED = 3.0
+"""Speed of the motor references between modes [rad/s]: 0.3 rad/s at the joint, 3 V of 10 V."""
+
+VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
+
+
+class Target(NamedTuple):
+    """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
+
+    ``tuning``, ``wall`` and ``touch`` are the numbers of the program's tuning, obstacle and touch that are wanted, 0
+    for those that it began with.
+    """
+
+    q_ref: float
+    S_ref: float
+    F_push: float
+    load: ShaftLoad = NO_LOAD
+    tuning: int = 0
+    wall: int = 0
+    touch: int = 0
+
+
+class Carry(NamedTuple):
+    """Motor loops as one motion leaves them and the next takes them over: state, gains, references [rad]."""
+
+    state: pid.MotorPairState
+    gains: pid.MotorPairGains
+    theta_A_ref: float
+    theta_B_ref: float
+
+
+class Decision(NamedTuple):
+    """What a motion decided in one tick; ``limits`` are bits of ``backend.faults.Limit``.
+
+    ``pushes``: the plant's push and loads are to be the target's; else they are left alone. ``done``: the motion has
+    reached its end; it goes on holding there.
+    """
+
+    u_A: float
+    u_B: float
+    theta_A_ref: float
+    theta_B_ref: float
+    target: Target
+    q_ref_gov: float
+    S_ref_gov: float
+    bank_entry: float
+    limits: int
+    pushes: bool
+    done: bool
+
+
+NO_REFERENCE = Target(math.nan, math.nan, 0.0)
+AT_REST = Decision(
+    0.0, 0.0, math.nan, math.nan, NO_REFERENCE, math.nan, math.nan, math.nan, 0, pushes=False, done=False
+)
+"""Zero volts, and nothing that is followed."""
+
+
+@compiled
+def follow(
+    tuning: cascade.CascadeTuning,
+    carry: Carry,
+    target: Target,
+    theta_A_ref: float,
+    theta_B_ref: float,
+    m: Measurement,
+    done: bool,
+) -> tuple[Decision, Carry]:
+    """One tick of both motor loops towards motor references [rad]."""
+    gains = tuning.motors
+    state = pid.bumpless_motor_pair(carry.gains, gains, carry.state, m.theta_A, m.theta_B)
+    y, state = pid.step_motor_pair(gains, state, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)
+    limits = clipped(y.excess_A != 0.0, y.excess_B != 0.0)
+    decision = Decision(
+        y.u_A, y.u_B, theta_A_ref, theta_B_ref, target, target.q_ref, target.S_ref, 0.0, limits, False, done
+    )
+    return decision, Carry(state, gains, theta_A_ref, theta_B_ref)
+
+
+@compiled
+def driven(
+    tuning: cascade.CascadeTuning, target: Target, u_A: float, u_B: float, m: Measurement, done: bool
+) -> tuple[Decision, Carry]:
+    """One tick of bare voltages [V]; whatever comes next takes the motors over where they are, at these voltages."""
+    state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
+    limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
+    nan = math.nan
+    decision = Decision(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, done)
+    return decision, Carry(state, tuning.motors, m.theta_A, m.theta_B)
+
+
+@compiled
+def clipped(A: bool, B: bool) -> int:
+    """Limit flags of voltages that were clipped."""
+    return (VOLTAGE_A if A else 0) | (VOLTAGE_B if B else 0)
+
+
+@compiled
+def walk(theta_A: float, theta_B: float, goal_A: float, goal_B: float) -> tuple[float, float]:
+    """One tick along the straight line to the goal at TRAVEL_SPEED [rad/s]; exactly the goal at its end."""
+    distance = max(abs(goal_A - theta_A), abs(goal_B - theta_B))
+    reach = TRAVEL_SPEED * T_s
+    if distance <= reach:
+        return goal_A, goal_B
+    share = reach / distance
+    return theta_A + share * (goal_A - theta_A), theta_B + share * (goal_B - theta_B)

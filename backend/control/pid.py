@@ -1,0 +1,269 @@
+"""The I-PD and I-P laws with anti-windup (table 2), the force loop, and the two motor loops as a pair."""
+
+import math
+from typing import NamedTuple
+
+from plant.compiled import compiled
+from plant.interface import T_s
+
+# Dead zone -----------------------------------------------------------------------------------------
+#
+# What an integrator is told of an error: nothing within a dead zone, the rest beyond it.
+
+
+@compiled
+def beyond(e: float, unseen: float) -> float:
+    """Return what of the error ``e`` is beyond ±``unseen``, in the same unit.
+
+    It begins at zero, so that nothing jumps at the edge. For what is within an integrator would hunt against stiction.
+    """
+    return e - min(max(e, -unseen), unseen)
+
+
+# Force hold ----------------------------------------------------------------------------------------
+#
+# The slow force loop C_p of the actuator identification (figure 5): tendon tension to motor A,
+# motor B at zero.
+
+
+K_I = 0.05
+"""Integral gain [rad/(N·s)]. One radian of motor A moves the mean tension by 2.7 to 4.8 N over 10 to 40 N, so the loop
+has a time constant of 4 to 7 s: stable far from the motor loops' lag, and slow against the excitation."""
+
+TRIM_MAX = 1.0
+"""Bound of the trim [rad]: 2.7 to 4.8 N of tension, 0.05 rad of the joint. What is announced before a run holds for any
+trim within it; springs that need more are not those that were identified, and have to be identified first."""
+
+
+class ForceHoldState(NamedTuple):
+    """``trim`` [rad] added to the feed-forward position of motor A."""
+
+    trim: float
+
+
+@compiled
+def step_force_hold(state: ForceHoldState, F_ref: float, F_A: float, F_B: float) -> tuple[float, ForceHoldState]:
+    """One tick. Returns the trim [rad] and the new state; the tension held is the mean of both tendons [N]."""
+    trim = state.trim + T_s * K_I * (F_ref - 0.5 * (F_A + F_B))
+    return state.trim, ForceHoldState(min(max(trim, -TRIM_MAX), TRIM_MAX))
+
+
+# I p -----------------------------------------------------------------------------------------------
+#
+# Outer loops: I-P on joint position and on stiffness (table 2, corrected by erratum E1).
+
+
+class IPGains(NamedTuple):
+    """``k_p``, ``k_r`` [1], ``k_i`` [1/s]: the controlled quantity and the control signal have the same unit."""
+
+    k_p: float
+    k_i: float
+    k_r: float
+
+
+class IPState(NamedTuple):
+    """``integral`` in units of the control signal, so that gains may change while it stands."""
+
+    integral: float
+
+
+@compiled
+def step_i_p(
+    gains: IPGains, state: IPState, r: float, y: float, correction: float, unseen: float = 0.0
+) -> tuple[float, IPState]:
+    """One tick of u = k_i ∫(r − y) dt + k_r r − k_p y.
+
+    ``correction`` [unit of u per s] is what the anti-windup adds to the integral. As in the inner loop the error of
+    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``unseen`` [unit of y].
+    """
+    u = state.integral + gains.k_r * r - gains.k_p * y
+    return u, IPState(state.integral + T_s * (gains.k_i * beyond(r - y, unseen) + correction))
+
+
+@compiled
+def bumpless_i_p(before: IPGains, after: IPGains, state: IPState, r: float, y: float) -> IPState:
+    """State with which ``after`` gives the control signal that ``before`` would have given in this tick."""
+    return IPState(state.integral + (after.k_p - before.k_p) * y - (after.k_r - before.k_r) * r)
+
+
+@compiled
+def raised(state: IPState, more: float) -> IPState:
+    """State that gives ``more`` [unit of u] on top, for what is no longer added to u elsewhere."""
+    return IPState(state.integral + more)
+
+
+@compiled
+def at_rest_i_p(gains: IPGains, r: float, y: float, u: float) -> IPState:
+    """State that gives the control signal u at reference r and measurement y."""
+    return IPState(u + gains.k_p * y - gains.k_r * r)
+
+
+# I pd ----------------------------------------------------------------------------------------------
+#
+# Inner loop: I-PD on motor position with a filter on the whole control signal (table 2).
+
+
+TRACKING_TIME_S = 0.030
+"""Time constant with which the clipped voltage bleeds the integrator (method section 5)."""
+
+HOLDS = 1.5
+"""A motor that rests is held where it stands by so many times k_p more: what it creeps against friction, it creeps so
+much faster and less far. Without any friction its loop still has a damping ratio of 0.25."""
+
+
+class IPDGains(NamedTuple):
+    """``k_p`` [V/rad], ``k_i`` [V/(rad·s)], ``k_d`` [V·s/rad], ``t_f`` [s]."""
+
+    k_p: float
+    k_i: float
+    k_d: float
+    t_f: float
+
+
+class IPDState(NamedTuple):
+    """``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad], both behind the filter 1/(t_f s + 1)."""
+
+    integral: float
+    integral_f: float
+    y_f: float
+
+
+@compiled
+def _filtered(gains: IPDGains, state: IPDState, y: float) -> tuple[float, float, float]:
+    """Return u [V] before its limit, and the filtered integral and measurement it is made of.
+
+    u = (k_i ∫(r − y) dt − k_p y − k_d dy/dt) / (t_f s + 1), with the derivative taken from the filter itself:
+    s y/(t_f s + 1) = (y − y_f)/t_f.
+    """
+    pass_through = 1.0 - math.exp(-T_s / gains.t_f)
+    integral_f = state.integral_f + pass_through * (state.integral - state.integral_f)
+    y_f = state.y_f + pass_through * (y - state.y_f)
+    u = integral_f - gains.k_p * y_f - gains.k_d / gains.t_f * (y - y_f)
+    return u, integral_f, y_f
+
+
+@compiled
+def step_i_pd(
+    gains: IPDGains, state: IPDState, r: float, y: float, u_max: float, u_forward: float = 0.0, resting: bool = False
+) -> tuple[float, float, IPDState]:
+    """One tick. Returns u [V] within ±u_max, the excess that was clipped off [V], and the new state.
+
+    r, y: reference and measured motor position [rad], as they are or both counted from where a model is, whose voltage
+    ``u_forward`` [V] comes on top. The integral takes up this tick's error for the next tick, so that u depends on the
+    past of the error only and a change of gains cannot show in the tick it arrives. While it is ``resting`` it sees no
+    error, and takes up what the motor turns instead.
+    """
+    u, integral_f, y_f = _filtered(gains, state, y)
+    u += u_forward
+    u_limited = min(max(u, -u_max), u_max)
+    e, held = (0.0, HOLDS * gains.k_p * (y_f - state.y_f)) if resting else (r - y, 0.0)
+    integral = state.integral + T_s * (gains.k_i * e + (u_limited - u) / TRACKING_TIME_S)
+    return u_limited, u - u_limited, IPDState(integral - held, integral_f - held, y_f)
+
+
+@compiled
+def bumpless_i_pd(before: IPDGains, after: IPDGains, state: IPDState, y: float) -> IPDState:
+    """State with which ``after`` gives the voltage that ``before`` would have given in this tick."""
+    u_before, _, _ = _filtered(before, state, y)
+    u_after, _, _ = _filtered(after, state, y)
+    offset = u_before - u_after
+    return IPDState(state.integral + offset, state.integral_f + offset, state.y_f)
+
+
+@compiled
+def at_rest_i_pd(gains: IPDGains, y: float, u: float) -> IPDState:
+    """State that holds the voltage u [V] at the standing position y [rad]."""
+    return IPDState(u + gains.k_p * y, u + gains.k_p * y, y)
+
+
+@compiled
+def carried(gains: IPDGains, state: IPDState, y: float, offset: float, rate: float, u_more: float) -> IPDState:
+    """State after y was counted anew: ``offset`` [rad] comes on top of it, ``rate`` [rad/s] on top of its speed.
+
+    With it this tick's voltage is the one from before and ``u_more`` [V].
+    """
+    u, _, _ = _filtered(gains, state, y)
+    y_f = state.y_f + offset - gains.t_f * rate
+    after, _, _ = _filtered(gains, IPDState(state.integral, state.integral_f, y_f), y + offset)
+    more = u + u_more - after
+    return IPDState(state.integral + more, state.integral_f + more, y_f)
+
+
+@compiled
+def shift_i_pd(gains: IPDGains, state: IPDState, offset: float) -> IPDState:
+    """State after the zero of y moved by ``offset`` [rad] (new reading minus old): the voltage goes on unchanged."""
+    return IPDState(state.integral + gains.k_p * offset, state.integral_f + gains.k_p * offset, state.y_f + offset)
+
+
+# Motors --------------------------------------------------------------------------------------------
+#
+# The two inner loops as a pair.
+
+
+class MotorPairGains(NamedTuple):
+    """Gains of the loop of each motor."""
+
+    A: IPDGains
+    B: IPDGains
+
+
+class MotorPairState(NamedTuple):
+    """State of the loop of each motor."""
+
+    A: IPDState
+    B: IPDState
+
+
+class Output(NamedTuple):
+    """Voltages within their limit [V], and what was clipped off [V]."""
+
+    u_A: float
+    u_B: float
+    excess_A: float
+    excess_B: float
+
+
+@compiled
+def step_motor_pair(
+    gains: MotorPairGains,
+    state: MotorPairState,
+    theta_A_ref: float,
+    theta_B_ref: float,
+    theta_A: float,
+    theta_B: float,
+    u_max: float,
+    forward_A: float = 0.0,
+    forward_B: float = 0.0,
+    resting: bool = False,
+) -> tuple[Output, MotorPairState]:
+    """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max.
+
+    ``forward_A``, ``forward_B`` [V] come on top of what the loops give. While they are ``resting`` their
+    integrators leave errors alone.
+    """
+    u_A, excess_A, state_A = step_i_pd(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A, resting)
+    u_B, excess_B, state_B = step_i_pd(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B, resting)
+    return Output(u_A, u_B, excess_A, excess_B), MotorPairState(state_A, state_B)
+
+
+@compiled
+def bumpless_motor_pair(
+    before: MotorPairGains, after: MotorPairGains, state: MotorPairState, theta_A: float, theta_B: float
+) -> MotorPairState:
+    """State with which ``after`` continues the voltages of ``before``."""
+    return MotorPairState(
+        bumpless_i_pd(before.A, after.A, state.A, theta_A),
+        bumpless_i_pd(before.B, after.B, state.B, theta_B),
+    )
+
+
+@compiled
+def at_rest_motor_pair(gains: MotorPairGains, theta_A: float, theta_B: float, u_A: float, u_B: float) -> MotorPairState:
+    """State that holds the voltages u_A, u_B [V] at standing motors."""
+    return MotorPairState(at_rest_i_pd(gains.A, theta_A, u_A), at_rest_i_pd(gains.B, theta_B, u_B))
+
+
+@compiled
+def shift_motor_pair(gains: MotorPairGains, state: MotorPairState, offset_A: float, offset_B: float) -> MotorPairState:
+    """State after the encoders' zeros moved by offset_A, offset_B [rad]: the voltages go on unchanged."""
+    return MotorPairState(shift_i_pd(gains.A, state.A, offset_A), shift_i_pd(gains.B, state.B, offset_B))

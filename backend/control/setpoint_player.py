@@ -1,0 +1,174 @@
+"""Setpoints of a program at each tick, with the waveforms that excite them."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control.motion_types import Target
+from plant.compiled import compiled
+from plant.interface import ShaftLoad, T_s
+
+# Waveforms -----------------------------------------------------------------------------------------
+#
+# Periodic excitations of a reference as a share of their amplitude, within ±1, sample by sample.
+# Pure.
+
+
+FIRST = 1
+"""What the register of a sequence holds before its first chip; any number but 0 would do."""
+
+TAPS = {4: 0xC, 5: 0x14, 6: 0x30, 7: 0x60, 8: 0xB8, 9: 0x110, 10: 0x240, 11: 0x500, 12: 0xE08}
+"""Bits fed back into a register of so many, for the longest sequence: a primitive polynomial over two elements each."""
+
+LEAST_BITS, MOST_BITS = min(TAPS), max(TAPS)
+MOST_LINES = 40
+"""Most harmonics of a multisine: each is a cosine in each tick."""
+
+
+@compiled
+def sine(t: float, period_s: float) -> float:
+    """Return sin of the time [s]."""
+    return math.sin(2.0 * math.pi * t / period_s)
+
+
+@compiled
+def sweep(t: float, period_s: float, period_end_s: float, duration_s: float) -> float:
+    """Return a sine whose frequency goes from 1/period_s to 1/period_end_s by the same factor in equal times."""
+    growth = math.log(period_s / period_end_s)
+    if abs(growth) < 1e-9:
+        return math.sin(2.0 * math.pi * t / period_s)
+    turns = duration_s / (period_s * growth) * math.expm1(growth * t / duration_s)
+    return math.sin(2.0 * math.pi * turns)
+
+
+@compiled
+def multisine(t: float, period_s: float, lines: int, peak: float) -> float:
+    """Return the sum of the first ``lines`` harmonics with Schroeder's phases −π k (k − 1)/N, divided by ``peak``."""
+    total = 0.0
+    for k in range(1, lines + 1):
+        total += math.cos(2.0 * math.pi * k * t / period_s - math.pi * k * (k - 1) / lines)
+    return min(max(total / peak, -1.0), 1.0)
+
+
+@compiled
+def next_register(register: int, bits: int) -> int:
+    """Return a linear feedback shift register after one more chip (Galois form, ``TAPS``)."""
+    taps = (0xC, 0x14, 0x30, 0x60, 0xB8, 0x110, 0x240, 0x500, 0xE08)[bits - 4]
+    return (register >> 1) ^ (taps if register & 1 else 0)
+
+
+@compiled
+def level(register: int) -> float:
+    """Return the level of a register's chip, 1 or −1."""
+    return 1.0 if register & 1 else -1.0
+
+
+# Player --------------------------------------------------------------------------------------------
+#
+# Plays a program's segments tick by tick, in constant time whatever the length of the program.
+
+
+COLUMNS = 15
+_SHAPE, _TICKS, _DURATION, _Q, _S, _PUSH, _PERIOD, _LOAD_A, _LOAD_B, _PERIOD_END, _COUNT, _PEAK = range(12)
+_TUNING, _WALL, _TOUCH = range(12, COLUMNS)
+STEP, RAMP, SINE, SWEEP, PRBS, MULTISINE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
+"""Shapes of a segment, as its first column has them."""
+
+
+class Player(NamedTuple):
+    """``segments``, the one that is played and how many of its ticks were, its shift register, the target before it.
+
+    ``segments`` (n, COLUMNS): shape, ticks, duration [s], q_ref [rad], S_ref [N·m/rad], F_push [N], period [s] of a
+    sine, of a chip or at the start of a sweep, loads of shafts A and B [N·m], period [s] at a sweep's end, bits of a
+    register or lines of a multisine, its largest value, and the numbers of the tuning, the obstacle and the touch
+    to be used from here on.
+    """
+
+    segments: NDArray[np.float64]
+    position: int
+    elapsed: int
+    register: int
+    start: Target
+
+
+@compiled
+def play(player: Player, last: Target) -> tuple[bool, Target, Player]:
+    """Return whether the last segment has ended, the target, which is ``last`` then, and the player after it."""
+    segments, position, elapsed, register, start = (
+        player.segments,
+        player.position,
+        player.elapsed,
+        player.register,
+        player.start,
+    )
+    while position < segments.shape[0]:
+        segment = segments[position]
+        if elapsed < segment[_TICKS]:
+            if segment[_SHAPE] == PRBS and elapsed > 0 and elapsed % round(segment[_PERIOD] / T_s) == 0:
+                register = next_register(register, int(segment[_COUNT]))
+            elapsed += 1
+            target = within(segment, start, elapsed * T_s, register)
+            return False, target, Player(segments, position, elapsed, register, start)
+        start = after(segment, start)
+        position += 1
+        elapsed, register = 0, FIRST
+    return True, last, Player(segments, position, elapsed, register, start)
+
+
+@compiled
+def announced(player: Player) -> tuple[float, float]:
+    """Return where a ramp that is played ends and stays, q_ref [rad] and S_ref [N·m/rad]: nan where that is not known.
+
+    A ramp that the next segment takes further does not end there, nor is one that is over announced any more.
+    """
+    if player.position >= player.segments.shape[0]:
+        return math.nan, math.nan
+    segment = player.segments[player.position]
+    if segment[_SHAPE] != RAMP:
+        return math.nan, math.nan
+    q_end, S_end = segment[_Q], segment[_S]
+    if player.position + 1 < player.segments.shape[0]:
+        after = player.segments[player.position + 1]
+        q_end = q_end if after[_Q] == q_end else math.nan
+        S_end = S_end if after[_S] == S_end else math.nan
+    return q_end, S_end
+
+
+@compiled
+def within(segment: NDArray[np.float64], start: Target, time_s: float, register: int) -> Target:
+    """Return the target ``time_s`` [s] into a segment that began at ``start``; ``register`` is that of a PRBS."""
+    share = 1.0
+    if segment[_SHAPE] == RAMP:
+        share = min(time_s / segment[_DURATION], 1.0)
+    elif segment[_SHAPE] == SINE:
+        share = sine(time_s, segment[_PERIOD])
+    elif segment[_SHAPE] == SWEEP:
+        share = sweep(time_s, segment[_PERIOD], segment[_PERIOD_END], segment[_DURATION])
+    elif segment[_SHAPE] == PRBS:
+        share = level(register)
+    elif segment[_SHAPE] == MULTISINE:
+        share = multisine(time_s, segment[_PERIOD], int(segment[_COUNT]), segment[_PEAK])
+    return _at(segment, start, share)
+
+
+@compiled
+def after(segment: NDArray[np.float64], start: Target) -> Target:
+    """Return what is left when a segment is over: an excitation leaves the references where they were."""
+    if segment[_SHAPE] == SINE:
+        return _at(segment, start, sine(segment[_DURATION], segment[_PERIOD]))
+    return _at(segment, start, 1.0 if segment[_SHAPE] <= RAMP else 0.0)
+
+
+@compiled
+def _at(segment: NDArray[np.float64], start: Target, share: float) -> Target:
+    return Target(
+        start.q_ref + share * (segment[_Q] - start.q_ref),
+        start.S_ref + share * (segment[_S] - start.S_ref),
+        start.F_push + share * (segment[_PUSH] - start.F_push),
+        ShaftLoad(segment[_LOAD_A], segment[_LOAD_B]),
+        int(segment[_TUNING]) if segment[_TUNING] > 0.0 else start.tuning,
+        int(segment[_WALL]) if segment[_WALL] > 0.0 else start.wall,
+        int(segment[_TOUCH]) if segment[_TOUCH] > 0.0 else start.touch,
+    )

@@ -1,0 +1,317 @@
+"""One tick of the loop: look at what is measured, let the motion decide, write the row. All of it on one desk.
+
+What is rare stays with the interpreter, which gives its orders before the tick and is told what came of it: a fault was
+found, a motion is done, its push has changed. Whoever steps the plant, a clock or a batch, calls the same functions.
+"""
+
+import math
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, tracking
+from backend.control import tracking as baselines
+from backend.control.motion_types import AT_REST, Carry, Decision, Target
+from backend.sample import INDEX
+from plant.compiled import STRICT, Cell, compiled, compiled_run, keep
+from plant.interface import NO_LOAD, NO_RAW, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
+from plant.simulator import Simulated, period
+
+# Desk ----------------------------------------------------------------------------------------------
+
+
+QUIET, FOUND, DONE, PUSHES, TUNES, WALLS, FELT = 0, 1, 2, 4, 16, 32, 64
+"""What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
+load, its tuning, its obstacle (or touch) is not the one in force; a contact was felt, before anything was decided."""
+
+
+class Orders(NamedTuple):
+    """What the interpreter says of a tick.
+
+    Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
+    be a fault; ``felt_from`` [N]: an outside force that is a contact, inf where none is; ``deaf``: the safety module's
+    trip is not heard, ``tripped``: it is in any case; ``reached``: that the motion is done is known. Push [N], loads
+    [N·m] and numbers of the program's tuning, obstacle and touch in force. Mode, run, λ [s] and fault as the row
+    shows them, and ``limits`` that act beside the motion's.
+    """
+
+    offset_A: float
+    offset_B: float
+    middle: float
+    zeroed: bool
+    taut_wanted: bool
+    felt_from: float
+    deaf: bool
+    tripped: bool
+    reached: bool
+    F_push: float
+    load: ShaftLoad
+    tuning: int
+    wall: int
+    touch: int
+    mode: int
+    run: int
+    lam_q: float
+    lam_S: float
+    fault: int
+    limits: int
+
+
+NO_ORDERS = Orders(
+    0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0, 0, 0.0, 0.0, 0, 0
+)
+"""Those of a loop that is just being made."""
+
+
+class Desk(NamedTuple):
+    """All that is before the tick; ``m`` counts from the zeros, ``command`` is what was written last.
+
+    ``F_ext_hat`` [N] comes of ``touch``, less the ``bias`` (n, 2) learned over S.
+    """
+
+    tuning: cascade.CascadeTuning
+    watched: fault_detection.Watched
+    orders: Orders
+    checks: fault_detection.FaultDetectionState
+    found: fault_detection.Found
+    velocity: motion_primitives.VelocityState
+    m: Measurement
+    command: MotorCommand
+    decision: Decision
+    observer: disturbance_observer.Observer
+    touch: disturbance_observer.DisturbanceObserverState
+    bias: NDArray[np.float64]
+    F_ext_hat: float
+
+
+class Moving(NamedTuple):
+    """A motion under way: the motor loops, what is asked for, and the state of the motion's kind."""
+
+    carry: Carry
+    target: Target
+    state: Any
+
+
+class Resting(NamedTuple):
+    """No motion."""
+
+    volts: float
+
+
+@compiled
+def rest(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: Resting, m: Measurement
+) -> tuple[Decision, Carry, Resting]:
+    """Zero volts."""
+    return AT_REST, carry, state
+
+
+KINDS: dict[type, Any] = {
+    Resting: rest,
+    motion_primitives.WindingState: motion_primitives.step_winding,
+    motion_primitives.TravelState: motion_primitives.step_travel,
+    motion_primitives.SoftStopState: motion_primitives.step_soft_stop,
+    tracking.TrackingState: tracking.step,
+    baselines.SingleLoop: baselines.step_single_loop,
+    baselines.FeedbackLinearization: baselines.step_feedback_linearization,
+    motion_primitives.TensionHoldState: motion_primitives.step_tension_hold,
+    motion_primitives.TensionSweepState: motion_primitives.step_tension_sweep,
+    motion_primitives.VoltageStepsState: motion_primitives.step_voltage_steps,
+}
+"""The tick of each kind of motion, by its state."""
+
+
+def step(tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: Any, m: Measurement) -> Any:
+    """One tick of a motion of whatever kind; compiled code has that of its kind alone."""
+    return KINDS[type(state)](tuning, carry, target, state, m)
+
+
+@overload(step, cast(Any, STRICT), strict=False)
+def _step(tuning: Any, carry: Any, target: Any, state: Any, m: Any) -> Any:
+    return KINDS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
+
+
+def told(state: Any, tau_ext: float) -> Any:
+    """State of a motion that is told of an outside torque [N·m]: the cascade alone wants to know."""
+    return state._replace(tau_ext=tau_ext) if isinstance(state, tracking.TrackingState) else state
+
+
+@overload(told, cast(Any, STRICT), strict=False)
+def _told(state: Any, tau_ext: Any) -> Any:
+    if state.instance_class is tracking.TrackingState:
+        return lambda state, tau_ext: tracking.TrackingState(
+            state.law, state.position_loop, state.plays, state.player, tau_ext
+        )
+    return lambda state, tau_ext: state
+
+
+@compiled
+def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
+    """Take in what is measured; FOUND where something is wrong with it, FELT where all is well but for a contact.
+
+    ``missed`` deadlines since the last tick.
+    """
+    orders = desk.orders.value
+    theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
+    trip = raw.safety_trip
+    m = Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
+    keep(desk.m, m)
+    keep(desk.velocity, motion_primitives.step_velocity(desk.velocity.value, raw.q))
+    if orders.deaf:
+        trip = 1.0 if orders.tripped else 0.0
+    q = raw.q - orders.middle
+    heard = Measurement(q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
+    found, after = fault_detection.check(
+        desk.watched.value,
+        desk.checks.value,
+        raw,
+        heard,
+        desk.command.value,
+        orders.zeroed,
+        orders.taut_wanted,
+        missed,
+    )
+    keep(desk.checks, after)
+    keep(desk.found, found)
+    F_ext_hat = _feel(desk, m, orders.zeroed)
+    if found.what != fault_detection.NOTHING:
+        return FOUND
+    return FELT if abs(F_ext_hat) > orders.felt_from else QUIET
+
+
+@compiled
+def _feel(desk: Cell[Desk], m: Measurement, zeroed: bool) -> float:
+    """Outside force [N] in this tick; nan as long as it is not known where the motors stand."""
+    observer, bias = desk.observer.value, desk.bias.value
+    state = (
+        disturbance_observer.step_disturbance_observer(observer, desk.touch.value, m)
+        if zeroed
+        else disturbance_observer.UNKNOWN
+    )
+    S = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    F_ext_hat = disturbance_observer.force(observer, state, bias, S)
+    keep(desk.touch, state)
+    keep(desk.F_ext_hat, F_ext_hat)
+    return F_ext_hat
+
+
+@compiled
+def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
+    """Let the motion decide; the bits of what came of it, and the voltages [V]."""
+    was, orders = moving.value, desk.orders.value
+    tau_ext = desk.F_ext_hat.value * desk.observer.tendons.r_j.value if desk.bias.value.shape[0] > 0 else math.nan
+    decision, carry, state = step(desk.tuning.value, was.carry, was.target, told(was.state, tau_ext), desk.m.value)
+    keep(moving, Moving(carry, decision.target, state))
+    keep(desk.decision, decision)
+    came = DONE if decision.done and not orders.reached else QUIET
+    target, load = decision.target, decision.target.load
+    other_push = target.F_push != orders.F_push
+    other_load = load.load_A != orders.load.load_A or load.load_B != orders.load.load_B
+    if decision.pushes and (other_push or other_load):
+        came |= PUSHES
+    if decision.pushes and target.tuning != orders.tuning:
+        came |= TUNES
+    if decision.pushes and (target.wall != orders.wall or target.touch != orders.touch):
+        came |= PUSHES | WALLS
+    return came, decision.u_A, decision.u_B
+
+
+_TICK, _T, _MODE, _RUN = (INDEX[name] for name in ("tick", "t", "mode", "run"))
+_Q, _Q_REF, _Q_REF_GOV, _Q_DOT = (INDEX[name] for name in ("q", "q_ref", "q_ref_gov", "q_dot"))
+_S, _S_REF, _S_REF_GOV, _S_TRUE = (INDEX[name] for name in ("S", "S_ref", "S_ref_gov", "S_true"))
+_THETA_A, _THETA_A_REF, _THETA_B, _THETA_B_REF = (
+    INDEX[name] for name in ("theta_A", "theta_A_ref", "theta_B", "theta_B_ref")
+)
+_F_A, _F_B, _U_A, _U_B = (INDEX[name] for name in ("F_A", "F_B", "u_A", "u_B"))
+_F_PUSH, _F_EXT_HAT, _F_WALL = (INDEX[name] for name in ("F_push", "F_ext_hat", "F_wall"))
+_V_A, _V_B, _N_Q, _N_A, _N_B = (INDEX[name] for name in RawReading._fields)
+_LAM_Q, _LAM_S, _BANK_ENTRY = (INDEX[name] for name in ("lam_q", "lam_S", "bank_entry"))
+_LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fault", "lateness_s", "overruns"))
+
+
+@compiled
+def write_row(
+    desk: Cell[Desk],
+    row: NDArray[np.float64],
+    tick: int,
+    put: MotorCommand,
+    at_card: RawReading,
+    lateness_s: float,
+    overruns: int,
+) -> None:
+    """Put the tick into its row (``backend.sample``); ``put`` is what was written last, and is kept as that."""
+    orders, m, y = desk.orders.value, desk.m.value, desk.decision.value
+    keep(desk.command, put)
+    row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, orders.mode, orders.run
+    row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, desk.velocity.q_dot.value
+    row[_S] = math.nan
+    if orders.zeroed and not fault_detection.has_slack(desk.observer.tendons.value, m):
+        row[_S] = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.target.S_ref, y.S_ref_gov, m.S_true
+    row[_THETA_A], row[_THETA_A_REF], row[_THETA_B], row[_THETA_B_REF] = (
+        m.theta_A,
+        y.theta_A_ref,
+        m.theta_B,
+        y.theta_B_ref,
+    )
+    row[_F_A], row[_F_B], row[_U_A], row[_U_B] = m.F_A, m.F_B, put.u_A, put.u_B
+    row[_F_PUSH], row[_F_EXT_HAT], row[_F_WALL] = m.F_push, desk.F_ext_hat.value, m.F_wall
+    row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = at_card
+    row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = orders.lam_q, orders.lam_S, y.bank_entry
+    row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = (
+        y.limits | orders.limits, orders.fault, lateness_s, overruns,
+    )  # fmt: skip
+
+
+# Batch ---------------------------------------------------------------------------------------------
+#
+# Ticks in a row on the simulator, as long as nothing comes of them that the interpreter has to see
+# to.
+
+
+DECIDED = 8
+"""Of the tick after the last whole one: the motion has decided, and the rest is the interpreter's."""
+
+
+class Stretch(NamedTuple):
+    """Ticks to be made: number of the first, and of the simulator's period before it; how many; overruns so far."""
+
+    first: int
+    period: int
+    ticks: int
+    overruns: int
+
+
+@compiled_run
+def run_batch(
+    desk: Cell[Desk],
+    moving: Cell[Moving],
+    simulated: Cell[Simulated],
+    m: Measurement,
+    stretch: Stretch,
+    rows: NDArray[np.float64],
+) -> tuple[int, int, float, float, Measurement]:
+    """Make ticks, each with its row in ``rows`` (capacity, n), at the place of its number; ``m`` is measured now.
+
+    Returns how many are whole, what came of the next one (QUIET: it was not begun; FOUND, FELT: it was looked at; DONE,
+    TUNES, WALLS, DECIDED: it was decided), its voltages [V], and what is measured then.
+    """
+    for made in range(stretch.ticks):
+        seen = look(desk, m, 0)
+        if seen != QUIET:
+            return made, seen, 0.0, 0.0, m
+        came, u_A, u_B = decide(desk, moving)
+        if came & (DONE | TUNES | WALLS) or not math.isfinite(u_A + u_B):
+            return made, came | DECIDED, u_A, u_B, m
+        if came & PUSHES:
+            target = desk.decision.target.value
+            keep(desk.orders.F_push, target.F_push)
+            keep(desk.orders.load, target.load)
+            keep(simulated.F_push, target.F_push)
+            keep(simulated.load, target.load)
+        m = period(simulated, u_A, u_B, stretch.period + made + 1)
+        number = stretch.first + made
+        write_row(desk, rows[number % rows.shape[0]], number, MotorCommand(u_A, u_B), NO_RAW, 0.0, stretch.overruns)
+    return stretch.ticks, QUIET, 0.0, 0.0, m

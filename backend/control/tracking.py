@@ -1,0 +1,145 @@
+"""The motions that follow references: the cascade, and the laws that it is compared with."""
+
+import math
+from typing import NamedTuple
+
+from backend.control import baselines, cascade, decoupler, pid
+from backend.control.decoupler import Bounds
+from backend.control.motion_types import VOLTAGE_A, VOLTAGE_B, Carry, Decision, Target
+from backend.control.setpoint_player import Player, announced, play
+from backend.control.trajectory import References
+from backend.faults import Limit
+from plant.compiled import compiled
+from plant.interface import Measurement
+
+# Tracking ------------------------------------------------------------------------------------------
+#
+# The cascade, following the operator's references or a program's segments.
+
+
+_GOVERNOR, _FLOOR, _CEILING, _RANGE = (
+    int(flag) for flag in (Limit.GOVERNOR, Limit.TENSION_FLOOR, Limit.TENSION_CEILING, Limit.JOINT_RANGE)
+)
+
+
+class TrackingState(NamedTuple):
+    """``position_loop``: closed; without it the decoupler's geometry alone positions the joint. ``plays`` a program.
+
+    ``tau_ext`` [N·m]: outside torque in this tick, nan as long as its bias is not known.
+    """
+
+    law: cascade.CascadeState
+    position_loop: bool
+    plays: bool
+    player: Player
+    tau_ext: float = math.nan
+
+
+@compiled
+def step(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TrackingState, m: Measurement
+) -> tuple[Decision, Carry, TrackingState]:
+    """One tick of the cascade."""
+    done, player, q_end, S_end = False, state.player, math.nan, math.nan
+    if state.plays:
+        done, target, player = play(player, target)
+        q_end, S_end = announced(player)
+    references = References(target.q_ref, target.S_ref, q_end, S_end)
+    y, law = cascade.step(tuning, state.law, references, state.position_loop, m, state.tau_ext)
+    carry = Carry(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
+    return (
+        decided(y, target, state.plays, done),
+        carry,
+        TrackingState(law, state.position_loop, state.plays, player, state.tau_ext),
+    )
+
+
+@compiled
+def decided(y: cascade.CascadeOutput, target: Target, pushes: bool, done: bool) -> Decision:
+    """Decision of a law of position and stiffness."""
+    return Decision(
+        y.u_A,
+        y.u_B,
+        y.theta_A_ref,
+        y.theta_B_ref,
+        target,
+        y.q_ref_gov,
+        y.S_ref_gov,
+        y.bank_entry,
+        acting(y),
+        pushes,
+        done,
+    )
+
+
+@compiled
+def acting(y: cascade.CascadeOutput) -> int:
+    """Limit flags of a tick."""
+    return (
+        (VOLTAGE_A if y.clipped_A else 0)
+        | (VOLTAGE_B if y.clipped_B else 0)
+        | (_GOVERNOR if y.governed else 0)
+        | (_FLOOR if y.at_floor else 0)
+        | (_CEILING if y.at_ceiling else 0)
+        | (_RANGE if y.at_range else 0)
+    )
+
+
+def here(tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True) -> Target:
+    """Return references with which nothing has to move, as far as references may go.
+
+    Without position loop q_ref is the equilibrium of the motors [rad], and not where a push holds the joint.
+    """
+    d = tuning.decoupler
+    q = m.q if position_loop else decoupler.equilibrium(d, m.theta_A, m.theta_B)
+    S = decoupler.stiffness(d, m.theta_A, m.theta_B)
+    return Target(min(max(q, bounds.q_min), bounds.q_max), min(max(S, bounds.S_min), bounds.S_max), 0.0)
+
+
+# Baselines -----------------------------------------------------------------------------------------
+#
+# The laws that the cascade is compared with, playing a program; their gains stay as they were at
+# the start.
+
+
+class SingleLoop(NamedTuple):
+    """One loop on position and one on stiffness."""
+
+    tuning: baselines.SingleLoopTuning
+    law: baselines.SingleLoopState
+    player: Player
+
+
+class FeedbackLinearization(NamedTuple):
+    """The law with a full model."""
+
+    tuning: baselines.FeedbackLinearizationTuning
+    law: baselines.FeedbackLinearizationState
+    player: Player
+
+
+@compiled
+def step_single_loop(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: SingleLoop, m: Measurement
+) -> tuple[Decision, Carry, SingleLoop]:
+    """One tick; the cascade's tuning is only what the next motion takes over."""
+    done, target, player = play(state.player, target)
+    y, law = baselines.step_single_loop(state.tuning, state.law, target.q_ref, target.S_ref, m)
+    return decided(y, target, True, done), _left(tuning, y, m), SingleLoop(state.tuning, law, player)
+
+
+@compiled
+def step_feedback_linearization(
+    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: FeedbackLinearization, m: Measurement
+) -> tuple[Decision, Carry, FeedbackLinearization]:
+    """One tick; the cascade's tuning is only what the next motion takes over."""
+    done, target, player = play(state.player, target)
+    y, law = baselines.step_feedback_linearization(state.tuning, state.law, target.q_ref, target.S_ref, m)
+    return decided(y, target, True, done), _left(tuning, y, m), FeedbackLinearization(state.tuning, law, player)
+
+
+@compiled
+def _left(tuning: cascade.CascadeTuning, y: cascade.CascadeOutput, m: Measurement) -> Carry:
+    """Motor loops that hold the joint where the law has left it."""
+    state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, y.u_A, y.u_B)
+    return Carry(state, tuning.motors, m.theta_A, m.theta_B)

@@ -1,0 +1,585 @@
+"""Time-optimal trajectories of both axes within a budget of voltage: axis, goals, plan."""
+
+import math
+from typing import NamedTuple
+
+from backend.control import decoupler
+from backend.control.decoupler import Decoupler
+from plant.compiled import compiled
+from plant.interface import T_s
+
+# Axis ----------------------------------------------------------------------------------------------
+#
+# One axis of a plan: a motor T θ'' + θ' = K u within a budget of voltage, on its way to a goal in
+# the least time.
+
+
+LANDING_S = 0.010
+"""Time constant with which an axis comes to rest at its target, where the braking curve has no finite slope."""
+
+BRAKING = 0.98
+"""Share of the budget that braking counts on: what is left keeps an axis on its curve."""
+
+HALVINGS = 24
+"""Steps of a bisection."""
+
+LEAST_V = 1e-3
+"""An axis that has nothing left of the budget [V] is planned with this."""
+
+
+class Axis(NamedTuple):
+    """Angle [rad] and speed [rad/s] of one axis of the model."""
+
+    theta: float
+    omega: float
+
+
+class Lagged(NamedTuple):
+    """Angle [rad] and speed [rad/s] of an axis, and the voltage [V] behind the motors' electrical lag."""
+
+    theta: float
+    omega: float
+    u: float
+
+
+class Goal(NamedTuple):
+    """Where an axis is sent [rad], how fast that moves [rad/s], 0 where it has jumped, and where it will stand [rad].
+
+    ``end`` nan: nobody has announced one. ``moved`` [rad]: since the tick before.
+    """
+
+    theta: float
+    rate: float
+    end: float = math.nan
+    moved: float = 0.0
+
+
+@compiled
+def braking_distance(V: float, T: float, omega: float) -> float:
+    """How far [rad] an axis goes while −V/K volts stop it from ``omega`` ≥ 0 [rad/s]: T ω − V T ln(1 + ω/V)."""
+    return T * omega - V * T * math.log1p(omega / V)
+
+
+@compiled
+def braking_speed(V: float, T: float, distance: float) -> float:
+    """Speed [rad/s] from which −V/K volts stop an axis within ``distance`` ≥ 0 [rad]: ``braking_distance`` inverted."""
+    E = max(distance, 0.0) / (V * T)
+    y = math.sqrt(2.0 * E) + E / 1.5
+    for _ in range(3):  # of y − ln(1 + y) = E; the start is right for small E, Newton's steps for any
+        y -= (y - math.log1p(y) - E) * (1.0 + y) / max(y, 1e-12)
+    return V * y
+
+
+@compiled
+def least_voltage(K: float, T: float, omega: float, distance: float, most: float) -> float:
+    """Least voltage [V], ``most`` where that is not enough, that stops an axis within ``distance`` [rad] ahead of it.
+
+    ``omega`` [rad/s] is the speed in that direction: nothing is needed by an axis that stands or goes the other way.
+    """
+    if omega <= 0.0:
+        return 0.0
+    low, high = 0.0, most
+    for _ in range(HALVINGS):
+        U = 0.5 * (low + high)
+        if braking_distance(BRAKING * K * U, T, omega) > distance:
+            low = U
+        else:
+            high = U
+    return high
+
+
+@compiled
+def duration(V: float, T: float, distance: float, omega: float) -> float:
+    """Least time [s] from speed ``omega`` [rad/s] to rest ``distance`` [rad] away, with at most V/K volts.
+
+    Full voltage one way, then the other (T θ'' + θ' = K u, |K u| ≤ V).
+    """
+    brake = math.copysign(braking_distance(V, T, abs(omega)), omega)
+    s = 1.0 if distance >= brake else -1.0
+    e, w = s * distance, s * omega
+    if V <= 0.0:
+        return math.inf if e != 0.0 else 0.0
+    a = 1.0 - w / V
+    E = math.exp(min((e - T * w) / (V * T), 700.0))
+    x = E + math.sqrt(max(E * E - a * E, 0.0))
+    forward = T * math.log(max(x, 1.0))
+    peak = V - (V - w) / max(x, 1.0)
+    return forward + T * math.log1p(max(peak, 0.0) / V)
+
+
+@compiled
+def toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
+    """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal.
+
+    With a goal that moves that is as fast as the goal, and no faster than what still stops at the goal's end.
+    """
+    U = max(U, LEAST_V)
+    u = _toward(K, T, U, axis, goal)
+    if goal.rate == 0.0 or math.isnan(goal.end):
+        return u
+    to_end = _toward(K, T, U, axis, Goal(goal.end, 0.0, math.nan, 0.0))
+    return min(u, to_end) if goal.rate > 0.0 else max(u, to_end)
+
+
+@compiled
+def _toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
+    """Voltage [V] of this tick, within ±U, with which the axis comes to its goal no faster than that moves."""
+    e, w = goal.theta - axis.theta, axis.omega - goal.rate
+    e -= T_s * w  # as it will be when this voltage has acted
+    s = 1.0 if e >= 0.0 else -1.0
+    V = max(K * BRAKING * U + s * goal.rate, 0.05 * K * U)
+    a = V / T
+    landing = a * LANDING_S**2
+    wanted = abs(e) / LANDING_S if abs(e) <= landing else braking_speed(V, T, abs(e) - 0.5 * landing)
+    g = math.exp(-T_s / T)
+    u = (goal.rate + s * wanted - g * axis.omega) / (K * (1.0 - g))
+    return min(max(u, -U), U)
+
+
+@compiled
+def turned(K: float, T: float, axis: Axis, u: float) -> Axis:
+    """Axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
+    g = math.exp(-T_s / T)
+    over = axis.omega - K * u
+    return Axis(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
+
+
+@compiled
+def turned_lagged(K: float, T: float, tau_e: float, axis: Lagged, u: float) -> Lagged:
+    """Axis one tick later under u [V], exactly: T θ'' + θ' = K v, τ_e v' + v = u."""
+    if abs(T - tau_e) < 1e-7 * T:
+        tau_e *= 1.0 + 1e-7  # the solution below is for two different lags
+    g, h = math.exp(-T_s / T), math.exp(-T_s / tau_e)
+    left = K * (axis.u - u) * tau_e / (tau_e - T)
+    over = axis.omega - K * u - left
+    return Lagged(
+        axis.theta + K * u * T_s + left * tau_e * (1.0 - h) + over * T * (1.0 - g),
+        K * u + left * h + over * g,
+        u + (axis.u - u) * h,
+    )
+
+
+# Goals ---------------------------------------------------------------------------------------------
+#
+# Where the two axes of a plan are sent, how fast that moves, and where it is going to stand.
+
+
+LEAST_RAD_S = 1e-3
+"""An axis that has nothing left of the budget brakes with this, as speed [rad/s]."""
+
+
+class References(NamedTuple):
+    """Position [rad] and stiffness [N·m/rad] of this tick, and where a move of theirs ends and stays.
+
+    nan: they stand already, or nobody has announced an end.
+    """
+
+    q: float
+    S: float
+    q_end: float = math.nan
+    S_end: float = math.nan
+
+
+@compiled
+def goals(d: Decoupler, before_d: Goal, before_c: Goal, r: References, V: float) -> tuple[Goal, Goal]:
+    """Goals of difference and common axis after those of the tick before, for motors that reach V [rad/s]."""
+    theta_A, theta_B = decoupler.motor_positions(d, r.q, r.S)
+    end_d, end_c = _ends(d, r)
+    return (
+        _goal(before_d, 0.5 * (theta_A - theta_B), end_d, V),
+        _goal(before_c, 0.5 * (theta_A + theta_B), end_c, V),
+    )
+
+
+@compiled
+def jumps(before: Goal, goal: Goal) -> bool:
+    """Whether a goal is not where the one before was, and has not gone there in steps that a motor could follow."""
+    return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
+
+
+@compiled
+def soonest_stand(
+    K: float, T: float, U: float, d: Axis, c: Axis, goal_d: Goal, goal_c: Goal
+) -> tuple[Goal, Goal, float]:
+    """Where both axes come to stand soonest within U [V], none beyond where it was sent; share of the difference axis.
+
+    Each is given volts as it is fast, or what it takes to stop where it was sent: the common axis first.
+    """
+    before_d, before_c = _sent_before(d, goal_d), _sent_before(c, goal_c)
+    w_d, w_c = abs(d.omega), abs(c.omega)
+    share = w_d / (w_d + w_c) if w_d + w_c > 0.0 else 0.5
+    share = max(share, least_voltage(K, T, w_d, before_d, U) / U)
+    share = min(share, 1.0 - least_voltage(K, T, w_c, before_c, U) / U)
+    return _stopped(K * share * U, T, d, before_d), _stopped(K * (1.0 - share) * U, T, c, before_c), share
+
+
+@compiled
+def _sent_before(axis: Axis, goal: Goal) -> float:
+    """How far [rad] ahead of an axis lies where it was sent to stand; inf: nowhere ahead of it, or not known."""
+    ahead = math.copysign(1.0, axis.omega) * ((goal.theta if goal.rate == 0.0 else goal.end) - axis.theta)
+    return ahead if ahead > 0.0 else math.inf
+
+
+@compiled
+def _stopped(V: float, T: float, axis: Axis, most: float) -> Goal:
+    """Where an axis stands once V [rad/s] have stopped it, ``most`` [rad] ahead of where it is."""
+    V = max(BRAKING * V, LEAST_RAD_S)
+    landing = 0.5 * V / T * LANDING_S**2
+    way = min(braking_distance(V, T, abs(axis.omega)) + landing, most)
+    return Goal(axis.theta + math.copysign(way, axis.omega), 0.0, math.nan, 0.0)
+
+
+@compiled
+def _goal(before: Goal, theta: float, end: float, V: float) -> Goal:
+    """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped.
+
+    So has one that begins to move, as a small step cannot be told from a ramp in its first tick.
+    """
+    moved, reach = theta - before.theta, V * T_s
+    moves = 0.0 < abs(before.moved) <= reach and abs(moved) <= reach
+    return Goal(theta, moved / T_s if moves else 0.0, end, moved)
+
+
+@compiled
+def _ends(d: Decoupler, r: References) -> tuple[float, float]:
+    """Return the ends [rad] of difference and common axis; nan where that of its own reference is not known."""
+    if math.isnan(r.q_end) and math.isnan(r.S_end):
+        return math.nan, math.nan
+    q, S = r.q if math.isnan(r.q_end) else r.q_end, r.S if math.isnan(r.S_end) else r.S_end
+    theta_A, theta_B = decoupler.motor_positions(d, q, S)
+    return (
+        math.nan if math.isnan(r.q_end) else 0.5 * (theta_A - theta_B),
+        math.nan if math.isnan(r.S_end) else 0.5 * (theta_A + theta_B),
+    )
+
+
+# Plan ----------------------------------------------------------------------------------------------
+#
+# Where motors and joint are to be in each tick: as fast as a budget of voltage allows, for the
+# loops to hold on to.
+#
+# Two axes move an exact model of the motors: the difference of the motor angles, which turns the
+# joint, and their common part, which makes it stiff. Each brakes along the curve from which full
+# reverse voltage just stops it at the target, so that a step takes the shortest time there is, and
+# whatever moves in each tick is followed as long as the budget lasts. The voltages that the model
+# needed go straight to the motors (model following: the paper's loops act on the rest).
+
+
+SMOOTHED = 10
+"""Ticks over which the voltages are averaged: the end point and the bound stay, a full reversal takes 10 ms."""
+
+NEAR = 0.05
+"""An axis so near its target [rad] leaves the voltage that it does not use to the other one."""
+
+STANDING = 1e-3
+"""An axis so near its target [rad] has arrived."""
+
+GENTLE = 0.2
+"""A move of both axes together [rad] from which on the whole budget is used, 0.02 rad of the joint; of a smaller one
+the share (move/GENTLE)²: one count of the joint's encoder is no reason for a kick of 8 V."""
+
+GENTLE_LEAST_V = 0.05
+"""The smallest move is made with this [V]."""
+
+STANDS = 0.05
+"""A model whose axes are so slow [rad/s], and driven no faster, stands."""
+
+
+class Model(NamedTuple):
+    """What the plan knows of the actuator.
+
+    Motors (equation 17), torque per volt [N·m/V], joint (equations 5, 13), electrical lags [s] (equations 8, 9).
+    """
+
+    K_A: float
+    T_A: float
+    K_B: float
+    T_B: float
+    K_t_A: float
+    K_t_B: float
+    J_j: float
+    B_j: float
+    tau_e_A: float
+    tau_e_B: float
+
+
+Window = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Voltages of the last SMOOTHED ticks [V], the newest first."""
+
+
+class TrajectoryState(NamedTuple):
+    """The model and its way.
+
+    ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it and behind the
+    electrical lag, where the motors of the model are. ``share`` of the budget is the difference axis's; ``asked`` [V]
+    of it is what the tuning has, ``allowed`` [V] what is in use: more where axes that move could not be stopped in time
+    with less. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops'
+    integrators carry already.
+    """
+
+    goal_d: Goal
+    goal_c: Goal
+    d: Axis
+    c: Axis
+    window_d: Window
+    window_c: Window
+    smooth_d: Lagged
+    smooth_c: Lagged
+    share: float
+    asked: float
+    allowed: float
+    q: float
+    q_dot: float
+    F_held_A: float
+    F_held_B: float
+
+
+class AxisState(NamedTuple):
+    """The model now: motor angles [rad], their speeds [rad/s], joint and its equilibrium [rad], stiffness [N·m/rad]."""
+
+    theta_A: float
+    theta_B: float
+    omega_A: float
+    omega_B: float
+    q: float
+    q_e: float
+    S: float
+
+
+class Driven(NamedTuple):
+    """Voltages [V] that move the model in a tick, and whether it is still on its way."""
+
+    u_A: float
+    u_B: float
+    moving: bool
+
+
+@compiled
+def begin(d: Decoupler, model: Model, q: float, S: float, omega_A: float, omega_B: float) -> TrajectoryState:
+    """Return a model at ``q`` [rad] and ``S`` [N·m/rad] whose motors move at ``omega`` [rad/s], sent nowhere else.
+
+    Its motors are where they hold its joint, moving or at rest. What the actuator's motors are off from there, because
+    of a push or of springs that are not as identified, is left to the loops: so nothing has to move.
+    """
+    q_dot = d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
+    q_e = q + model.B_j * q_dot / S
+    theta_A, theta_B = decoupler.motor_positions(d, q_e, S)
+    difference = Axis(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
+    common = Axis(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
+    F_A, F_B = _tensions(d, q_e, S, q)
+    K = min(model.K_A, model.K_B)
+    return TrajectoryState(
+        Goal(difference.theta, 0.0, math.nan, 0.0),
+        Goal(common.theta, 0.0, math.nan, 0.0),
+        difference,
+        common,
+        _filled(difference.omega / K),
+        _filled(common.omega / K),
+        Lagged(difference.theta, difference.omega, difference.omega / K),
+        Lagged(common.theta, common.omega, common.omega / K),
+        0.5,
+        -1.0,
+        (abs(difference.omega) + abs(common.omega)) / K,
+        q,
+        q_dot,
+        F_A,
+        F_B,
+    )
+
+
+@compiled
+def now(d: Decoupler, state: TrajectoryState) -> AxisState:
+    """Return where the model is."""
+    A, B = _motors(state.smooth_d, state.smooth_c)
+    q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
+    return AxisState(A.theta, B.theta, A.omega, B.omega, state.q, q_e, S)
+
+
+@compiled
+def stands(model: Model, state: TrajectoryState) -> bool:
+    """Whether the model moves no more, or not yet."""
+    K = min(model.K_A, model.K_B)
+    speed = max(abs(state.smooth_d.omega), abs(state.smooth_c.omega))
+    driven = max(abs(_mean(state.window_d)), abs(_mean(state.window_c)), abs(state.smooth_d.u), abs(state.smooth_c.u))
+    return max(speed, K * driven) < STANDS
+
+
+@compiled
+def step(
+    d: Decoupler, model: Model, budget: float, state: TrajectoryState, at: AxisState, r: References
+) -> tuple[Driven, TrajectoryState]:
+    """One tick towards the references from ``at``, within ``budget`` [V] for both axes together; 0 V: to a stand."""
+    K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
+    if budget > 0.0:
+        goal_d, goal_c = goals(d, state.goal_d, state.goal_c, r, K * budget)
+    else:
+        goal_d, goal_c = state.goal_d, state.goal_c
+    share, allowed = state.share, state.allowed
+    distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
+    if budget == 0.0:
+        if state.asked != 0.0:
+            goal_d, goal_c, share = soonest_stand(K, T, allowed, state.d, state.c, goal_d, goal_c)
+    elif budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
+        share, allowed = shared(K, T, _usable(budget, state, goal_d, goal_c), budget, state, goal_d, goal_c)
+    elif distance < STANDING:
+        allowed = min(allowed, budget)
+    held_d, held_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
+    free = max(allowed - held_d - held_c, 0.0)
+    most_d = held_d + share * free
+    if abs(goal_c.theta - state.c.theta) < NEAR:  # what the common axis has no use for now
+        most_d = max(most_d, allowed - abs(state.window_c[0]))
+    most_d = min(most_d, allowed)
+    u_d = toward(K, T, most_d, state.d, goal_d)
+    u_c = toward(K, T, allowed - abs(u_d), state.c, goal_c)
+    window_d, window_c = _pushed(state.window_d, u_d), _pushed(state.window_c, u_c)
+    mean_d, mean_c = _mean(window_d), _mean(window_c)
+    tau_e = max(model.tau_e_A, model.tau_e_B)
+    smooth_d = turned_lagged(K, T, tau_e, state.smooth_d, mean_d)
+    smooth_c = turned_lagged(K, T, tau_e, state.smooth_c, mean_c)
+
+    A, B = _motors(smooth_d, smooth_c)
+    q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
+    q, q_dot = _swung(model, state.q, state.q_dot, at.q_e, at.S, q_e, S)
+
+    forward = TrajectoryState(
+        goal_d, goal_c, state.d, state.c, window_d, window_c, state.smooth_d, state.smooth_c, share, budget, allowed,
+        state.q, state.q_dot, state.F_held_A, state.F_held_B,
+    )  # fmt: skip
+    u_A, u_B = voltages(d, model, forward, at)
+    moving = distance > STANDING or goal_d.rate != 0.0 or goal_c.rate != 0.0
+    driven = Driven(u_A, u_B, moving)
+    return driven, TrajectoryState(
+        goal_d,
+        goal_c,
+        turned(K, T, state.d, u_d),
+        turned(K, T, state.c, u_c),
+        window_d,
+        window_c,
+        smooth_d,
+        smooth_c,
+        share,
+        budget,
+        allowed,
+        q,
+        q_dot,
+        state.F_held_A,
+        state.F_held_B,
+    )
+
+
+@compiled
+def voltages(d: Decoupler, model: Model, state: TrajectoryState, at: AxisState) -> tuple[float, float]:
+    """Voltages [V] of the two motors for what the axes' windows say, and for the tension that has come since ``begin``.
+
+    The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion:
+    u − F r_m/K_t = (ω + (T + τ_e) dω/dt + T τ_e d²ω/dt²)/K, and a change of tension is answered ahead of the lag τ_e.
+    """
+    K, T, tau_e = min(model.K_A, model.K_B), max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
+    turning_d = (K * state.smooth_d.u - state.smooth_d.omega) / T
+    turning_c = (K * state.smooth_c.u - state.smooth_c.omega) / T
+    jerk_d = (K * (_mean(state.window_d) - state.smooth_d.u) / tau_e - turning_d) / T
+    jerk_c = (K * (_mean(state.window_c) - state.smooth_c.u) / tau_e - turning_c) / T
+    F_A, F_B = _tensions(d, at.q_e, at.S, at.q)
+    tendon = 0.5 * at.S / (d.r_j * d.r_j)
+    F_A += model.tau_e_A * tendon * (d.r_m * at.omega_A - d.r_j * state.q_dot)
+    F_B += model.tau_e_B * tendon * (d.r_m * at.omega_B + d.r_j * state.q_dot)
+    A, B = model.T_A * model.tau_e_A, model.T_B * model.tau_e_B
+    u_A = at.omega_A + (model.T_A + model.tau_e_A) * (turning_c + turning_d) + A * (jerk_c + jerk_d)
+    u_B = at.omega_B + (model.T_B + model.tau_e_B) * (turning_c - turning_d) + B * (jerk_c - jerk_d)
+    return (
+        u_A / model.K_A + d.r_m * (F_A - state.F_held_A) / model.K_t_A,
+        u_B / model.K_B + d.r_m * (F_B - state.F_held_B) / model.K_t_B,
+    )
+
+
+@compiled
+def _usable(budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal) -> float:
+    """Voltage [V] of the budget that a move of this length is made with; all of it for goals that move."""
+    if goal_d.rate != 0.0 or goal_c.rate != 0.0:
+        return budget
+    share = (abs(goal_d.theta - state.d.theta) + abs(goal_c.theta - state.c.theta)) / GENTLE
+    return min(max(budget * share * share, GENTLE_LEAST_V), budget)
+
+
+@compiled
+def shared(
+    K: float, T: float, usable: float, budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal
+) -> tuple[float, float]:
+    """Share of the budget for the difference axis with which both axes arrive together, and what is allowed [V].
+
+    Each keeps what it takes to stop where it was or is sent, whichever is farther, the common axis first: beyond lie
+    solid springs. So more than is ``usable`` of the ``budget`` [V], or than a budget that has just become less, may be
+    allowed for a while.
+    """
+    most = max(budget, state.allowed)
+    needs_c = _needed(K, T, state.c, state.goal_c, goal_c, most)
+    needs_d = _needed(K, T, state.d, state.goal_d, goal_d, most - needs_c)
+    allowed = max(usable, needs_c + needs_d)
+    low, high = needs_d / allowed, 1.0 - needs_c / allowed
+    far_d, far_c = goal_d.theta - state.d.theta, goal_c.theta - state.c.theta
+    w_d, w_c = state.d.omega - goal_d.rate, state.c.omega - goal_c.rate
+    free = max(K * allowed - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        if duration(share * free, T, far_d, w_d) > duration((1.0 - share) * free, T, far_c, w_c):
+            low = share
+        else:
+            high = share
+    return 0.5 * (low + high), allowed
+
+
+@compiled
+def _needed(K: float, T: float, axis: Axis, before: Goal, goal: Goal, most: float) -> float:
+    """Least voltage [V] that still stops an axis where it was or is sent, whichever is farther on its way."""
+    w = axis.omega - goal.rate
+    s = 1.0 if w >= 0.0 else -1.0
+    ahead = max(s * (before.theta - axis.theta), s * (goal.theta - axis.theta))
+    return least_voltage(K, T, s * w, ahead, most)
+
+
+@compiled
+def _motors(d: Lagged, c: Lagged) -> tuple[Axis, Axis]:
+    """Motors A and B of the two axes."""
+    return Axis(c.theta + d.theta, c.omega + d.omega), Axis(c.theta - d.theta, c.omega - d.omega)
+
+
+@compiled
+def _swung(
+    model: Model, q: float, q_dot: float, q_e: float, S: float, q_e_next: float, S_next: float
+) -> tuple[float, float]:
+    """Joint one tick later: J_j q'' = S (q_e − q) − B_j q', a Runge-Kutta step with q_e and S in between."""
+    h, J, B = T_s, model.J_j, model.B_j
+    q_e_half, S_half = 0.5 * (q_e + q_e_next), 0.5 * (S + S_next)
+    v1, a1 = q_dot, (S * (q_e - q) - B * q_dot) / J
+    q2, v2 = q + 0.5 * h * v1, q_dot + 0.5 * h * a1
+    a2 = (S_half * (q_e_half - q2) - B * v2) / J
+    q3, v3 = q + 0.5 * h * v2, q_dot + 0.5 * h * a2
+    a3 = (S_half * (q_e_half - q3) - B * v3) / J
+    q4, v4 = q + h * v3, q_dot + h * a3
+    a4 = (S_next * (q_e_next - q4) - B * v4) / J
+    return q + h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4), q_dot + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+@compiled
+def _tensions(d: Decoupler, q_e: float, S: float, q: float) -> tuple[float, float]:
+    """Tensions [N] with the joint q_e − q [rad] off rest: half of S (q_e − q)/r_j on top of one, off the other."""
+    F, pull = decoupler.tension_under(d, S), 0.5 * S * (q_e - q) / d.r_j
+    return F + pull, F - pull
+
+
+@compiled
+def _filled(u: float) -> Window:
+    return (u, u, u, u, u, u, u, u, u, u)
+
+
+@compiled
+def _pushed(window: Window, u: float) -> Window:
+    return (u, *window[:-1])
+
+
+@compiled
+def _mean(window: Window) -> float:
+    total = 0.0
+    for u in window:
+        total += u
+    return total / SMOOTHED

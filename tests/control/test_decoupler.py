@@ -1,0 +1,157 @@
+"""The decoupler against equations 18-21 written anew, and against equilibria that SciPy finds on the curves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from backend.control.decoupler import (
+    OFFSET,
+    SUM,
+    Decoupler,
+    decoupler_for,
+    equilibrium,
+    equilibrium_table,
+    motor_positions,
+    rates,
+    stiffness,
+    stiffness_slope,
+)
+from plant.parameters import PlantParameters, load_parameters
+
+r_m, r_j = 7.5e-3, 75e-3
+QUADRATIC = (-2.498, 331.49, 8543.8)
+CUBIC = (-2.0, 300.0, 7000.0, 40_000.0)
+STIFFER = (-2.9, 350.0, 9300.0)
+
+positions = st.floats(-1.4, 1.4)
+stiffnesses = st.floats(8.0, 14.5)
+
+
+def points_of(k: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
+    curve = np.polynomial.Polynomial(k)
+    x = np.linspace(max(curve.roots().real), 0.0625, 14)
+    return ((float(x[0]), 0.0), *((float(at), float(curve(at))) for at in x[1:]))
+
+
+def with_springs(A: tuple[float, ...], B: tuple[float, ...], tabulated_B: bool = False) -> PlantParameters:
+    known_B = {"k": (), "points": points_of(B)} if tabulated_B else {"k": B, "points": ()}
+    return replace(load_parameters("ideal"), sided={"identified_A": {"k": A, "points": ()}, "identified_B": known_B})
+
+
+PAPER = decoupler_for(with_springs(QUADRATIC, QUADRATIC))
+LIKE_CUBIC = decoupler_for(with_springs(CUBIC, CUBIC))
+UNLIKE = decoupler_for(with_springs(CUBIC, STIFFER))
+WITH_TABLE = decoupler_for(with_springs(QUADRATIC, CUBIC, tabulated_B=True))
+
+decouplers = pytest.mark.parametrize(
+    "d", [PAPER, LIKE_CUBIC, UNLIKE, WITH_TABLE], ids=["paper", "cubic", "unlike", "table"]
+)
+
+
+@given(positions, stiffnesses)
+def test_like_quadratic_springs_follow_equations_18_to_21(q: float, S: float) -> None:
+    _, k_1, k_2 = QUADRATIC
+    D = np.array(
+        [
+            [r_j / r_m, 1.0 / (4.0 * r_j**2 * r_m * k_2), -k_1 / (2.0 * k_2 * r_m)],
+            [-r_j / r_m, 1.0 / (4.0 * r_j**2 * r_m * k_2), -k_1 / (2.0 * k_2 * r_m)],
+        ]
+    )
+    assert motor_positions(PAPER, q, S) == pytest.approx(D @ [q, S, 1.0], rel=1e-12, abs=1e-12)
+
+
+def test_the_closed_form_is_taken_where_it_holds_and_only_there() -> None:
+    assert Decoupler(r_m, r_j, *QUADRATIC) == PAPER
+    assert decoupler_for(load_parameters("lab")).table is None
+    for d in (LIKE_CUBIC, UNLIKE, WITH_TABLE):
+        assert d.table is not None
+
+
+@decouplers
+@given(q=positions, S=stiffnesses)
+def test_there_and_back_again_is_exact(d: Decoupler, q: float, S: float) -> None:
+    theta_A, theta_B = motor_positions(d, q, S)
+    assert stiffness(d, theta_A, theta_B) == pytest.approx(S, rel=1e-12)
+    assert equilibrium(d, theta_A, theta_B) == pytest.approx(q, abs=1e-12)
+
+
+@decouplers
+@given(theta_A=st.floats(-2.0, 12.0), theta_B=st.floats(-2.0, 12.0))
+def test_back_and_there_again_is_exact_beyond_the_springs_range_too(
+    d: Decoupler, theta_A: float, theta_B: float
+) -> None:
+    q, S = equilibrium(d, theta_A, theta_B), stiffness(d, theta_A, theta_B)
+    assert motor_positions(d, q, S) == pytest.approx((theta_A, theta_B), abs=1e-9)
+
+
+@pytest.mark.parametrize(("A", "B", "d"), [(CUBIC, CUBIC, LIKE_CUBIC), (CUBIC, STIFFER, UNLIKE)])
+@given(q=positions, S=stiffnesses)
+def test_the_joint_rests_there_with_that_stiffness(
+    A: tuple[float, ...], B: tuple[float, ...], d: Decoupler, q: float, S: float
+) -> None:
+    F_A, F_B = np.polynomial.Polynomial(A), np.polynomial.Polynomial(B)
+    theta_A, theta_B = motor_positions(d, q, S)
+    q_e = brentq(lambda at: F_A(r_m * theta_A - r_j * at) - F_B(r_m * theta_B + r_j * at), q - 0.02, q + 0.02)
+    x_A, x_B = r_m * theta_A - r_j * q_e, r_m * theta_B + r_j * q_e
+    assert q_e == pytest.approx(q, abs=1e-6)
+    assert r_j**2 * (F_A.deriv()(x_A) + F_B.deriv()(x_B)) == pytest.approx(S, abs=1e-5)
+
+
+def test_for_like_quadratic_springs_the_table_says_what_the_closed_form_says() -> None:
+    spring = load_parameters("ideal").identified_spring("A")
+    by_table = Decoupler(r_m, r_j, np.nan, np.nan, np.nan, equilibrium_table(spring, spring, r_m, r_j))
+    for q, S in ((0.0, 8.24), (1.0, 10.55), (-0.7, 12.43), (0.2, 14.06)):
+        assert motor_positions(by_table, q, S) == pytest.approx(motor_positions(PAPER, q, S), abs=1e-7)
+
+
+@given(positions, stiffnesses)
+def test_swapping_the_springs_mirrors_the_motors(q: float, S: float) -> None:
+    swapped = decoupler_for(with_springs(STIFFER, CUBIC))
+    theta_A, theta_B = motor_positions(UNLIKE, q, S)
+    assert motor_positions(swapped, -q, S) == pytest.approx((theta_B, theta_A), abs=1e-6)
+
+
+@pytest.mark.parametrize("more", [1e-2, 1e-5])
+def test_two_springs_have_the_same_table_whichever_of_them_is_called_A(more: float) -> None:
+    """However little one of them is the stronger: the table ends where the weaker becomes solid."""
+    k_0, k_1, k_2, k_3 = CUBIC
+    stronger = k_0, (1.0 + more) * k_1, (1.0 + more) * k_2, (1.0 + more) * k_3
+    pair = with_springs(CUBIC, stronger)
+    A, B = pair.identified_spring("A"), pair.identified_spring("B")
+    there, back = equilibrium_table(A, B, r_m, r_j), equilibrium_table(B, A, r_m, r_j)
+    back[:, OFFSET] *= -1.0
+    np.testing.assert_array_equal(there, back)
+
+
+@decouplers
+@given(q=positions, S=stiffnesses, rate_A=st.floats(-20.0, 20.0), rate_B=st.floats(-20.0, 20.0))
+def test_rates_are_the_derivatives(d: Decoupler, q: float, S: float, rate_A: float, rate_B: float) -> None:
+    theta_A, theta_B = motor_positions(d, q, S)
+    dt = 1e-6
+    before = theta_A - dt * rate_A, theta_B - dt * rate_B
+    after = theta_A + dt * rate_A, theta_B + dt * rate_B
+    q_rate, S_rate = rates(d, theta_A, theta_B, rate_A, rate_B)
+    # Across a corner of the table the two-sided difference lies between the two pieces' slopes, 0.2 % apart.
+    assert (equilibrium(d, *after) - equilibrium(d, *before)) / (2.0 * dt) == pytest.approx(q_rate, rel=3e-3, abs=1e-3)
+    assert (stiffness(d, *after) - stiffness(d, *before)) / (2.0 * dt) == pytest.approx(S_rate, rel=3e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize(("k", "d"), [(QUADRATIC, PAPER), (CUBIC, LIKE_CUBIC)])
+def test_stiffness_slope_of_one_motor(k: tuple[float, ...], d: Decoupler) -> None:
+    """With one motor turning, each spring takes half: dS/dθ = r_j² r_m F''."""
+    curve = np.polynomial.Polynomial(k)
+    for S in (8.24, 10.55, 14.06):
+        x = brentq(lambda at, S=S: 2.0 * r_j**2 * curve.deriv()(at) - S, 0.005, 0.07)
+        assert stiffness_slope(d, S) == pytest.approx(r_j**2 * r_m * curve.deriv(2)(x), rel=1e-3)
+
+
+def test_the_table_rises_evenly() -> None:
+    for d in (LIKE_CUBIC, UNLIKE, WITH_TABLE):
+        assert d.table is not None
+        steps = np.diff(d.table, axis=0)
+        assert np.all(steps[:, :2] > 0.0)
+        assert steps[:, SUM] == pytest.approx(steps[0, SUM])
