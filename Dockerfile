@@ -25,7 +25,7 @@ COPY --from=build /opt/sinew /opt/sinew
 # The control laws and what starts compute, once for all containers: a first start with an empty volume copies them.
 # `sinew` appends its own folder to this one, as it does to the volume's.
 RUN XDG_CACHE_HOME=/opt/compiled /opt/sinew/bin/python -P -m backend.compile_ahead \
-    && XDG_CACHE_HOME=/opt/compiled /opt/sinew/bin/python -P -m backend.loop.compile_ahead \
+    && XDG_CACHE_HOME=/opt/compiled /opt/sinew/bin/python -P -m backend.realtime.compile_ahead \
     && chmod -R a+rX /opt/compiled
 
 USER sinew

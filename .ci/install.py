@@ -103,7 +103,7 @@ def main(extras: list[str]) -> None:
         install_locked(environment, "run", *extras)
         beside_each_other(
             lambda: run(environment, "-m", "backend.compile_ahead"),
-            lambda: run(environment, "-m", "backend.loop.compile_ahead"),
+            lambda: run(environment, "-m", "backend.realtime.compile_ahead"),
         )
 
     beside_each_other(page, program)

@@ -1,14 +1,14 @@
 """``python -m backend.compile_ahead``: compiles and computes at the installation what a first start would wait for.
 
-That is the half of the service; the loop's is ``python -m backend.loop.compile_ahead``, and both run beside each other.
+This is the half of the service. ``python -m backend.realtime.compile_ahead`` is that of the loop; both run in parallel.
 """
 
 from backend import assembly, main
 from backend.api import app
 from backend.cli import serve
-from backend.loop import heartbeat
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.tuning_in_use import by_default
+from backend.realtime import heartbeat
 from backend.web_server import server
 from plant.parameters import load_parameters
 

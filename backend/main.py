@@ -17,7 +17,7 @@ from backend import logs, workers
 from backend.access.tokens import TokenFiles, Tokens
 from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
 from backend.ending import Ending, address_on
-from backend.loop.launching import launch
+from backend.realtime.supervisor import launch
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
 from backend.web_server.listening import listening_on
@@ -27,8 +27,8 @@ from backend.workers import refuse_forks
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-    from backend.loop.pacer import Granted
-    from backend.loop.supervisor import Supervisor
+    from backend.realtime.supervisor import Supervisor
+    from backend.realtime.timing import Granted
     from backend.recording.recorder import Recorder
 
 NICENESS = -10

@@ -49,8 +49,8 @@ _COMPILED_SOURCES = (
     "plant/*.py",
     "backend/control/*.py",
     "backend/identification/friction.py",
-    "backend/loop/heartbeat.py",
-    "backend/tuning/closed_loop.py",
+    "backend/realtime/heartbeat.py",
+    "backend/tuning/simulation.py",
 )
 
 

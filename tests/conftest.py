@@ -32,7 +32,7 @@ ONLY_COMPUTES = {
     "experiments",
     "exports",
     "identification",
-    "loop",
+    "realtime",
     "migrations",
     "mutate",
     "packaging",

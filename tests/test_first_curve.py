@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from backend.operating.kept_figures import KeptFigures
-from backend.tuning import motor_loop, remembered
-from backend.tuning.models import MotorModel
+from backend.tuning import robustness
+from backend.tuning.gains import MotorModel
 from backend.tuning.preview import Previewer
 from plant.parameters import load_parameters
 
@@ -32,9 +32,9 @@ print(*[name for name in sys.argv[2:] if name in sys.modules])
 
 @pytest.fixture
 def nothing_known(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, ...]]:
-    monkeypatch.setattr(remembered, "FIGURES", {})
-    monkeypatch.setattr("backend.operating.kept_figures.FIGURES", remembered.FIGURES)
-    return remembered.FIGURES
+    monkeypatch.setattr(robustness, "FIGURES", {})
+    monkeypatch.setattr("backend.operating.kept_figures.FIGURES", robustness.FIGURES)
+    return robustness.FIGURES
 
 
 def loaded(data: Path) -> list[str]:
@@ -54,7 +54,7 @@ def test_no_start_but_the_first_loads_what_the_first_curve_does_not_need(
 
 
 def test_the_loop_process_loads_none_of_it_at_all() -> None:
-    code = "import sys, backend.loop.worker; print(*[name for name in sys.argv[1:] if name in sys.modules])"
+    code = "import sys, backend.realtime.process; print(*[name for name in sys.argv[1:] if name in sys.modules])"
     ended = subprocess.run(
         [sys.executable, "-c", code, *LATER, "sqlalchemy", "fastapi"], capture_output=True, text=True, check=True
     )
@@ -63,12 +63,12 @@ def test_the_loop_process_loads_none_of_it_at_all() -> None:
 
 def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]) -> None:
     motor = MotorModel(2.86, 0.22, 0.002)
-    computed = motor_loop.motor_range(motor)
+    computed = robustness.motor_range(motor)
     KeptFigures(tmp_path).keep()
     nothing_known.clear()
     KeptFigures(tmp_path).restore()
     assert len(nothing_known) == 1
-    assert motor_loop.motor_range(motor) == computed
+    assert robustness.motor_range(motor) == computed
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: d
 def test_a_damaged_file_is_not_believed(
     tmp_path: Path, nothing_known: dict[str, tuple[float, ...]], damage: Callable[[str], str]
 ) -> None:
-    motor_loop.motor_range(MotorModel(2.86, 0.22, 0.002))
+    robustness.motor_range(MotorModel(2.86, 0.22, 0.002))
     kept = KeptFigures(tmp_path)
     kept.keep()
     assert kept.file is not None
@@ -101,20 +101,20 @@ def test_a_damaged_file_is_not_believed(
 def test_figures_of_another_form_are_computed_anew(
     nothing_known: dict[str, tuple[float, ...]], known: tuple[float, ...]
 ) -> None:
-    assert remembered.remembered(("question",), 2, lambda: (1.0, 2.0)) == (1.0, 2.0)
+    assert robustness.remembered(("question",), 2, lambda: (1.0, 2.0)) == (1.0, 2.0)
     (key,) = nothing_known
     nothing_known[key] = known
-    assert remembered.remembered(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
+    assert robustness.remembered(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
 
 
 def test_figures_that_were_asked_for_least_lately_are_forgotten_first(
     nothing_known: dict[str, tuple[float, ...]],
 ) -> None:
     """The first ones are those of the tuning in force: they are asked for again and again."""
-    for number in range(remembered.MOST + 1):
+    for number in range(robustness.MOST + 1):
         for asked in (0, number):
-            remembered.remembered((asked,), 1, partial(lambda value: (value,), float(asked)))
-    assert len(nothing_known) == remembered.MOST
+            robustness.remembered((asked,), 1, partial(lambda value: (value,), float(asked)))
+    assert len(nothing_known) == robustness.MOST
     assert (0.0,) in nothing_known.values()
     assert (1.0,) not in nothing_known.values()
     assert (2.0,) in nothing_known.values()

@@ -28,7 +28,7 @@ def test_a_test_that_no_lane_runs_is_found_and_so_is_one_that_two_run() -> None:
 
 
 def test_lanes_divide_what_there_is_and_count_it_and_what_ran_beside_is_shown_last() -> None:
-    some = ["tests/wire", "tests/loop/test_pacer.py", "-q"]
+    some = ["tests/wire", "tests/realtime/test_pacer.py", "-q"]
     ended = subprocess.run([sys.executable, "-m", "tests.lanes", *some], cwd=ROOT, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     begun = [ended.stdout.index(f"lane: {name}") for name in ("page", "live", "pure")]

@@ -20,19 +20,19 @@ from backend.experiments.results.again import NotEvaluableError
 from backend.experiments.results.unseen_prediction import NotComparableError
 from backend.experiments.settings import SettingError
 from backend.exports.errors import ExportError
-from backend.identification.errors import DataFileError, IdentificationError
-from backend.loop.access import LoopDiedError
-from backend.loop.channel import ChannelError
-from backend.loop.mode import LEGAL
+from backend.identification.records import DataFileError, IdentificationError
 from backend.messages.base import Problem, Refusal
 from backend.messages.malformed import problem_of_form
 from backend.messages.problems import plain, printable, problem_of, problem_of_experiment, problem_of_setting
+from backend.realtime.ipc import ChannelError
+from backend.realtime.program import LEGAL
+from backend.realtime.supervisor import LoopDiedError
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
 from backend.storage.errors import StorageError
 from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
-from backend.tuning.formulas import TuningError
+from backend.tuning.gains import TuningError
 from backend.units import Angles, in_words
 from backend.web_server.deployment import no_such_page
 from backend.web_server.message_page import message_page, wants_page

@@ -11,17 +11,12 @@ from itertools import pairwise
 from pathlib import Path
 
 from backend import __version__
-from backend.loop.supervisor import Supervisor
-from backend.loop.timing import LATENESS_EDGES_S, lateness_histogram
-from backend.messages.system import (
-    BackupView,
-    DatabaseCheck,
-    DatabaseView,
-    GrantedView,
-    LatenessClass,
-    SystemView,
-)
-from backend.storage import Database, StorageError, events
+from backend.messages.system import BackupView, DatabaseCheck, DatabaseView, GrantedView, LatenessClass, SystemView
+from backend.realtime.supervisor import Supervisor
+from backend.realtime.timing import LATENESS_EDGES_S, lateness_histogram
+from backend.storage import events
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
 from backend.storage.maintenance import backup, check, next_copy
 from backend.storage.migrate import revision

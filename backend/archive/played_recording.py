@@ -11,9 +11,9 @@ from backend.exports import csv_file, parquet_file
 from backend.exports.errors import ImportRefusedError
 from backend.exports.facts import Facts
 from backend.faults import EXPLAINED, FAULTS
-from backend.loop.mode import MODES
 from backend.messages.history import RunMark
 from backend.messages.player import PlayedRecording
+from backend.realtime.program import MODES
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.events import EventKind

@@ -15,10 +15,9 @@ from backend.experiments.banks.tuning_choice import changes_told
 from backend.experiments.composing.recorded import LEAST, Change, Column, Followed, commanded, followed
 from backend.experiments.plans.composed_plan import LAWS, ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
-from backend.loop.mode import Mode
-from backend.loop.program import MAX_TUNINGS, MAX_WALLS, Law
 from backend.messages.history import RunMark
 from backend.messages.own_experiment import RecordedExperiment
+from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law, Mode
 from backend.recording.reader import read_samples
 from backend.storage import banks, runs
 from backend.storage.database import Database, Session

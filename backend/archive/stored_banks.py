@@ -25,7 +25,7 @@ from backend.storage import banks, identifications, runs
 from backend.storage.bank_entry import fits_of, method_of
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, Session
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from backend.tuning.preview import Previewer
 from backend.workers import SCIENCE, Offload
 from plant.parameters import PlantParameters

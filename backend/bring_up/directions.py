@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from backend.bring_up.work import Figure, Finding, StepFailedError, Work, known
-from backend.loop.commands import TryMotor
-from backend.loop.mode import Mode
-from backend.loop.motor_trial import COAST_S, TRIAL_MAX_V
+from backend.realtime.commands import TryMotor
+from backend.realtime.commissioning_motions import COAST_S, TRIAL_MAX_V
+from backend.realtime.program import Mode
 from backend.sample import INDEX
 from plant.dynamics import elongation
 from plant.interface import T_s

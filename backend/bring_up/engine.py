@@ -13,9 +13,9 @@ from backend.bring_up.wiring_test import wiring_test
 from backend.bring_up.work import DirectionsDisprovedError, Finding, StepFailedError, Work
 from backend.bring_up.zeroing import zero
 from backend.errors import require_within
-from backend.loop.access import LoopDiedError
-from backend.loop.commands import ByHand, ProveDirections, SetMode
-from backend.loop.mode import Mode
+from backend.realtime.commands import ByHand, ProveDirections, SetMode
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDiedError
 from plant.manual_input import NO_HAND
 
 _WORK: dict[StepId, Callable[[Work], Awaitable[Finding]]] = {

@@ -4,9 +4,8 @@ import asyncio
 import logging
 from dataclasses import replace
 
-from backend.loop.access import LoopDiedError
-from backend.loop.commands import Accepted, Refused, SwitchDrives
-from backend.loop.supervisor import Supervisor
+from backend.realtime.commands import Accepted, Refused, SwitchDrives
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.storage import settings
 from backend.storage.database import Database
 from backend.storage.errors import StorageError

@@ -3,11 +3,10 @@
 import numpy as np
 
 from backend.bring_up.work import DirectionsDisprovedError, Figure, Finding, StepFailedError, Work, known
-from backend.loop.access import LoopDied
-from backend.loop.causes import HomingEnd, Why
-from backend.loop.commands import Event, Home, ModeChanged
-from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
-from backend.loop.mode import MODE_CODE, Mode
+from backend.realtime.commands import Event, Home, ModeChanged
+from backend.realtime.commissioning_motions import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
+from backend.realtime.program import MODE_CODE, HomingEnd, Mode, Why
+from backend.realtime.supervisor import LoopDied
 from backend.sample import INDEX
 
 _REMEDIES = {

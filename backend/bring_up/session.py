@@ -11,9 +11,8 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.bring_up.standing import Standing, blocked_by
 from backend.bring_up.steps import STEP, StepId
 from backend.bring_up.work import Confirmed, Finding, Work
-from backend.loop.access import LoopDiedError
-from backend.loop.channel import Setup
-from backend.loop.supervisor import Supervisor
+from backend.realtime.ipc import Setup
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.storage.bring_up import StepResult
 from backend.storage.database import Database
 from backend.supervision import Supervision

@@ -5,9 +5,9 @@ import numpy as np
 from backend.bring_up.work import Figure, Finding, Rows, Signal, StepFailedError, Work, known
 from backend.control.motion_primitives import PRETENSION_N
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import Reset, SetMode, Stop, TryModule
-from backend.loop.mode import Mode
-from backend.loop.module_trial import DRIVEN_S
+from backend.realtime.commands import Reset, SetMode, Stop, TryModule
+from backend.realtime.commissioning_motions import DRIVEN_S
+from backend.realtime.program import Mode
 from backend.sample import INDEX
 from plant.interface import T_s
 from plant.manual_input import Hand

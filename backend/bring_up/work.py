@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.loop.access import LoopAccess
-from backend.loop.commands import Accepted, ByHand, Command, Refused
-from backend.loop.mode import MODES, Mode
+from backend.realtime.commands import Accepted, ByHand, Command, Refused
+from backend.realtime.program import MODES, Mode
+from backend.realtime.supervisor import LoopAccess
 from backend.sample import INDEX
 from plant.calibration import CellCalibration
 from plant.interface import T_s

@@ -3,7 +3,7 @@
 import math
 
 from backend.bring_up.work import SLACK, Figure, Finding, StepFailedError, Work
-from backend.loop.commands import Zero
+from backend.realtime.commands import Zero
 from backend.sample import INDEX
 from plant.manual_input import Hand
 

@@ -95,7 +95,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.experiments.composing.refused import ExperimentError
     from backend.experiments.results.again import NotEvaluableError
     from backend.experiments.settings import SettingError
-    from backend.loop.access import LoopDiedError
+    from backend.realtime.supervisor import LoopDiedError
     from backend.recording.recorder import RecordingError
     from backend.settings import UnusableSettingError
     from backend.storage.errors import StorageError
@@ -103,7 +103,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.storage.migrate import SchemaError
     from backend.storage.records import UnknownRecordError
     from backend.studies.crew import CrewGoneError
-    from backend.tuning.formulas import TuningError
+    from backend.tuning.gains import TuningError
     from backend.web_server.listening import CannotListenError
     from plant.interface import PlantError
     from plant.parameters import ParameterError

@@ -39,7 +39,7 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _real_time() -> Iterator[Finding]:
-    from backend.loop.pacer import request_real_time
+    from backend.realtime.timing import request_real_time
 
     granted = request_real_time()
     refusals = "; ".join(granted.refusals)
@@ -56,7 +56,7 @@ def _naming(word: str, refusals: tuple[str, ...]) -> str:
 
 def _beat() -> Finding:
     """Keep 1 ms for a second, as the loop does but without its work."""
-    from backend.loop.pacer import Pacer
+    from backend.realtime.timing import Pacer
     from plant.interface import T_s
 
     pacer = Pacer(T_s)

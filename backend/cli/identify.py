@@ -196,8 +196,8 @@ def _identify_table(table: Path, settings: Settings, header: int | None, decimal
     from backend import __version__
     from backend.cli.identify_data import decimal_mark, show_layout
     from backend.experiments.results.spring_identification import from_table
-    from backend.identification.errors import IdentificationError
-    from backend.identification.import_data import decoded
+    from backend.identification.importer import decoded
+    from backend.identification.records import IdentificationError
     from backend.storage import identifications
 
     try:

@@ -12,11 +12,10 @@ from backend.units import percent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from backend.identification.decimals import DecimalMark
-    from backend.identification.import_data import Reading
-    from backend.identification.record import Controller, Record
-    from backend.identification.result import CorrelationTest, Estimate
-    from backend.identification.table import Columns
+    from backend.identification.importer import Reading
+    from backend.identification.models import CorrelationTest, Estimate
+    from backend.identification.records import Controller, Record
+    from backend.identification.tables import Columns, DecimalMark
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 MOTOR = "motor"
@@ -93,9 +92,9 @@ def data(
     a record that identifies nothing.
     """
     from backend.documents.edge import json_ready
-    from backend.identification.errors import IdentificationError
-    from backend.identification.estimate import estimate
-    from backend.identification.import_data import Selection, TimeChoice, import_record
+    from backend.identification.estimation import estimate
+    from backend.identification.importer import Selection, TimeChoice, import_record
+    from backend.identification.records import IdentificationError
 
     try:
         record, reading = import_record(
@@ -123,10 +122,9 @@ def data(
 
 
 def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Columns":
-    from backend.identification.errors import DataFileError, FileFault
-    from backend.identification.import_data import decoded, read_parquet
-    from backend.identification.matlab_file import read_mat
-    from backend.identification.table import read_csv
+    from backend.identification.importer import decoded, read_mat, read_parquet
+    from backend.identification.records import DataFileError, FileFault
+    from backend.identification.tables import read_csv
 
     suffix = file.suffix.lower()
     if suffix in _TEXT_FILES:
@@ -147,8 +145,8 @@ def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Col
 
 def decimal_mark(words: str | None) -> "DecimalMark | None":
     """Return the mark that an option names. Raises DataFileError."""
-    from backend.identification.decimals import DecimalMark
-    from backend.identification.errors import DataFileError, FileFault
+    from backend.identification.records import DataFileError, FileFault
+    from backend.identification.tables import DecimalMark
 
     try:
         return None if words is None else DecimalMark(words)
@@ -157,7 +155,7 @@ def decimal_mark(words: str | None) -> "DecimalMark | None":
 
 
 def _range(words: str | None) -> tuple[float, float]:
-    from backend.identification.errors import DataFileError, FileFault
+    from backend.identification.records import DataFileError, FileFault
 
     try:
         first, last = (words or ":").split(":")
@@ -174,8 +172,7 @@ def _range(words: str | None) -> tuple[float, float]:
 
 
 def _controller(words: str) -> "Controller":
-    from backend.identification.errors import DataFileError, FileFault
-    from backend.identification.record import Controller
+    from backend.identification.records import Controller, DataFileError, FileFault
 
     try:
         k_p, k_i = (float(word) for word in words.split(","))
@@ -189,8 +186,8 @@ def _controller(words: str) -> "Controller":
 
 
 def _method(name: str) -> Any:
-    from backend.identification.errors import StructureError
-    from backend.identification.fit import Method
+    from backend.identification.fitting import Method
+    from backend.identification.records import StructureError
 
     try:
         return Method(name)
@@ -251,7 +248,7 @@ def _steps(reading: "Reading") -> str:
 
 def _show_motor(record: "Record", reading: "Reading", resolution: float | None, *, as_json: bool) -> None:
     from backend.documents.edge import json_ready
-    from backend.identification.motor_record import NAMES, identify_motor_record
+    from backend.identification.motor import NAMES, identify_motor_record
 
     found = identify_motor_record(record, resolution)
     if as_json:
@@ -303,7 +300,7 @@ def _tests(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -
 
 
 def _tested(test: "CorrelationTest", good: str, bad: str) -> str:
-    from backend.identification.residuals import judged
+    from backend.identification.validation import judged
 
     return f"{good if test.passed else bad}: {judged(test).sentence}"
 

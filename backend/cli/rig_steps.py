@@ -110,7 +110,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
     from backend.bring_up.standing import brought_up_of
     from backend.experiments.banks.bank_building import tuning_command
     from backend.experiments.banks.default_choice import default_choice
-    from backend.loop.channel import Setup
+    from backend.realtime.ipc import Setup
     from plant.parameters import load_parameters
 
     choice, parameters = settings.plant_choice, load_parameters(settings.params)

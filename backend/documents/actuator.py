@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.documents.edge import ABSENT, Edge
-from backend.identification.result import Grade
+from backend.identification.models import Grade
 
 VERSION = 1
 ChannelName = Literal["G_q", "G_S"]

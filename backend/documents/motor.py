@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from backend.documents.edge import ABSENT, Edge
-from backend.identification.result import Grade
+from backend.identification.models import Grade
 from plant.parameters import Side
 
 VERSION = 1

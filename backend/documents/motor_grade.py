@@ -3,8 +3,8 @@
 import math
 
 from backend.documents.motor import MotorFound
+from backend.identification.models import Grade
 from backend.identification.motor import judge_motor, spread_percent
-from backend.identification.result import Grade
 
 
 def grade_of(found: MotorFound) -> Grade:

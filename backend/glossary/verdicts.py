@@ -12,11 +12,10 @@ from backend.documents.outcome import Outcome
 from backend.experiments.results.rest import SETTLING_BAND
 from backend.glossary.entry import Entry, Kind
 from backend.identification import validation as rule
-from backend.identification.result import Grade
-from backend.loop.causes import Cause, HomingEnd
-from backend.loop.mode import Mode
+from backend.identification.models import Grade
 from backend.messages.history import ChecklistState
 from backend.messages.state import ChainLinkView, TimingView
+from backend.realtime.program import Cause, HomingEnd, Mode
 from backend.storage.runs import EndState
 
 OUTCOMES: dict[Outcome, str] = {

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from backend.identification.candidates import Candidates, rank
-from backend.identification.errors import IdentificationError
-from backend.identification.estimate import estimate
-from backend.identification.fit import Method
-from backend.identification.record import Record, Signal
-from backend.identification.result import Estimate, Verdict, worst
+from backend.identification.estimation import Candidates, estimate, rank
+from backend.identification.fitting import Method
+from backend.identification.models import Estimate, Verdict, worst
+from backend.identification.records import IdentificationError, Record, Signal
 
 STRUCTURES = ("order:4", "lags4", "third", "first")
 """What is tried for G_q and G_S: the inner loop alone has four lags; third and first order are the paper's."""

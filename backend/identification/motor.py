@@ -1,29 +1,58 @@
-"""Motor from unloaded voltage steps (equation 17): the paper's 63.21 % rule, and least squares on position.
+"""Identifies motors: from unloaded voltage steps, or from any record of voltage and angle (equation 17)."""
 
-Position obeys T_m w' + w = K_m (u - u_c sign w), w = theta': K_m / (s (T_m s + 1)) with a Coulomb voltage u_c, the part
-of the voltage that only overcomes dry friction. After a step from rest, with v = K_m (u - u_c sign u),
-
-    theta(t) = theta_0 + v (t - T_m (1 - e^(-t/T_m))).
-"""
-
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from backend.identification.errors import NotConvergedError, RecordError
-from backend.identification.record import Signal
-from backend.identification.result import Grade, Verdict, worst
-from backend.identification.uncertainty import sandwich
-from backend.identification.unseen import Beside
+from backend.identification.estimation import Beside
+from backend.identification.friction import SIGNIFICANT_STD, both_ways, differences, moving, positive_lag
+from backend.identification.initialization import dead_times
+from backend.identification.models import CorrelationTest, Grade, Verdict, worst
+from backend.identification.records import (
+    IdentificationError,
+    NotConvergedError,
+    Record,
+    RecordError,
+    Signal,
+    coarse_resolution,
+    quantum,
+    wrap_of,
+)
 from backend.identification.validation import (
     CAUTION_MISFIT_PERCENT,
     CAUTION_STD_PERCENT,
+    GOOD_FIT_PERCENT,
     MAX_STD_PERCENT,
+    MIN_COUNTS,
+    MIN_FIT_PERCENT,
+    NEGLIGIBLE_PERCENT,
     graded,
+    input_correlation,
+    sandwich,
+    whiteness,
 )
+from backend.units import percent
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
+
+# Motor ---------------------------------------------------------------------------------------------
+#
+# Motor from unloaded voltage steps (equation 17): the paper's 63.21 % rule, and least squares on
+# position.
+#
+# Position obeys T_m w' + w = K_m (u - u_c sign w), w = theta': K_m / (s (T_m s + 1)) with a Coulomb
+# voltage u_c, the part of the voltage that only overcomes dry friction. After a step from rest,
+# with v = K_m (u - u_c sign u),
+#
+#     theta(t) = theta_0 + v (t - T_m (1 - e^(-t/T_m))).
+
 
 LEVEL = 0.01
 MIN_RUNS = 2
@@ -266,3 +295,334 @@ def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit
     if K_m <= 0.0:
         reasons.insert(0, "the motor turns against its voltage (check the wiring)")
     return Verdict(judge_motor(K_m, T_m, spread, counts, misfit_percent), tuple(reasons))
+
+
+# Motor record --------------------------------------------------------------------------------------
+#
+# Motor from any record of voltage and angle (equation 17): K_m e^(-t_d s) / (s (T_m s + 1)) with
+# dry friction.
+#
+# The record may hold steps, sequences or anything else that moves the motor; the angle's zero is
+# free. The model is the one of :mod:`backend.identification.friction`, integrated once. Dead time
+# and friction that do not differ from zero are left out of the model, but not out of the verdict:
+# how well gain and lag are known is judged with both of them open.
+
+
+NAMES = ("K_m", "T_m", "u_c", "t_d", "u_0")
+_LAGS = 10
+_FRICTIONS = (0.0, 0.1, 0.3, 0.6)
+_MAX_STEPS = 60
+_STARTS_TRIED = 3
+_NO_MOTOR = "no motor K_m/(s (T_m s + 1)) describes this record: is it voltage and angle?"
+_NO_FIT = "fit on unseen data not measured"
+_RESTS_WORDS = (
+    _NO_FIT + ", as the angle rests in the first two thirds of the record or in its last third; the fit on the record"
+    " itself is {:.1f} %"
+)
+_RESTS = 0.1
+_MAX_CONDITION = 1e5
+"""Beyond it the record does not tell the parameters apart."""
+_MIN_LIKELIHOOD_RATIO = 20.0
+"""Twice the logarithm; chance alone exceeds it once in a hundred thousand records."""
+_TRAINING_PART = 2.0 / 3.0
+_GAIN, _LAG, _SPEED, _FRICTION, _DELAY, _OFFSET = range(6)
+_ALL, _OPTIONAL = range(6), (_FRICTION, _DELAY, _OFFSET)
+_ORDER = [_GAIN, _LAG, _FRICTION, _DELAY, _OFFSET]
+_WINDOWS = 200
+"""Parts of a record over which a mean speed tells whether the motor goes both ways."""
+
+
+@dataclass(frozen=True)
+class MotorRecord:
+    """K_m [rad/(V·s)], T_m [s], u_c [V], t_d [s] and u_0 [V], the voltage without effect, with standard errors.
+
+    u_c and t_d are 0, without an error, where they do not differ from zero at 1 %, u_0 where it is less than four
+    standard errors or the motor goes one way only: friction takes as much then. ``fit_percent`` is the simulated fit
+    on the last third of the record by a model of the first two, NaN where there is none; ``rms`` [unit of y] what the
+    model leaves over. ``spread_percent`` is how well K_m and T_m are known with friction, dead time and offset open.
+    """
+
+    K_m: float
+    T_m: float
+    u_c: float
+    t_d: float
+    u_0: float
+    std_errors: tuple[float, float, float, float, float]
+    fit_percent: float
+    spread_percent: float
+    rms: float
+    whiteness: CorrelationTest
+    input_correlation: CorrelationTest
+    verdict: Verdict
+    method: str = "least squares on the angle"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values by NAMES."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the command line prints."""
+        return {
+            "parameters": self.parameters,
+            "std_errors": dict(zip(NAMES, self.std_errors, strict=True)),
+            "method": self.method,
+            "fit_percent": self.fit_percent,
+            "spread_percent": self.spread_percent,
+            "white": self.whiteness.passed,
+            "independent_of_input": self.input_correlation.passed,
+            "grade": self.verdict.grade,
+            "verdict": self.verdict.sentence,
+        }
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """``solution``, as :func:`_model` takes it, the covariance of NAMES, and what is left over from ``first`` on.
+
+    ``first`` is the sample before which the voltage of before the record may show, for dead times up to twice those to
+    start from.
+    """
+
+    solution: Signal
+    period_s: float
+    covariance: Signal
+    left: Signal
+    first: int
+
+    @property
+    def parameters(self) -> Signal:
+        """K_m, T_m, u_c, t_d, u_0."""
+        K, log_T, _, u_c, late, u_0 = self.solution
+        return np.array([K, np.exp(log_T), u_c, late * self.period_s, u_0])
+
+    @property
+    def std_errors(self) -> Signal:
+        """Of the same; NaN where rounding has eaten a variance."""
+        variances = np.diag(self.covariance)
+        return np.asarray(np.sqrt(np.where(variances >= 0.0, variances, np.nan)))
+
+
+def identify_motor_record(record: Record, y_resolution: float | None = None) -> MotorRecord:
+    """Identify the motor from voltage u and angle y. Raises RecordError, NotConvergedError."""
+    # Numbers out of range are refused where they arise; NumPy's own words about them are of no use to anybody.
+    with np.errstate(all="ignore"):
+        return _identify(record, y_resolution)
+
+
+def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
+    wrap = wrap_of(record.y, least=1)
+    if wrap is not None:
+        raise RecordError(
+            f"jump of the angle after sample {wrap[0]}", abs(float(record.y[wrap[0] + 1] - record.y[wrap[0]])),
+            None, 0.5 * wrap[1], "(unit of y)", "the angle wraps: unwrap it first, as numpy.unwrap does",
+        )  # fmt: skip
+    resolution = y_resolution or coarse_resolution(record.y)
+    counts = float(np.ptp(record.y)) / resolution if resolution else None
+    if counts is not None and counts < MIN_COUNTS:
+        raise RecordError("motion", counts, MIN_COUNTS, None, "counts", "step higher or record for longer")
+    both = _goes_both_ways(record)
+    free = [which for which in _ALL if both or which != _OFFSET]
+    starts = _starts(record, offset=False)[: 1 if both else _STARTS_TRIED]
+    starts += _starts(record, offset=True)[: _STARTS_TRIED - 1] if both else []
+    whole = found = _fitted(record, free, starts)
+    step = y_resolution or quantum(record.y)
+    # Beside a standard error, which looks at the next neighbourhood only: one voltage does not tell gain from friction.
+    friction_std = float(whole.std_errors[2]) if _friction_told(record, whole, free) else float("nan")
+    while len(left := [which for which in free if which not in _OPTIONAL or _significant(found, which)]) < len(free):
+        free, found = left, _fitted(record, left, [np.where(np.isin(_ALL, left), found.solution, 0.0)])
+    fit, fit_all = _held_out(record, found, free), _fit_of_all(record, found)
+    rests = not fit >= GOOD_FIT_PERCENT and _rests_in_part(record, found)
+    used = fit_all if rests else fit
+    tests = whiteness(found.left, record.period_s), _input_correlation(record, found)
+    rms = float(np.sqrt(np.mean(found.left**2)))
+    # What is below a count is the sensor's; more that is not white, or follows the voltage, is the motor's.
+    told = all(test.passed for test in tests) or (step is not None and rms < step)
+    told = told or 100.0 - fit_all <= NEGLIGIBLE_PERCENT
+    spread = _spread(whole, found) if np.isfinite(friction_std) else float("nan")
+    K_m, T_m, u_c, t_d, u_0 = (float(value) for value in found.parameters)
+    findings = [
+        # Where the rest is white it is noise, and the floor is that of every structure; else it is the motor's.
+        (graded(100.0 - used, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT), ""),
+        (judge_motor(K_m, T_m, spread, rms / resolution if resolution else 0.0, 0.0 if told else 100.0 - used), ""),
+        *([(Grade.CAUTION, _RESTS_WORDS.format(fit_all))] if rests else []),
+        *_findings(record, friction_std, float(whole.std_errors[3]), T_m, told=told),
+    ]
+    reasons = [
+        *(words for grade, words in findings if words and grade is not Grade.USABLE),
+        f"K_m and T_m known to ±{spread:.2g} %" if np.isfinite(spread) else "errors of K_m and T_m not measured",
+        f"dry friction takes {u_c:.3g} V" if u_c > 0.0 else "no dry friction found",
+        f"dead time of {1e3 * t_d:.3g} ms" if t_d > 0.0 else "no dead time found",
+        *([f"input offset of {u_0:.3g} ± {found.std_errors[4]:.2g} V"] if u_0 else []),
+        *([] if rests else [f"fit of {percent(fit)} % on unseen data" if np.isfinite(fit) else _NO_FIT]),
+    ]
+    errors = dict.fromkeys(_ORDER, 0.0) | {
+        which: float(std) for which, std in zip(_ORDER, found.std_errors, strict=True) if which in free
+    }
+    return MotorRecord(
+        K_m,
+        T_m,
+        u_c,
+        t_d,
+        u_0,
+        (errors[_GAIN], errors[_LAG], errors[_FRICTION], errors[_DELAY], errors[_OFFSET]),
+        fit,
+        spread,
+        rms,
+        *tests,
+        Verdict(worst(*(grade for grade, _ in findings)), tuple(reasons)),
+    )
+
+
+def _significant(found: _Fitted, which: int) -> bool:
+    from scipy.stats import norm
+
+    at = _ORDER.index(which)
+    if which == _OFFSET:
+        return bool(abs(found.parameters[at]) > SIGNIFICANT_STD * found.std_errors[at])
+    return bool(found.parameters[at] > norm.ppf(1.0 - LEVEL / 2.0) * found.std_errors[at])
+
+
+def _friction_told(record: Record, whole: _Fitted, free: list[int]) -> bool:
+    """Whether a friction that is more by a tenth of the voltage would leave more over, everything else adapted."""
+    other = whole.solution.copy()
+    other[_FRICTION] += 0.01 * MAX_STD_PERCENT * _size(record.u)
+    worse = _fitted(record, [which for which in free if which != _FRICTION], [other], whole.first)
+    ratio = float(np.linalg.norm(worse.left) / np.linalg.norm(whole.left))
+    return 2.0 * whole.left.size * float(np.log(ratio)) > _MIN_LIKELIHOOD_RATIO
+
+
+def _size(u: Signal) -> float:
+    return float(np.sqrt(np.mean(u**2)))
+
+
+def _spread(whole: _Fitted, found: _Fitted) -> float:
+    """How well K_m and T_m are known [%], with dead time and friction open; NaN if not measured."""
+    each = [
+        spread_percent(*(float(value) for value in (*one.parameters[:2], *one.std_errors[:2])))
+        for one in (whole, found)
+    ]
+    return float(np.max(each))
+
+
+def _input_correlation(record: Record, found: _Fitted) -> CorrelationTest:
+    _, T_m, _, t_d, _ = (float(value) for value in found.parameters)
+    return input_correlation(found.left, record.u[found.first :], record.period_s, T_m + t_d)
+
+
+def _findings(
+    record: Record, friction_std: float, dead_time_std: float, T_m: float, *, told: bool
+) -> Iterator[tuple[Grade, str]]:
+    """Grade what friction and dead time may be: in shares of what they stand beside, voltage and lag."""
+    friction, dead_time = 100.0 * friction_std / _size(record.u), 100.0 * dead_time_std / T_m
+    for name, share, beside in (("friction", friction, "voltage"), ("dead time", dead_time, "lag")):
+        yield (
+            graded(share, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
+            f"the record tells the {name} only to ±{share:.2g} % of the {beside}"
+            if np.isfinite(share)
+            else f"the record does not tell the {name} from gain and lag: drive the motor with several voltages",
+        )
+    if not told:
+        yield Grade.CAUTION, "the residuals are not white: the motor does something that this model leaves out"
+
+
+def _model(record: Record, z: Signal) -> Signal:
+    """Turn by K, ln T, first speed, u_c, dead time in samples and u_0, shape (n,)."""
+    late = record.period_s * float(z[_DELAY])
+    lag = positive_lag(float(z[_LAG]), record.period_s)
+    return np.asarray(moving(record.u, record.period_s, z[_GAIN], lag, z[_FRICTION], z[_OFFSET], z[_SPEED], late)[1])
+
+
+def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | None = None) -> _Fitted:
+    """Least squares on the angle, the best from all starts; what is not ``free`` stays. Raises NotConvergedError."""
+    from scipy.optimize import least_squares
+
+    longest = max(float(start[_DELAY]) for start in starts)
+    if first is None:
+        first = min(record.u.size // 4, int(2.0 * longest) + 1) if longest > 0.0 else 0
+
+    def full(z: Signal) -> Signal:
+        values = starts[0].copy()
+        values[free] = z
+        return values
+
+    def residuals(z: Signal) -> Signal:
+        error = (record.y - _model(record, full(z)))[first:]
+        return np.asarray(error - np.mean(error))
+
+    def descended(start: Signal) -> "OptimizeResult":
+        scale = np.maximum(np.abs(start), 0.1 * np.max(np.abs(start[:_DELAY])))[free]
+        try:
+            return least_squares(residuals, start[free], jac=differences(residuals), x_scale=scale, max_nfev=_MAX_STEPS)
+        except ValueError:  # a simulation that leaves the range of numbers
+            raise NotConvergedError(_NO_MOTOR) from None
+
+    best = min((descended(start) for start in starts), key=lambda one: float(one.cost))
+    sensitivities = -np.asarray(best.jac, dtype=np.float64)
+    moves = np.linalg.norm(sensitivities, axis=0) > 0.0
+    if not (np.all(np.isfinite(best.x)) and moves[_GAIN] and moves[_LAG]):
+        raise NotConvergedError(_NO_MOTOR)
+    solution = full(best.x)
+    covariance = np.full((len(_ALL), len(_ALL)), np.nan)
+    known, moving_ones = np.array(free)[moves], sensitivities[:, moves]
+    if not np.all(np.isfinite(moving_ones)):
+        raise NotConvergedError(_NO_MOTOR)
+    if float(np.linalg.cond(moving_ones / np.linalg.norm(moving_ones, axis=0))) < _MAX_CONDITION:
+        covariance[np.ix_(known, known)] = sandwich(moving_ones, moving_ones, best.fun)
+    unit = np.array([1.0, np.exp(solution[_LAG]), 1.0, record.period_s, 1.0])
+    errors = covariance[np.ix_(_ORDER, _ORDER)] * np.outer(unit, unit)
+    return _Fitted(solution, record.period_s, errors, np.asarray(best.fun), first)
+
+
+def _goes_both_ways(record: Record) -> bool:
+    """Whether the angle goes up and down for long enough to tell an offset of the voltage from friction."""
+    return both_ways(np.diff(record.y[:: max(1, record.y.size // _WINDOWS)]))
+
+
+def _rests_in_part(record: Record, found: _Fitted) -> bool:
+    """Whether the model hardly turns in the first two thirds of the record or in its last third."""
+    turn, split = _model(record, found.solution), int(_TRAINING_PART * record.u.size)
+    return min(float(np.ptp(turn[:split])), float(np.ptp(turn[split:]))) < _RESTS * float(np.ptp(turn))
+
+
+def _fit_of_all(record: Record, found: _Fitted) -> float:
+    """Fit on the samples that the model was fitted to [%]."""
+    y = record.y[found.first :]
+    return 100.0 * (1.0 - float(np.linalg.norm(found.left)) / float(np.linalg.norm(y - np.mean(y))))
+
+
+def _starts(record: Record, *, offset: bool) -> list[Signal]:
+    """Return parameters of :func:`_model` over a grid of lags, frictions and dead times, best first; K is fitted.
+
+    With an ``offset`` a ramp of the angle is fitted as well, which is what an offset of the voltage makes.
+    """
+    size, y = _size(record.u), record.y - np.mean(record.y)
+    ramp = np.linspace(-1.0, 1.0, y.size)
+    steady = float(y @ ramp) / float(ramp @ ramp) if offset else 0.0
+    y = y - steady * ramp
+    found = []
+    lags = np.geomspace(3.0 * record.period_s, record.duration_s / 5.0, _LAGS).tolist()
+    for T, share, late in itertools.product(lags, _FRICTIONS, [0.0, *dead_times(record)]):
+        z = np.array([1.0, np.log(T), 0.0, share * size, late, 0.0])
+        turn = _model(record, z)
+        turn = turn - np.mean(turn)
+        slope = float(turn @ ramp) / float(ramp @ ramp) if offset else 0.0
+        turn = turn - slope * ramp
+        z[_GAIN] = float(turn @ y) / max(float(turn @ turn), np.finfo(float).tiny)
+        if offset and z[_GAIN]:
+            z[_OFFSET] = (slope - steady / z[_GAIN]) * 2.0 / record.duration_s
+        found.append((float(np.linalg.norm(y - z[_GAIN] * turn)), z))
+    return [z for _, z in sorted(found, key=lambda pair: pair[0])]
+
+
+def _held_out(record: Record, found: _Fitted, free: list[int]) -> float:
+    """Fit on the last third; the speed at which it begins is that of the model over the whole record."""
+    split = int(_TRAINING_PART * record.u.size)
+    try:
+        trained = _fitted(record.part(0, split), free, [found.solution]).solution
+    except IdentificationError:
+        return float("nan")
+    y = record.y[split:] - np.mean(record.y[split:])
+    turn = _model(record, trained)[split:]
+    spread = float(np.linalg.norm(y))
+    return 100.0 * (1.0 - float(np.linalg.norm(y - turn + np.mean(turn))) / spread) if spread > 0.0 else float("nan")

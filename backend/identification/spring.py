@@ -5,10 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from backend.identification.decimals import DecimalMark
-from backend.identification.errors import DataFileError, FileFault, RecordError
-from backend.identification.record import Signal
-from backend.identification.table import Columns, read_csv
+from backend.identification.records import DataFileError, FileFault, RecordError, Signal
+from backend.identification.tables import Columns, DecimalMark, read_csv
 
 ORDERS = (2, 3, 5)
 MIN_POINTS_PER_ORDER = 2

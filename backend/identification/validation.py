@@ -1,13 +1,228 @@
-"""What a model must show before it is used for tuning: tests on residuals, fit on unseen data, a verdict."""
+"""Validation of a model: residual tests, standard errors, noise model, fit on unseen data, verdict."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from backend.identification.record import MAX_SATURATED_PERCENT, RestAtLimit, Signal
-from backend.identification.result import DryFriction, FirstOrder, Grade, Model, Residuals, Verdict, worst
+from backend.identification.excitation import correlation
+from backend.identification.initialization import least_squares
+from backend.identification.models import (
+    CorrelationTest,
+    DryFriction,
+    FirstOrder,
+    Grade,
+    Model,
+    Residuals,
+    Verdict,
+    worst,
+)
+from backend.identification.records import MAX_SATURATED_PERCENT, RestAtLimit, Signal, UnstableModelError
 from backend.units import percent
+
+# Noise ---------------------------------------------------------------------------------------------
+#
+# Autoregressive noise model: the polynomial D that whitens residuals, y = G u + e / D.
+
+
+MAX_NOISE_ORDER = 12
+
+
+def fit_autoregression(residuals: Signal, max_order: int = MAX_NOISE_ORDER) -> Signal:
+    """Coefficients 1, d_1 .. d_p of D(z^-1), by the Yule-Walker equations; p <= max_order minimises BIC."""
+    from scipy.linalg import solve_toeplitz
+
+    count = residuals.size
+    products = correlation(residuals, residuals)[: max_order + 1]
+    best, lowest = np.array([1.0]), count * np.log(products[0])
+    for order in range(1, max_order + 1):
+        coefficients = solve_toeplitz(products[:order], -products[1 : order + 1])
+        variance = products[0] + coefficients @ products[1 : order + 1]
+        criterion = count * np.log(max(variance, np.finfo(float).tiny)) + order * np.log(count)
+        if criterion < lowest:
+            best, lowest = np.concatenate(([1.0], coefficients)), criterion
+    return best
+
+
+# Residuals -----------------------------------------------------------------------------------------
+#
+# Tests of residuals: whether they are white, and whether they are independent of the input.
+#
+# Both look at the largest of many correlations, each in units of its own standard deviation, and
+# ask at the 1 % level for all of them together (Bonferroni) whether chance alone makes one that
+# large.
+
+
+RESIDUAL_LEVEL = 0.01
+_WHITENESS_LAGS = 25
+_INPUT_LAGS = 50
+
+Reals = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A residual test in words and numbers.
+
+    ``statistic`` is the largest of so many ``lags``' correlations in standard deviations, ``critical`` what it may be
+    at the level for all of them together; ``bound`` the same for each correlation as it is drawn. ``passed`` where
+    none leaves its bound.
+    """
+
+    lags: int
+    statistic: float
+    critical: float
+    bound: tuple[float, ...]
+    passed: bool
+
+    @property
+    def sentence(self) -> str:
+        """Which test, its statistic, its level."""
+        return (
+            f"largest of {self.lags} correlations {self.statistic:.1f} standard deviations,"
+            f" bound {self.critical:.1f} at the {100.0 * RESIDUAL_LEVEL:g} % level for all lags together"
+        )
+
+
+def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
+    """Autocorrelation of the residuals, shape (n,), at 1 .. 25 samples."""
+    lags = np.arange(1, _WHITENESS_LAGS + 1)
+    products = correlation(residuals, residuals)
+    deviation = np.full(lags.size, 1.0 / np.sqrt(residuals.size))
+    return _tested(lags * period_s, products[lags] / max(products[0], np.finfo(float).tiny), deviation)
+
+
+def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:
+    """Correlation of the residuals with earlier inputs, up to five times ``slowest_s`` [s]; both shape (n,).
+
+    The variance of each correlation is the sum over lags of r_e r_u, tapered: it allows for the colour of both.
+    """
+    u = u - np.mean(u)
+    own, drive = correlation(residuals, residuals), correlation(u, u)
+    reach = int(np.clip(5.0 * slowest_s / period_s, _INPUT_LAGS, residuals.size // 4))
+    # Geometric: a fast pole left out shows at the first samples, a wrong lag after seconds.
+    lags = np.unique(np.geomspace(1, reach, _INPUT_LAGS).astype(int))
+    cross = correlation(residuals, u)[lags]
+    both = own[:reach] * drive[:reach] * (1.0 - np.arange(reach) / reach) / residuals.size
+    variance = max(float(both[0] + 2.0 * np.sum(both[1:])), np.finfo(float).tiny)
+    size = np.sqrt(max(own[0] * drive[0], np.finfo(float).tiny))
+    deviation = np.full(lags.size, np.sqrt(variance) / size)
+    return _tested(lags * period_s, cross / size, deviation)
+
+
+class KeptTest(Protocol):
+    """A test as it was made, or as it is stored; older documents hold one lag's 99 % ``band`` instead of the bound."""
+
+    @property
+    def correlation(self) -> Sequence[float | None]:
+        """Correlations, lag by lag."""
+
+    @property
+    def bound(self) -> Sequence[float | None] | None:
+        """Their bounds."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether none leaves its bound."""
+
+
+def judged(test: KeptTest) -> Judged:
+    """Return what a stored test asked and found; older documents hold one lag's 99 % band instead."""
+    correlation = np.array(test.correlation, dtype=float)
+    critical = _critical(correlation.size)
+    if test.bound is not None:
+        bound = np.array(test.bound, dtype=float)
+    else:
+        bound = np.array(getattr(test, "band", None), dtype=float) * critical / _critical(1)
+    return Judged(
+        lags=correlation.size,
+        statistic=float(np.max(np.abs(correlation) / bound)) * critical,
+        critical=critical,
+        bound=tuple(bound.tolist()),
+        passed=test.passed,
+    )
+
+
+def _critical(lags: int) -> float:
+    """Return standard deviations that the largest of so many correlations exceeds with the probability of the level."""
+    from scipy.stats import norm
+
+    return float(norm.ppf(1.0 - RESIDUAL_LEVEL / (2.0 * lags)))
+
+
+def _tested(lags_s: Reals, correlations: Reals, deviation: Reals) -> CorrelationTest:
+    bound = _critical(lags_s.size) * deviation
+    return CorrelationTest(
+        lags_s=tuple(lags_s.tolist()),
+        correlation=tuple(correlations.tolist()),
+        bound=tuple(bound.tolist()),
+        passed=bool(np.all(np.abs(correlations) <= bound)),
+    )
+
+
+# Uncertainty ---------------------------------------------------------------------------------------
+#
+# Standard errors that stay honest when the residuals are coloured: the sandwich formula with a HAC
+# middle.
+
+
+def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> Signal:
+    """Covariance of the solution of instruments' residuals = 0, shape (p, p).
+
+    ``instruments`` Z and ``sensitivities`` J, shape (n, p); ``residuals`` shape (n,). NaN for
+    parameters without effect.
+    (Z'J)^-1 M (Z'J)^-T, where M is the long-run covariance of Z_t e_t: sum over lags of their covariances with
+    Bartlett weights (Newey and West 1987), over a bandwidth chosen from the data (Andrews 1991).
+    """
+    scale = np.linalg.norm(instruments, axis=0), np.linalg.norm(sensitivities, axis=0)
+    unknown = ~(np.all(np.isfinite(instruments), axis=0) & np.all(np.isfinite(sensitivities), axis=0))
+    unknown |= ~((scale[0] > 0.0) & (scale[1] > 0.0))
+    if np.any(unknown):
+        # What has no effect on the record, or none that numbers can hold, is not determined by it.
+        known = ~unknown
+        covariance = np.full((known.size, known.size), np.nan)
+        if np.any(known):
+            covariance[np.ix_(known, known)] = sandwich(instruments[:, known], sensitivities[:, known], residuals)
+        return covariance
+    bread = np.linalg.inv((instruments / scale[0]).T @ (sensitivities / scale[1]))
+    moments = instruments / scale[0] * residuals[:, np.newaxis]
+    middle = _long_run(moments)
+    covariance = bread @ middle @ bread.T / np.outer(scale[1], scale[1])
+    return np.asarray((covariance + covariance.T) / 2.0)
+
+
+def _long_run(moments: Signal) -> Signal:
+    """Sum over lags of Bartlett weight times covariance, evaluated in the frequency domain, shape (p, p)."""
+    from scipy.fft import next_fast_len, rfft
+
+    bandwidth = _bandwidth(moments)
+    size = next_fast_len(moments.shape[0] + bandwidth, real=True)
+    weights = np.zeros(size)
+    weights[: bandwidth + 1] = 1.0 - np.arange(bandwidth + 1) / (bandwidth + 1.0)
+    weights[size - bandwidth :] = weights[bandwidth:0:-1]
+    spectrum = rfft(moments, size, axis=0)
+    window = rfft(weights).real
+    window[1 : (size + 1) // 2] *= 2.0
+    return np.asarray((spectrum.conj().T @ (window[:, np.newaxis] * spectrum)).real / size)
+
+
+def _bandwidth(moments: Signal) -> int:
+    """Andrews' bandwidth for Bartlett weights, from a first-order autoregression of each column."""
+    count = moments.shape[0]
+    past, now = moments[:-1], moments[1:]
+    power = np.maximum(np.sum(moments**2, axis=0), np.finfo(float).tiny)  # a perfect fit leaves nothing
+    rho = np.clip(np.sum(past * now, axis=0) / power, -0.97, 0.9999)
+    spread = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
+    return int(min(np.ceil(1.1447 * (np.mean(spread) * count) ** (1.0 / 3.0)), count // 10))
+
+
+# Validation ----------------------------------------------------------------------------------------
+#
+# What a model must show before it is used for tuning: tests on residuals, fit on unseen data, a
+# verdict.
+
 
 MIN_COUNTS = 20.0
 MAX_MISFIT_PERCENT = 20.0
@@ -314,3 +529,58 @@ def _residuals(evidence: Evidence) -> Iterator[Finding]:
             f"the residuals ({misfit:.2g} % of the motion) {told}: the model leaves something out that standard errors"
             " do not cover",
         )
+
+
+# Feedback ------------------------------------------------------------------------------------------
+#
+# Whether an input reacts to the noise of its output: a record of a closed loop that does not say
+# so.
+
+
+FEEDBACK_LEVEL = 1e-6
+MIN_EXPLAINED = 0.1
+_OWN_LAGS = 25
+_FEEDBACK_LAGS = 3
+_USUAL = 4.0
+_EXACT = 1e-9
+
+
+def reacts_to_noise(u: Signal, residuals: Signal, gain: float) -> bool:
+    """Whether u, shape (n,), acts against a model's residuals up to its own instant, beyond what its past tells.
+
+    In open loop the noise of the output says nothing about the input to come. Samples at which the input takes an
+    unusual step, as at the edges of a sequence, are left out: between them a controller shows best. The regression
+    on the residuals has to be significant (F test) and to explain a tenth of what the past leaves open. With the
+    model's ``gain``, the reaction has to be a negative feedback: an output that shows its input at once, which no
+    model here does, goes the other way.
+    """
+    from scipy.stats import f as fisher
+
+    if np.mean(np.diff(u) == 0.0) > 0.5:
+        return False  # held, as no controller does at this rate
+    past = np.column_stack([np.ones(u.size - _OWN_LAGS), *_lagged(u, range(1, _OWN_LAGS + 1))])
+    noise = np.column_stack(_lagged(residuals, range(_FEEDBACK_LAGS)))
+    now = u[_OWN_LAGS:]
+    try:
+        open_ = np.abs(now - past @ least_squares(past, now))
+        usual = float(np.median(open_))
+        if not usual > _EXACT * float(np.std(u)):
+            return False  # its past tells it exactly
+        kept = open_ <= _USUAL * usual
+        past, both, now = past[kept], np.column_stack((past, noise))[kept], now[kept]
+        open_ = now - past @ least_squares(past, now)
+        left = [float(np.sum(error**2)) for error in (open_, now - both @ least_squares(both, now))]
+    except (UnstableModelError, np.linalg.LinAlgError):
+        return False
+    spare = now.size - both.shape[1]
+    explained = 1.0 - left[1] / left[0]
+    against = gain * float(open_ @ noise[kept, 0]) < 0.0
+    if not (against and spare > 0 and explained > MIN_EXPLAINED):
+        return False
+    return bool(
+        fisher.sf(explained / (1.0 - explained) * spare / _FEEDBACK_LAGS, _FEEDBACK_LAGS, spare) < FEEDBACK_LEVEL
+    )
+
+
+def _lagged(signal: Signal, lags: range) -> list[Signal]:
+    return [signal[_OWN_LAGS - lag : signal.size - lag] for lag in lags]

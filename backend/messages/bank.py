@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.identification.result import Grade
+from backend.identification.models import Grade
 from backend.messages.base import Finite, RowNumber, Schema, quantity
 from backend.plain_text import ONE_LINE
 

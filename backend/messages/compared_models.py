@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from backend.identification.result import Grade
+from backend.identification.models import Grade
 from backend.messages.base import Schema, quantity
 
 

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.loop.mode import Mode
 from backend.messages.base import Problem, Schema, quantity
 from backend.plain_text import ONE_LINE
+from backend.realtime.program import Mode
 
 
 class Role(StrEnum):

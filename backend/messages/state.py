@@ -7,7 +7,6 @@ from pydantic import Field
 from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.playing.progress import Doing
 from backend.faults import Fault
-from backend.loop.mode import Mode
 from backend.messages.base import ANY_SIZE, Schema, quantity
 from backend.messages.control import HolderView, WishView
 from backend.messages.player import PlayerView
@@ -15,6 +14,7 @@ from backend.messages.session import PersonView
 from backend.messages.touch import TouchView
 from backend.messages.trigger import TriggerView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
+from backend.realtime.program import Mode
 from plant.interface import PlantKind
 
 

@@ -4,11 +4,10 @@ import json
 from dataclasses import asdict
 
 from backend.faults import FAULTS, Limit
-from backend.loop.mode import MODES
+from backend.realtime.program import MODES
 from backend.recording.combined import AT_HAND_SAMPLES
 from backend.sample import COMBINED, STORED
-from backend.tuning.gains import DEVIATIONS, UNSEEN_F
-from backend.tuning.models import LAM_MOTOR, LAM_Q, LAM_S
+from backend.tuning.gains import DEVIATIONS, LAM_MOTOR, LAM_Q, LAM_S, UNSEEN_F
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant.interface import T_s
 

@@ -11,14 +11,6 @@ from dataclasses import replace
 from backend.bring_up.hands import KeptHands, switch_drives
 from backend.errors import Because, RefusalError, require_within
 from backend.faults import EXPLAINED, Fault
-from backend.loop import commands
-from backend.loop.access import LoopDied, LoopDiedError, result_of
-from backend.loop.commands import Accepted, Command, Event, ModeChanged, PushReleased, Refused, RunEnded, Stopped
-from backend.loop.hand_push import PUSH_MAX_S
-from backend.loop.mode import Mode
-from backend.loop.play_recording import PlayerMoved
-from backend.loop.ring import Ring
-from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.player import PlayedRecording
 from backend.messages.state import Push, References, State, StopProof
@@ -32,6 +24,22 @@ from backend.operating.present_state import F_PUSH_MAX, PresentState
 from backend.operating.retuning import Retuning
 from backend.operating.session_runs import RECORDED, SessionRuns
 from backend.operating.touching import Touching
+from backend.realtime import commands
+from backend.realtime.commands import (
+    Accepted,
+    Command,
+    Event,
+    ModeChanged,
+    PlayerMoved,
+    PushReleased,
+    Refused,
+    RunEnded,
+    Stopped,
+)
+from backend.realtime.contact import PUSH_MAX_S
+from backend.realtime.program import Mode
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor, result_of
 from backend.supervision import KeptTask, Part, Supervision
 from backend.units import in_digits
 from plant.calibration import BroughtUp

@@ -1,7 +1,7 @@
 """What the loop has answered to a command."""
 
 from backend.errors import Because, RefusalError
-from backend.loop.commands import Accepted, Refused
+from backend.realtime.commands import Accepted, Refused
 
 
 def carried_out(answer: Accepted | Refused) -> Accepted:

@@ -13,15 +13,15 @@ from backend.documents.applied_parameters import AppliedParameters
 from backend.errors import Because, RefusalError
 from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import Change, NotApplicableError, Version, differences
-from backend.loop.mode import Mode
-from backend.loop.supervisor import Supervisor
 from backend.messages.parameters import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
 from backend.operating.actuator import Actuator
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import Supervisor
 from backend.storage import identifications
 from backend.storage.database import Database
-from backend.tuning.formulas import TuningError
+from backend.tuning.gains import TuningError
 from plant.parameters import ParameterError, PlantParameters, load_parameters
 
 

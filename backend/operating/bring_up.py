@@ -14,14 +14,13 @@ from backend.bring_up.steps import STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding, Work
 from backend.errors import Because, RefusalError, RefusedValueError
 from backend.faults import Fault
-from backend.loop.access import LoopDiedError
-from backend.loop.commands import ProveDirections
-from backend.loop.mode import Mode
-from backend.loop.supervisor import Supervisor
 from backend.messages.bring_up import BringUpView, DrivesLeft, RunningStep
 from backend.operating.actuator import Actuator
 from backend.operating.bring_up_view import nothing_to_do, step_view
 from backend.operating.findings import NOT_YET, Findings
+from backend.realtime.commands import ProveDirections
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.storage.database import Database
 from plant.calibration import calibrated
 from plant.interface import PlantError

@@ -3,10 +3,10 @@
 from typing import NamedTuple, assert_never
 
 from backend.faults import Fault, explained
-from backend.loop.access import LoopDied
-from backend.loop.commands import (
+from backend.messages.live import MarkKind
+from backend.operating.standing_wall import wall_in_words
+from backend.realtime.commands import (
     Accepted,
-    ContactFelt,
     Event,
     ModeChanged,
     PlantAnswers,
@@ -18,12 +18,11 @@ from backend.loop.commands import (
     Refused,
     RunEnded,
     Stopped,
-    TouchForgotten,
     TuningChanged,
     WallChanged,
 )
-from backend.messages.live import MarkKind
-from backend.operating.standing_wall import wall_in_words
+from backend.realtime.program import ContactFelt, TouchForgotten
+from backend.realtime.supervisor import LoopDied
 
 
 class Mark(NamedTuple):

@@ -9,10 +9,9 @@ from backend.bring_up.steps import STEP, StepId
 from backend.bring_up.work import Finding
 from backend.errors import RefusalError
 from backend.faults import Fault
-from backend.loop.access import LoopDied, LoopDiedError
-from backend.loop.commands import Event, Stopped
-from backend.loop.supervisor import Supervisor
 from backend.operating.actuator import Actuator
+from backend.realtime.commands import Event, Stopped
+from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor
 from backend.storage.database import Database
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, fingerprint
 from plant.factory import wiring_of_choice

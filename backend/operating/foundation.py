@@ -9,12 +9,11 @@ from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import brought_up_of
 from backend.documents.edge import UnreadableDocumentError
 from backend.experiments import applied_parameters
-from backend.loop.channel import Setup
-from backend.loop.launching import Launched
-from backend.loop.supervisor import Supervisor
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
+from backend.realtime.ipc import Setup
+from backend.realtime.supervisor import Launched, Supervisor
 from backend.settings import Settings
 from backend.storage import runs
 from backend.storage.claims import HeldClaim

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from backend.data_folder import write_private
-from backend.tuning.remembered import FIGURES
+from backend.tuning.robustness import FIGURES
 from plant.compiled import CACHE
 
 _SOURCES = ("plant/*.py", "backend/control/*.py", "backend/tuning/*.py")

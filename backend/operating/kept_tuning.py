@@ -13,7 +13,7 @@ from backend.storage import banks
 from backend.storage.database import Database
 from backend.storage.errors import StorageError
 from backend.storage.records import UnknownRecordError
-from backend.tuning.formulas import TuningError
+from backend.tuning.gains import TuningError
 from plant.parameters import PlantParameters
 
 _log = logging.getLogger(__name__)

@@ -1,8 +1,8 @@
 """Whether the actuator may go to another mode now, and in which words it is refused."""
 
 from backend.errors import Because, RefusalError
-from backend.loop.mode import LEGAL, MOVING, Mode
 from backend.operating.present_state import PresentState
+from backend.realtime.program import LEGAL, MOVING, Mode
 
 
 def require_legal(present: PresentState, wanted: Mode, *, loop_alive: bool) -> None:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from backend import wire
 from backend.faults import FAULTS, Limit
-from backend.loop.mode import MODES
 from backend.messages.live import EventMessage, FieldView, LayoutMessage, StateMessage
+from backend.realtime.program import MODES
 from backend.sample import STORED
 from backend.supervision import Part
 from plant.interface import T_s

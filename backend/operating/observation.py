@@ -5,11 +5,11 @@ import time
 from collections.abc import Callable
 
 from backend.faults import FAULTS, Fault
-from backend.loop.mode import MODES, Mode
-from backend.loop.ring import Ring
-from backend.loop.supervisor import Restart
-from backend.loop.timing import timing
 from backend.messages.state import LinkView, ReferencesView, TimingView
+from backend.realtime.program import MODES, Mode
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import Restart
+from backend.realtime.timing import timing
 from backend.sample import NAMES
 from plant.interface import T_s
 

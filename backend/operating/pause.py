@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 from backend.errors import Because, RefusalError
 from backend.experiments.playing.play import SLICE_S, NotReadyError, mode_of
-from backend.loop.access import LoopAccess
-from backend.loop.mode import Mode
 from backend.operating.present_state import PresentState
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopAccess
 
 _TAKEN_AWAY = {
     Mode.OFF: "the motors were switched off",

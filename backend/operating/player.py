@@ -4,9 +4,8 @@ import math
 from collections.abc import Awaitable, Callable
 
 from backend.errors import Because, RefusalError, require_within
-from backend.loop.commands import Accepted, Command
-from backend.loop.play_recording import SPEED_MAX, SPEED_MIN, PlayerMoved, PlayRecording
 from backend.messages.player import PlayedRecording, PlayerOrder, PlayerView
+from backend.realtime.commands import SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
 from plant.interface import T_s
 
 NO_COMMANDS = (

@@ -6,26 +6,6 @@ from typing import assert_never
 from backend import __version__
 from backend.control.decoupler import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault, explained
-from backend.loop.access import LoopDied
-from backend.loop.commands import (
-    Accepted,
-    Event,
-    ModeChanged,
-    PlantAnswers,
-    PlantFailing,
-    PretensionReached,
-    PushReleased,
-    ReadinessChanged,
-    Refused,
-    RunEnded,
-    Stopped,
-    TuningChanged,
-    WallChanged,
-)
-from backend.loop.mode import LEGAL, MOVING, Mode
-from backend.loop.play_recording import PlayerMoved
-from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, ContactFelt, TouchForgotten
-from backend.loop.supervisor import Supervisor
 from backend.messages.control import HolderView, WishView
 from backend.messages.player import PlayerView
 from backend.messages.session import Health, PersonView
@@ -47,6 +27,24 @@ from backend.operating.observation import Observation, Sample, entry_of, fault_o
 from backend.operating.safety_chain import chain
 from backend.operating.standing_wall import NO_WALL_POSSIBLE, wall_bounds, wall_view
 from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view, shown_with
+from backend.realtime.commands import (
+    Accepted,
+    Event,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    PlayerMoved,
+    PretensionReached,
+    PushReleased,
+    ReadinessChanged,
+    Refused,
+    RunEnded,
+    Stopped,
+    TuningChanged,
+    WallChanged,
+)
+from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, LEGAL, MOVING, ContactFelt, Mode, TouchForgotten
+from backend.realtime.supervisor import LoopDied, Supervisor
 from plant.dynamics import Obstacle, elongation, slope
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import PlantParameters

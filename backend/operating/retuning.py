@@ -11,11 +11,6 @@ from dataclasses import replace
 
 from backend.errors import Because, RefusalError, require_within
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.loop.access import LoopDiedError
-from backend.loop.commands import Accepted
-from backend.loop.set_tuning import SetTuning
-from backend.loop.supervisor import Supervisor
-from backend.loop.tunings import NOT_LEARNED
 from backend.messages.live import MarkKind
 from backend.messages.state import State
 from backend.messages.tuning import (
@@ -35,6 +30,10 @@ from backend.operating.text_work import Compute
 from backend.operating.tuning_in_use import TuningInUse
 from backend.operating.tuning_previews import AskedTuning
 from backend.operating.tuning_trial import Trial
+from backend.realtime.commands import Accepted
+from backend.realtime.gains import NOT_LEARNED
+from backend.realtime.program import SetTuning
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F

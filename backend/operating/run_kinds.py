@@ -7,11 +7,10 @@ from backend.experiments.plans.catalogue import IDENTIFICATIONS, Entry
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import Setting, describe
-from backend.loop.mode import RefusedError
-from backend.loop.program import NO_WALL, require_able
 from backend.messages.experiment import ExperimentKind, SettingView
 from backend.messages.identification import IdentificationKind
 from backend.messages.tuning import TuningView
+from backend.realtime.program import NO_WALL, RefusedError, require_able
 from plant.interface import PlantKind
 
 _MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)

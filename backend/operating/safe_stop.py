@@ -4,11 +4,10 @@ import asyncio
 import logging
 
 from backend.faults import Fault
-from backend.loop.access import LoopDiedError
-from backend.loop.commands import Stop
-from backend.loop.mode import Mode
-from backend.loop.supervisor import Supervisor
 from backend.operating.present_state import PresentState
+from backend.realtime.commands import Stop
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.supervision import KeptTask, Part, Supervision
 
 ANSWER_S = 0.5

@@ -3,11 +3,11 @@
 from typing import assert_never
 
 from backend.faults import Fault
-from backend.loop.card_guard import CardGuard
-from backend.loop.supervisor import Supervisor
-from backend.loop.worker import SILENCE_S
 from backend.messages.control import HolderView
 from backend.messages.state import ChainLinkView, LinkView
+from backend.realtime.heartbeat import CardGuard
+from backend.realtime.process import SILENCE_S
+from backend.realtime.supervisor import Supervisor
 from plant.interface import PlantChoice, PlantKind
 from plant.safety_card import CardState
 

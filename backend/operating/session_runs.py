@@ -4,8 +4,8 @@ import asyncio
 
 from backend import __version__
 from backend.documents.run_settings import SETTINGS, KeptLoop, RunSettings
-from backend.loop.mode import Mode
 from backend.operating.tuning_in_use import TuningInUse
+from backend.realtime.program import Mode
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import EndState, NewRun, RunKind

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.loop.mode import MODES, Mode
+from backend.realtime.program import MODES, Mode
 from backend.sample import INDEX
 
 LEARNED_TICKS = 1000

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.errors import Because, RefusalError
-from backend.loop.access import LoopDiedError
-from backend.loop.commands import Accepted, Command, SetReferences
-from backend.loop.mode import Mode
-from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.touch import SweepView
 from backend.operating.journal import Journal
 from backend.operating.present_state import PresentState
 from backend.operating.touch_rest import DRIFT_N, LEARNED_TICKS, drift, touched_by, why_not
+from backend.realtime.commands import Accepted, Command, SetReferences
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.sample import INDEX
 from backend.units import in_digits
 from plant.interface import T_s

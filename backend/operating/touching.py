@@ -12,18 +12,16 @@ import numpy as np
 
 from backend.control import disturbance_observer
 from backend.errors import Because, RefusalError, require_within
-from backend.loop import commands
-from backend.loop.access import LoopDied
-from backend.loop.causes import Cause
-from backend.loop.commands import Accepted, Command, Event, ModeChanged
-from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS, ContactFelt, TouchForgotten
-from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.touch import ContactView, TouchOrder, TouchPoint, TouchView
 from backend.operating.journal import Journal
 from backend.operating.present_state import PresentState
 from backend.operating.touch_rest import LEARNED_TICKS, why_not
 from backend.operating.touch_sweep import TouchSweep
+from backend.realtime import commands
+from backend.realtime.commands import Accepted, Command, Event, ModeChanged
+from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS, Cause, ContactFelt, TouchForgotten
+from backend.realtime.supervisor import LoopDied, Supervisor
 from backend.sample import INDEX
 from backend.units import in_digits
 

@@ -9,7 +9,6 @@ from backend.errors import require_within
 from backend.experiments.banks.bank_building import points_of, tuning_command
 from backend.experiments.banks.default_choice import DefaultChoice, default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.loop.set_tuning import SetTuning
 from backend.messages.tuning import (
     BankReference,
     ChosenTuning,
@@ -27,17 +26,14 @@ from backend.messages.tuning import (
     TuningRequest,
     TuningView,
 )
+from backend.realtime.program import SetTuning
 from backend.storage.bank_entry import entry_in_use
 from backend.storage.banks import Bank
 from backend.tuning import preview
-from backend.tuning.formulas import TuningError
-from backend.tuning.gains import require_share
-from backend.tuning.models import LAM_MAX, Lambdas
-from backend.tuning.plan_budget import require_budget
-from backend.tuning.preview import Previewer, Steps
-from backend.tuning.push_forecast import NEAR_RAD, PUSH_N, PushForecast
+from backend.tuning.gains import LAM_MAX, Lambdas, TuningError, require_share
+from backend.tuning.preview import Previewer, Steps, require_budget
 from backend.tuning.robustness import Robustness
-from backend.tuning.step_forecast import StepForecast
+from backend.tuning.simulation import NEAR_RAD, PUSH_N, PushForecast, StepForecast
 from plant.parameters import PlantParameters
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault, explained
-from backend.loop.access import LoopDied
-from backend.loop.commands import Event, Stopped
-from backend.loop.ring import Ring
+from backend.realtime.commands import Event, Stopped
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied
 from backend.recording.codec import pack, unpack
 from backend.recording.columns import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES

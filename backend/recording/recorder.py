@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault
-from backend.loop.access import LoopDied
-from backend.loop.commands import Event, RunEnded, WallChanged
-from backend.loop.ring import Ring
+from backend.realtime.commands import Event, RunEnded, WallChanged
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied
 from backend.recording.codec import Table, pack, summarise
 from backend.recording.walls import Walls
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES

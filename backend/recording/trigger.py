@@ -14,7 +14,7 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.loop.ring import Ring
+from backend.realtime.ring_buffer import Ring
 from backend.recording.codec import pack
 from backend.recording.condition import Condition
 from backend.recording.flight import Quota, make_room, run_of, time_of

@@ -1,7 +1,7 @@
 """Which walls stood in the joint's way in the samples that are stored, from what the loop tells of them."""
 
 from backend.documents.kept_wall import KeptWall, kept_wall
-from backend.loop.commands import WallChanged
+from backend.realtime.commands import WallChanged
 from plant.dynamics import Obstacle
 from plant.interface import T_s
 

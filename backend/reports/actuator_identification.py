@@ -12,9 +12,8 @@ from backend.documents.actuator import (
     ResidualTests,
 )
 from backend.documents.edge import UnreadableDocumentError
-from backend.identification.published import TABLE_1
-from backend.identification.residuals import judged
-from backend.identification.result import worst
+from backend.identification.models import TABLE_1, worst
+from backend.identification.validation import judged
 from backend.reports.document import (
     NO_FIGURE,
     Block,

@@ -11,14 +11,13 @@ from backend.experiments.banks.bank_building import points_of
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.results.used_settings import law_of
-from backend.loop.program import Law
+from backend.realtime.program import Law
 from backend.reports.document import Column, Table, shown
 from backend.reports.drawing import axis_label
 from backend.reports.judgement import measured
 from backend.reports.source import Source
-from backend.tuning.closed_loop import run
-from backend.tuning.formulas import TuningError
-from backend.tuning.gains import cascade_tuning
+from backend.tuning.gains import TuningError, cascade_tuning
+from backend.tuning.simulation import run
 from backend.units import Angles, read
 from plant.interface import T_s
 from plant.parameters import ParameterError, parameters_of

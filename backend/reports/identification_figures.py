@@ -11,9 +11,8 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from backend.documents.actuator import ChannelModel, ChannelName, ResidualTests
-from backend.identification.residuals import judged
-from backend.identification.response import simulate
-from backend.identification.result import Model
+from backend.identification.models import Model, simulate
+from backend.identification.validation import judged
 from backend.recording.columns import Columns
 from backend.reports.drawing import (
     COLOURS,

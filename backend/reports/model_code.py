@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from backend.documents.actuator import CHANNELS, ActuatorModel, ChannelModel, ChannelName
 from backend.documents.motor import MotorModel
 from backend.documents.spring import SpringModel
-from backend.identification.structures import Kind, Structure, structure
+from backend.identification.models import Kind, Structure, structure
 from backend.reports.document import Block, Code, Column, Table, shown
 from plant.parameters import SIDES, Side
 

@@ -7,7 +7,7 @@ from backend.documents.actuator import CHANNELS
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.run_settings import DeclaredValue
 from backend.experiments.results.used_settings import USED, law_of, used_settings
-from backend.loop.program import Law
+from backend.realtime.program import Law
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
 from backend.storage.bank_entry import name_of_entry

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from backend.documents.actuator import PartialChannelModel, PartialChannelQuality, PartialReduced
-from backend.identification.result import Grade, joint_method
+from backend.identification.models import Grade, joint_method
 from backend.storage import identifications
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Session

@@ -4,9 +4,8 @@ import math
 from collections.abc import Iterator
 
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.tuning.loop_margins import loop_margins
-from backend.tuning.models import PointModel
-from backend.tuning.robustness import Robustness
+from backend.tuning.gains import PointModel
+from backend.tuning.robustness import Robustness, loop_margins
 from plant.parameters import PlantParameters
 
 TRUE = "_true"

@@ -20,7 +20,7 @@ from backend.experiments.playing.play import NotPlayedError
 from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from backend.studies.loop_figures import loop_figures
-from backend.tuning.formulas import TuningError
+from backend.tuning.gains import TuningError
 from plant.parameters import ParameterError, PlantParameters, parameters_of
 
 REFUSED = "refused"

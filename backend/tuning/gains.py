@@ -1,21 +1,224 @@
-"""All gains of the cascade from models and λ: table 2 with errata E1 and E3 applied."""
+"""From models and λ to gains (table 2 with errata E1 and E3), and gains of the baselines."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import cascade, pid, trajectory
+from backend.control import baselines, cascade, pid, trajectory
 from backend.control.cascade import Following
 from backend.control.decoupler import Bounds, Decoupler, Schedule, bounds_for, decoupler_for, stiffness_slope
 from backend.control.disturbance_observer import Rejection
 from backend.errors import require_within
-from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
-from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
+from plant.dynamics import smoothed
 from plant.interface import T_s
-from plant.parameters import PlantParameters
+from plant.parameters import PlantParameters, Side
+
+# Formulas ------------------------------------------------------------------------------------------
+#
+# From a model and λ to gains: table 2, with erratum E1 corrected.
+#
+# The closed loop of each formula is exact for its model: 1/(λ s + 1)^4 for the motor, 1/(λ s + 1)²
+# for the outer loops.
+
+
+class TuningError(ValueError):
+    """A tuning parameter or model is out of bounds; the message names quantity, value, bound and unit."""
+
+
+def _positive(name: str, value: float, unit: str) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise TuningError(f"{name} = {value:g} {unit} must be finite and above 0 {unit}")
+
+
+def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
+    """I-PD gains for K_m/(s (T_m s + 1)), 0 < λ < 4 T_m (table 2, first column). Raises TuningError."""
+    _positive("K_m", K_m, "rad/(V·s)")
+    _positive("T_m", T_m, "s")
+    _positive("λ_motor", lam, "s")
+    D = 4.0 * T_m - lam
+    if D <= 0.0:
+        raise TuningError(f"λ_motor = {lam:g} s must stay below 4 T_m = {4.0 * T_m:g} s")
+    return pid.IPDGains(
+        k_p=4.0 * T_m**2 / (K_m * lam**2 * D),
+        k_i=T_m**2 / (K_m * lam**3 * D),
+        k_d=(6.0 * T_m**2 - lam * D) / (K_m * lam * D),
+        t_f=T_m * lam / D,
+    )
+
+
+def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> pid.IPGains:
+    """I-P gains for K/(T s + 1); ``b`` in 0..1 weighs the reference in the proportional part.
+
+    Up to λ = 2T the poles are both at −1/λ. Beyond, the formula would need a negative k_p: the loop becomes purely
+    integral with k_i = 1/(2 K λ), continuous at λ = 2T, with the same sum of lags 2λ. Raises TuningError.
+    """
+    _positive("K", K, "1")
+    _positive("T", T, "s")
+    _positive("λ", lam, "s")
+    if not 0.0 <= b <= 1.0:
+        raise TuningError(f"b = {b:g} is outside 0 to 1")
+    if lam > 2.0 * T:
+        return pid.IPGains(k_p=0.0, k_i=1.0 / (2.0 * K * lam), k_r=0.0)
+    k_p = (2.0 * T - lam) / (K * lam)
+    return pid.IPGains(k_p=k_p, k_i=T / (K * lam**2), k_r=b * k_p)
+
+
+def printed_outer_gains(K: float, T: float, lam: float) -> pid.IPGains:
+    """I-P gains as table 2 prints them, k_p = 2/(K λ): wrong (erratum E1), for comparison only. Raises TuningError."""
+    outer_gains(K, T, lam)  # refuses what has no gains
+    return pid.IPGains(k_p=2.0 / (K * lam), k_i=T / (K * lam**2), k_r=0.0)
+
+
+def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
+    """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m, about 1 (erratum E3)."""
+    return 2.0 * K_q * r_j / r_m
+
+
+def stiffness_loop_gain(K_S: float, slope: float) -> float:
+    """Return the static gain from S_c to S through the decoupler: 2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3).
+
+    ``slope`` [N·m/rad per rad] is the decoupler's dS/dθ of one motor, 2 r_j² k2 r_m where springs are quadratic.
+    """
+    return K_S / slope
+
+
+# Models --------------------------------------------------------------------------------------------
+#
+# What tuning starts from: first-order models of the outer loops at a nominal point, the motor's
+# model, and λ.
+
+
+LAM_MOTOR = 0.0854
+LAM_Q = 0.5
+LAM_S = 0.42
+"""Defaults of λ [s] (method section 5)."""
+
+LAM_MAX = 3.0
+"""Upper end of the offered range of lam_q and lam_S [s]."""
+
+S_NOMINAL_20_N = 10.55
+"""Stiffness at 20 N tendon tension [N·m/rad], the paper's nominal point of its experiments."""
+
+
+@dataclass(frozen=True)
+class PointModel:
+    """Models with one motor excited: theta_A_ref to q and to S, reduced to K/(T s + 1) at one nominal point.
+
+    ``S_nominal`` [N·m/rad], ``K_q`` [1], ``T_q`` [s], ``K_S`` [N·m/rad per rad], ``T_S`` [s].
+    """
+
+    S_nominal: float
+    K_q: float
+    T_q: float
+    K_S: float
+    T_S: float
+
+
+@dataclass(frozen=True)
+class MotorModel:
+    """``K_m`` [rad/(V·s)] and ``T_m`` [s] of K_m/(s (T_m s + 1)); ``tau_e`` [s], the electrical lag it leaves out."""
+
+    K_m: float
+    T_m: float
+    tau_e: float
+
+
+@dataclass(frozen=True)
+class Lambdas:
+    """The tuning parameters [s], and the weight ``b`` of the reference in the outer loops' proportional part."""
+
+    lam_q: float = LAM_Q
+    lam_S: float = LAM_S
+    lam_motor: float = LAM_MOTOR
+    b: float = 0.0
+
+
+def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) -> PointModel:
+    """Model at 20 N from geometry alone, before anything is identified: gains of section 4, four lags of λ_motor."""
+    g = parameters.geometry
+    return PointModel(
+        S_nominal=S_NOMINAL_20_N,
+        K_q=g.r_m / (2.0 * g.r_j),
+        T_q=4.0 * lam_motor,
+        K_S=stiffness_slope(decoupler_for(parameters), S_NOMINAL_20_N),
+        T_S=4.0 * lam_motor,
+    )
+
+
+def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
+    """Model of the motor of one side, as identified (equation 17); its L/R is the data sheet's."""
+    known = parameters.identified_of(side)
+    return MotorModel(known.K_m, known.T_m, parameters.motor_of(side).tau_e)
+
+
+def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
+    """Model of the motor of one side as the plant has it, with the asymmetry of its torque constant."""
+    own = parameters.motor_of(side)
+    factor: float = getattr(parameters.asymmetry, f"motor_{side}")
+    return MotorModel(factor * own.K_m, own.T_m, own.tau_e)
+
+
+# Baselines -----------------------------------------------------------------------------------------
+#
+# Gains of the two baselines from the plant's constants and the cascade's λ.
+#
+# All three laws are asked for the same speed: the sums of lags from references to measurements are
+# those of the cascade's outer loops, 2 λ_q and 2 λ_S. What differs is then the law, not how hard it
+# is driven.
+
+
+ERROR_POLE, OBSERVER_POLE = 60.0, 20.0
+"""Poles of the error dynamics and of the observer's correction [rad/s]: of 20, 30, 40, 60, 80 by 20, 30, 60 the pair
+that, within 10 V on `lab`, deviates least under steps, pushes, and springs and motors that are a fifth off."""
+
+LARGEST_PER_LAG = 8.0
+"""The single loop takes a λ below so many motor lags T_m."""
+
+
+def single_loop_tuning(parameters: PlantParameters, lambdas: Lambdas) -> baselines.SingleLoopTuning:
+    """Table 2, first column, for the mean motor seen at q and, at 20 N, at S: 1/(λ s + 1)^4 with half the cascade's λ.
+
+    Raises TuningError where λ_q or λ_S is not below 8 T_m: half of it is the λ of a motor loop.
+    """
+    d, bounds = decoupler_for(parameters), bounds_for(parameters)
+    A, B = motor_model(parameters, "A"), motor_model(parameters, "B")
+    K_m, T_m = 0.5 * (A.K_m + B.K_m), 0.5 * (A.T_m + B.T_m)
+    for symbol, lam in (("λ_q", lambdas.lam_q), ("λ_S", lambdas.lam_S)):
+        if not lam < LARGEST_PER_LAG * T_m:
+            bound = f"{LARGEST_PER_LAG:g} T_m = {LARGEST_PER_LAG * T_m:.4g} s"
+            raise TuningError(f"single-loop needs {symbol} below {bound}; it is {lam:g} s: choose a smaller {symbol}")
+    q_per_theta, S_per_theta = d.r_m / d.r_j, 2.0 * stiffness_slope(d, S_NOMINAL_20_N)
+    gains = baselines.SingleLoopGains(
+        motor_gains(K_m * q_per_theta, T_m, lambdas.lam_q / 2.0),
+        motor_gains(K_m * S_per_theta, T_m, lambdas.lam_S / 2.0),
+    )
+    return baselines.SingleLoopTuning(gains, d, bounds.omega_max, bounds.u_max)
+
+
+def feedback_linearization_tuning(
+    parameters: PlantParameters, lambdas: Lambdas
+) -> baselines.FeedbackLinearizationTuning:
+    """Choose reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)²; the model is the simulator's, friction and all.
+
+    Friction that sticks is smoothed: how far its bristles are bent no sensor tells, and the law would have to know.
+    """
+    gains = baselines.FeedbackLinearizationGains(
+        lambdas.lam_q / 2.0, lambdas.lam_S, ERROR_POLE, ERROR_POLE, OBSERVER_POLE
+    )
+    bounds = bounds_for(parameters)
+    return baselines.FeedbackLinearizationTuning(
+        gains, smoothed(parameters.dynamics()), decoupler_for(parameters), bounds.omega_max, bounds.u_max
+    )
+
+
+# Gains ---------------------------------------------------------------------------------------------
+#
+# All gains of the cascade from models and λ: table 2 with errata E1 and E3 applied.
+
 
 UNSEEN_COUNTS = 0.501
 """Error of the joint that its integrator leaves alone, in counts of its encoder: whatever the reference, one reading is

@@ -1,9 +1,6 @@
-"""What a tuning would do before it is sent: robustness on the high-order model, steps simulated.
+"""What a tuning would do before it is sent: bounds of speed, budget of voltage, simulated steps."""
 
-All of it is for one stiffness, that of the present reference, and for the motion in use: in `lambda` a step takes the
-time that λ gives it, in `time-optimal` that of its trajectory.
-"""
-
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -14,30 +11,87 @@ import numpy as np
 from backend.control import cascade, decoupler, pid
 from backend.control.decoupler import bounds_for, decoupler_for
 from backend.errors import require_within
-from backend.tuning.closed_loop import Rig, rig_of, run
-from backend.tuning.expected_plant import expected_plant
-from backend.tuning.formulas import TuningError, motor_gains, printed_outer_gains
 from backend.tuning.gains import (
+    LAM_MAX,
+    Lambdas,
+    MotorModel,
+    PointModel,
+    TuningError,
     cascade_tuning,
+    designed_point,
     knowledge,
+    motor_gains,
     motor_loops,
+    motor_model,
     position_gains,
     position_process,
+    printed_outer_gains,
     rejection,
     stiffness_gains,
     stiffness_process,
 )
-from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
-from backend.tuning.motor_loop import common_range, motor_lambda, motor_robustness
-from backend.tuning.plan_budget import plan_range, require_budget
-from backend.tuning.push_forecast import PUSH_N, PushForecast, push_forecast
-from backend.tuning.remembered import remembered
-from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
-from backend.tuning.sampled_loop import Sampled, held_plant
-from backend.tuning.step_forecast import StepForecast, step_forecast
+from backend.tuning.robustness import (
+    M_S_MAX,
+    OuterProcess,
+    Robustness,
+    common_range,
+    decoupled_model,
+    motor_lambda,
+    motor_robustness,
+    remembered,
+    safe_lambda,
+)
+from backend.tuning.simulation import (
+    PUSH_N,
+    PushForecast,
+    Rig,
+    Sampled,
+    StepForecast,
+    expected_plant,
+    held_plant,
+    push_forecast,
+    rig_of,
+    run,
+    step_forecast,
+)
+from plant.dynamics import root
 from plant.interface import T_s
 from plant.parameters import SIDES, PlantParameters
+
+# Plan budget ---------------------------------------------------------------------------------------
+#
+# Voltage limit of time-optimal motion: the rest of the voltage is for load, friction and feedback.
+
+
+LEAST, MOST, USUAL = 0.2, 0.9, 0.85
+"""Shares of the output range: least and most that are offered, and what is proposed."""
+
+
+def plan_range(parameters: PlantParameters) -> tuple[float, float]:
+    """Return the smallest and largest voltage limit [V] that are offered."""
+    u_max = parameters.motor.u_max
+    return round(LEAST * u_max, 3), round(MOST * u_max, 3)
+
+
+def usual_budget(parameters: PlantParameters) -> float:
+    """Return the voltage limit [V] that is proposed."""
+    return round(USUAL * parameters.motor.u_max, 3)
+
+
+def require_budget(parameters: PlantParameters, u_plan: float) -> None:
+    """Raise OutOfRangeError unless ``u_plan`` [V] is offered; 0 V is ``lambda`` motion, which has no limit."""
+    if u_plan != 0.0:
+        remedy = "the rest of the voltage is for load, friction and feedback"
+        require_within("u_plan", u_plan, *plan_range(parameters), "V", remedy)
+
+
+# Preview -------------------------------------------------------------------------------------------
+#
+# What a tuning would do before it is sent: robustness on the high-order model, steps simulated.
+#
+# All of it is for one stiffness, that of the present reference, and for the motion in use: in
+# `lambda` a step takes the time that λ gives it, in `time-optimal` that of its trajectory.
+
 
 STEP_Q = np.pi / 3.0
 """Step of q_ref that the preview shows where no other is asked for [rad]: half of the paper's largest."""
@@ -358,3 +412,31 @@ def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float)
         middle = 0.5 * (low + high)
         low, high = (low, middle) if voltage(middle) < u_max else (middle, high)
     return high
+
+
+# Speed bound ---------------------------------------------------------------------------------------
+#
+# How fast a position step could be at all: what the motors' speed and acceleration allow, whatever
+# the law.
+
+
+def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.9) -> float:
+    """Time [s] in which the motors can turn the joint by ``share`` of a ``step`` [rad], unloaded at full voltage.
+
+    A motor at rest under u_max turns by K_m u_max (t − T_m (1 − exp(−t/T_m))) (equation 17); the slower one counts,
+    and it need not stop. Both reels turn r_j/r_m times as far as the joint (equations 18, 19).
+    """
+    g = parameters.geometry
+    turn = share * abs(step) * g.r_j / g.r_m
+    motors = [motor_model(parameters, side) for side in SIDES]
+    return max(_time(turn, parameters.motor.u_max * motor.K_m, motor.T_m) for motor in motors)
+
+
+def _time(turn: float, speed: float, T_m: float) -> float:
+    if turn == 0.0:
+        return 0.0
+
+    def missing(t: float) -> float:
+        return speed * (t - T_m * (1.0 - math.exp(-t / T_m))) - turn
+
+    return root(missing, 0.0, turn / speed + T_m)

@@ -1,19 +1,246 @@
-"""M_s, margins and safe ranges of λ of the outer loops, computed on the high-order models (erratum E6)."""
+"""Robustness of all loops on the high-order models: M_s, margins, safe ranges of λ (erratum E6)."""
 
+import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import pid
-from backend.tuning.formulas import TuningError
-from backend.tuning.models import LAM_MAX
+from backend.control import decoupler, pid
+from backend.control.decoupler import Decoupler
+from backend.tuning.gains import (
+    LAM_MAX,
+    Lambdas,
+    MotorModel,
+    PointModel,
+    TuningError,
+    designed_point,
+    motor_gains,
+    motor_loops,
+    motor_model,
+    position_gains,
+    stiffness_gains,
+    true_motor_model,
+)
+from plant.dynamics import Dynamics, Motor, PlantState, derivative, tension
+from plant.interface import NO_LOAD, T_s
+from plant.parameters import SIDES, PlantParameters
 
 if TYPE_CHECKING:
     import control
+
+
+# Linear model --------------------------------------------------------------------------------------
+#
+# The high-order linear model of what the outer loops see: plant linearised at rest, motor loops
+# closed around it.
+#
+# Four lags of the motor loops, the load on them, the joint's resonance: everything a first-order
+# model hides (erratum E6). Coulomb friction is left out: smoothed at standstill it would look like
+# a huge viscous friction.
+
+
+_STEP = 1e-6
+_STATES = 8
+"""Of a plant without friction: the bristles, which come last in ``PlantState``, are none of its states."""
+
+
+def decoupled_model(
+    parameters: PlantParameters, gains: pid.MotorPairGains, S: float, *, true_plant: bool = False
+) -> "control.StateSpace":
+    """Linear model from (q_c, S_c) to (q, S) at stiffness S [N·m/rad] and q = 0, motor loops with ``gains``.
+
+    The diagonal is what the two outer loops control, gain 1 at low frequency; the cross terms have gain 0 there, and
+    vanish altogether where both sides are alike. With ``true_plant`` motors and springs are those of the plant itself,
+    and the decoupler is still the one of the identified springs.
+    """
+    import control
+
+    d = decoupler.decoupler_for(parameters)
+    system = control.interconnect(
+        [
+            linear_plant(parameters, d, S, true_plant=true_plant),
+            _motor_loop(gains.A, "A"),
+            _motor_loop(gains.B, "B"),
+            _decoupler(d, S),
+            _outputs(d, S),
+        ],
+        inputs=["q_c", "S_c"],
+        outputs=["q_out", "S_out"],
+        check_unused=False,
+    )
+    return system
+
+
+def one_motor_point(parameters: PlantParameters, gains: pid.MotorPairGains, S: float) -> PointModel:
+    """Return what geometry, springs and motor loops say of theta_A_ref to q and to S at S [N·m/rad], motor B held.
+
+    Static gain, and the sum of lags: minus the slope of the phase at zero frequency, of the linear plant without
+    friction.
+    """
+    import control
+
+    d = decoupler.decoupler_for(parameters)
+    system = control.interconnect(
+        [linear_plant(parameters, d, S), _motor_loop(gains.A, "A"), _motor_loop(gains.B, "B"), _outputs(d, S)],
+        inputs=["theta_A_ref"],
+        outputs=["q_out", "S_out"],
+        check_unused=False,
+    )
+    A, B, C = (np.asarray(part) for part in (system.A, system.B, system.C))
+    once = np.linalg.solve(A, B)
+    K, slope = -(C @ once)[:, 0], -(C @ np.linalg.solve(A, once))[:, 0]
+    T = -slope / K
+    return PointModel(S, float(K[0]), float(T[0]), float(K[1]), float(T[1]))
+
+
+def linear_plant(
+    parameters: PlantParameters, d: Decoupler, S: float, *, true_plant: bool = False
+) -> "control.StateSpace":
+    """From voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad], about rest at S [N·m/rad] and q = 0.
+
+    Motors and springs are the identified ones, or with ``true_plant`` those of the plant itself. S is always what the
+    controller estimates.
+    """
+    import control
+
+    theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
+    if true_plant:
+        plant = _without_friction(parameters.dynamics())
+        theta_A, theta_B = _at_rest(plant, theta_A + theta_B)
+    else:
+        plant = parameters.identified_dynamics()
+    load_A = d.r_m * tension(plant.spring_A, d.r_m * theta_A)
+    load_B = d.r_m * tension(plant.spring_B, d.r_m * theta_B)
+    at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))[:_STATES]
+    u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
+
+    def rate(x: NDArray[np.float64], u_A: float, u_B: float, tau_ext: float = 0.0) -> NDArray[np.float64]:
+        return np.array(derivative(plant, PlantState(*x), u_A, u_B, tau_ext, NO_LOAD))[:_STATES]
+
+    A = np.column_stack(
+        [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(_STATES)]
+    )
+    B = np.column_stack(
+        [
+            (rate(at, u_A + _STEP, u_B) - rate(at, u_A - _STEP, u_B)) / (2.0 * _STEP),
+            (rate(at, u_A, u_B + _STEP) - rate(at, u_A, u_B - _STEP)) / (2.0 * _STEP),
+            (rate(at, u_A, u_B, _STEP) - rate(at, u_A, u_B, -_STEP)) / (2.0 * _STEP),
+        ]
+    )
+    C = np.zeros((3, _STATES))
+    C[0, 0] = C[1, 2] = C[2, 5] = 1.0
+    inputs = ["u_A", "u_B", "tau_ext"]
+    return control.ss(A, B, C, np.zeros((3, 3)), inputs=inputs, outputs=["q", "theta_A", "theta_B"], name="plant")
+
+
+def _without_friction(plant: Dynamics) -> Dynamics:
+    def free(motor: Motor) -> Motor:
+        return motor._replace(friction=motor.friction._replace(c0=0.0, c1=0.0, lugre=None))
+
+    return plant._replace(motor_A=free(plant.motor_A), motor_B=free(plant.motor_B))
+
+
+def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
+    """θ_A, θ_B [rad] whose sum is ``turned``, with the same tension in both tendons at q = 0.
+
+    The stiffness loop fixes the sum, the position loop the difference.
+    """
+    from scipy.optimize import brentq
+
+    r_m, half = plant.joint.r_m, 0.5 * turned
+
+    def excess(offset: float) -> float:
+        tension_A = tension(plant.spring_A, r_m * (half + offset))
+        return float(tension_A - tension(plant.spring_B, r_m * (half - offset)))
+
+    offset = float(brentq(excess, -half, half, xtol=1e-12))
+    return half + offset, half - offset
+
+
+def _motor_loop(gains: pid.IPDGains, side: str) -> "control.StateSpace":
+    """I-PD with its filter in continuous time; states: integral, filtered integral, filtered position."""
+    import control
+
+    k_p, k_i, k_d, t_f = gains
+    A = np.array([[0.0, 0.0, 0.0], [1.0 / t_f, -1.0 / t_f, 0.0], [0.0, 0.0, -1.0 / t_f]])
+    B = np.array([[k_i, -k_i], [0.0, 0.0], [0.0, 1.0 / t_f]])
+    C = np.array([[0.0, 1.0, k_d / t_f - k_p]])
+    D = np.array([[0.0, -k_d / t_f]])
+    names = [f"theta_{side}_ref", f"theta_{side}"]
+    return control.ss(A, B, C, D, inputs=names, outputs=[f"u_{side}"], name=f"motor_{side}")
+
+
+def decoupling(d: Decoupler, S: float) -> NDArray[np.float64]:
+    """Motor references per q_c and S_c, shape (2, 2), about q = 0 and S [N·m/rad]."""
+
+    def positions(q_c: float, S_c: float) -> NDArray[np.float64]:
+        return np.array(decoupler.motor_positions(d, q_c, S_c))
+
+    return np.column_stack(
+        [
+            (positions(_STEP, S) - positions(-_STEP, S)) / (2.0 * _STEP),
+            (positions(0.0, S + _STEP) - positions(0.0, S - _STEP)) / (2.0 * _STEP),
+        ]
+    )
+
+
+def _decoupler(d: Decoupler, S: float) -> "control.StateSpace":
+    import control
+
+    D, names = decoupling(d, S), ["theta_A_ref", "theta_B_ref"]
+    return control.ss([], [], [], D, inputs=["q_c", "S_c"], outputs=names, name="decoupler")
+
+
+def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
+    import control
+
+    S_gain = decoupler.stiffness_slope(d, S)
+    D = np.array([[1.0, 0.0, 0.0], [0.0, S_gain, S_gain]])
+    return control.ss([], [], [], D, inputs=["q", "theta_A", "theta_B"], outputs=["q_out", "S_out"], name="outputs")
+
+
+# Remembered ----------------------------------------------------------------------------------------
+#
+# Figures that take python-control and a while to compute, and never change for the same inputs:
+# computed once.
+#
+# They outlive the process where somebody with a disk keeps ``FIGURES``
+# (``backend.operating.kept_figures``): a start then neither loads the library nor waits for it.
+
+
+FIGURES: dict[str, tuple[float, ...]] = {}
+"""What has been computed, by the digest of what was asked; those that were asked for least lately go first."""
+
+MOST = 400
+
+
+def remembered(asked: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
+    """Return the ``count`` figures of ``compute()``, computed the first time that this is ``asked``.
+
+    ``asked`` names the question and all that the answer depends on: words, numbers, frozen dataclasses of numbers. What
+    is remembered in another form, or is not finite, is computed anew; an exception is not remembered.
+    """
+    key = hashlib.sha256(repr(asked).encode()).hexdigest()
+    known = FIGURES.get(key, ())
+    if len(known) != count or not all(map(math.isfinite, known)):
+        known = compute()
+    FIGURES.pop(key, None)
+    FIGURES[key] = known
+    for oldest in list(FIGURES)[:-MOST]:  # a copy: other threads remember, too
+        FIGURES.pop(oldest, None)
+    return known
+
+
+# Robustness ----------------------------------------------------------------------------------------
+#
+# M_s, margins and safe ranges of λ of the outer loops, computed on the high-order models (erratum
+# E6).
+
 
 M_S_MAX = 1.7
 """Largest sensitivity peak an operator is offered (method section 5)."""
@@ -174,3 +401,170 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains]
     if above[-1] == grid.size - 1:
         raise TuningError(f"no λ up to {LAM_MAX:g} s keeps M_s at or below {M_s:g}: identify the actuator again")
     return float(brentq(excess, grid[above[-1]], grid[above[-1] + 1], xtol=1e-6))
+
+
+# Motor loop ----------------------------------------------------------------------------------------
+#
+# The motor loop as it runs: sampled each period, with the motor's electrical lag (erratum E5).
+#
+# On the bare K_m/(s (T_m s + 1)) of table 2 the loop looks more robust than it is, the more so the
+# smaller λ is.
+
+
+LAM_MOTOR_MIN = 0.05
+"""Least λ offered [s]. The loop then needs a 25th of its gain to be stable; with less λ it needs more, and a voltage
+limit takes gain away."""
+
+LAM_MOTOR_MAX = 0.2
+"""Largest λ offered [s]; for the paper's motor M_s falls with λ up to here (erratum E5)."""
+
+_MOTOR_LOOP_OMEGA = np.geomspace(1e-2, np.pi / T_s, 900)
+_Z = np.exp(1j * _MOTOR_LOOP_OMEGA * T_s)
+_LAMBDAS = 25
+
+
+def motor_robustness(motor: MotorModel, gains: pid.IPDGains) -> Robustness:
+    """Robustness of the sampled loop of an unloaded motor; tendons change M_s by less than half a per cent."""
+    import control
+
+    loop = _sampled(motor) * _law(gains)
+    return robustness_of(control.tf2ss(loop), loop(_Z), _MOTOR_LOOP_OMEGA)
+
+
+def motor_range(motor: MotorModel) -> tuple[float, float]:
+    """Smallest and largest λ [s] offered: M_s stays at or below M_S_MAX, λ well below 4 T_m. Raises TuningError."""
+    low, _, high = _range(motor)
+    return low, high
+
+
+def common_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
+    """Smallest and largest λ [s] offered for all of these motors. Raises TuningError."""
+    ranges = [motor_range(motor) for motor in motors]
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    if low > high:
+        raise TuningError(
+            f"no λ_motor is robust for both motors: one needs {low:.3g} s at least, one {high:.3g} s at most"
+        )
+    return low, high
+
+
+def motor_lambda(motor: MotorModel, M_s: float) -> float:
+    """λ [s] for a wanted M_s where it falls with λ, within what is offered. Raises TuningError with the span."""
+    from scipy.optimize import brentq
+
+    low, end, _ = _range(motor)
+    highest, lowest = _peak(motor, low), _peak(motor, end)
+    if not lowest <= M_s <= highest:
+        raise TuningError(
+            f"M_s = {M_s:g} is out of reach of the motor loop: choose {lowest:.3f} (λ = {end:.3g} s) "
+            f"to {highest:.3f} (λ = {low:.3g} s)"
+        )
+    return float(brentq(lambda lam: _peak(motor, lam) - M_s, low, end, xtol=1e-7))
+
+
+def _range(motor: MotorModel) -> tuple[float, float, float]:
+    """Least λ [s] offered, the one to which M_s falls from there, and the largest."""
+    low, end, high = remembered(("motor range", motor), 3, lambda: _computed_range(motor))
+    return low, end, high
+
+
+def _computed_range(motor: MotorModel) -> tuple[float, float, float]:
+    from scipy.optimize import brentq
+
+    high = min(LAM_MOTOR_MAX, 3.8 * motor.T_m)
+    if high <= LAM_MOTOR_MIN:
+        raise TuningError(
+            f"T_m = {motor.T_m:g} s leaves no λ_motor from {LAM_MOTOR_MIN:g} s on: it must stay below 4 T_m"
+        )
+    lambdas = np.geomspace(LAM_MOTOR_MIN, high, _LAMBDAS)
+    peaks = np.array([_peak(motor, lam) for lam in lambdas])
+    fragile = np.flatnonzero(peaks > M_S_MAX)
+    if fragile.size == _LAMBDAS or (fragile.size and fragile[-1] == _LAMBDAS - 1):
+        raise TuningError(f"no λ_motor up to {high:g} s keeps M_s of the motor loop at or below {M_S_MAX:g}")
+    first = int(fragile[-1]) + 1 if fragile.size else 0
+    low = float(lambdas[0])
+    if fragile.size:
+        low = float(brentq(lambda lam: _peak(motor, lam) - M_S_MAX, lambdas[first - 1], lambdas[first], xtol=1e-7))
+    rising = np.flatnonzero(np.diff(peaks[first:]) > 0.0)
+    end = float(lambdas[first + rising[0]]) if rising.size else high
+    return low, end, high
+
+
+def _peak(motor: MotorModel, lam: float) -> float:
+    return peak((_sampled(motor) * _law(motor_gains(motor.K_m, motor.T_m, lam)))(_Z))
+
+
+@cache
+def _sampled(motor: MotorModel) -> "control.TransferFunction":
+    """From the voltage, held over a period, to the position at its end."""
+    import control
+
+    s = control.tf("s")
+    process = motor.K_m / (s * (motor.T_m * s + 1.0) * (motor.tau_e * s + 1.0))
+    return control.sample_system(process, T_s, "zoh")
+
+
+def _law(gains: pid.IPDGains) -> "control.TransferFunction":
+    """From the position to the voltage, sign turned: ``i_pd.step`` as a difference equation."""
+    import control
+
+    kept = float(np.exp(-T_s / gains.t_f))
+    proportional = (1.0 - kept) * gains.k_p * np.array([1.0, -1.0, 0.0])
+    integral = (1.0 - kept) * T_s * gains.k_i * np.array([0.0, 1.0, 0.0])
+    derivative = kept * gains.k_d / gains.t_f * np.array([1.0, -2.0, 1.0])
+    return control.tf(proportional + integral + derivative, np.polymul([1.0, -kept], [1.0, -1.0]), T_s)
+
+
+# Loop margins --------------------------------------------------------------------------------------
+#
+# Robustness of all three loops with the gains in use: on the identified model, or on the plant
+# itself.
+#
+# A controller knows the identified model alone. On a plant that differs from it, the same gains
+# have other sensitivity peaks and margins; a simulator knows that plant and can tell them. Friction
+# is left out of both (``linear_model``).
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """The loops of ``q``, of ``S`` and of the motors, each the worst of all points of a bank or of both motors."""
+
+    q: Robustness
+    S: Robustness
+    motor: Robustness
+
+
+def loop_margins(
+    parameters: PlantParameters, points: Sequence[PointModel], lambdas: Lambdas, *, true_plant: bool
+) -> LoopMargins:
+    """Return the robustness that the gains of ``lambdas`` at ``points`` have, on the true plant or on its model.
+
+    Without points it is the 20 N point from geometry. Each outer loop is opened at its control signal while the other
+    one is open (``robustness``), each motor loop is sampled and unloaded (``motor_loop``). Raises TuningError for a λ
+    that has no gains.
+    """
+    points = points or (designed_point(parameters, lambdas.lam_motor),)
+    loops = motor_loops(parameters, lambdas.lam_motor)
+    q, S = [], []
+    for point in points:
+        model = decoupled_model(parameters, loops, point.S_nominal, true_plant=true_plant)
+        q.append(OuterProcess(model[0, 0]).robustness(position_gains(parameters, point, lambdas)))
+        S.append(OuterProcess(model[1, 1]).robustness(stiffness_gains(parameters, point, lambdas)))
+    inner = []
+    for side in SIDES:
+        known = motor_model(parameters, side)
+        gains = motor_gains(known.K_m, known.T_m, lambdas.lam_motor)
+        inner.append(motor_robustness(true_motor_model(parameters, side) if true_plant else known, gains))
+    return LoopMargins(_worst(q), _worst(S), _worst(inner))
+
+
+def _worst(found: Iterable[Robustness]) -> Robustness:
+    """Return the worst of each figure, whichever loop it is of."""
+    loops = list(found)
+    return Robustness(
+        max(loop.M_s for loop in loops),
+        min(loop.gain_margin for loop in loops),
+        max(loop.gain_reduction for loop in loops),
+        min(loop.phase_margin for loop in loops),
+        stable=all(loop.stable for loop in loops),
+    )

@@ -13,13 +13,6 @@ from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
 from backend.bring_up.hands import KeptHands
 from backend.experiments.playing.runner import Station
-from backend.loop.access import Listener, LoopDiedError
-from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Command, Refused
-from backend.loop.headless import Headless
-from backend.loop.ring import Ring
-from backend.loop.set_tuning import SetTuning
-from backend.loop.supervisor import Supervisor
 from backend.messages.session import Role
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
@@ -31,6 +24,12 @@ from backend.operating.safe_stop import SafeStop
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
 from backend.operating.text_work import TextWork
+from backend.realtime.commands import Accepted, Command, Refused
+from backend.realtime.headless import Headless
+from backend.realtime.ipc import Setup
+from backend.realtime.program import SetTuning
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import Listener, LoopDiedError, Supervisor
 from backend.recording.recorder import Recorder
 from backend.storage.database import Database
 from backend.supervision import Supervision

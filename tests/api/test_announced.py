@@ -7,10 +7,10 @@ import pytest
 
 from backend.archive.stored_banks import StoredBanks
 from backend.experiments.playing.progress import Doing
-from backend.loop.commands import Accepted, SetMode
-from backend.loop.mode import Mode
 from backend.messages.identification import ActuatorRequest
 from backend.messages.state import TaskView
+from backend.realtime.commands import Accepted, SetMode
+from backend.realtime.program import Mode
 from backend.recording.reader import read_envelope
 from backend.storage import banks
 from backend.storage.banks import BankEntry

@@ -14,15 +14,14 @@ import plant
 from backend.errors import RefusalError
 from backend.experiments import applied_parameters
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.loop.access import LoopDiedError
-from backend.loop.channel import Setup
-from backend.loop.commands import SetMode
-from backend.loop.mode import Mode
-from backend.loop.supervisor import Supervisor
 from backend.messages.tuning import TrialRequest
 from backend.operating import foundation
 from backend.operating.applied import Applied
 from backend.operating.tuning_in_use import TuningInUse, initial
+from backend.realtime.commands import SetMode
+from backend.realtime.ipc import Setup
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.sample import INDEX
 from backend.storage import banks
 from backend.storage.banks import BankEntry

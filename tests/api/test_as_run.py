@@ -18,13 +18,13 @@ from backend.experiments.plans.catalogue import entry_of
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.loop.mode import Mode
 from backend.messages.history import RunMark
 from backend.messages.own_experiment import RecordedExperiment
 from backend.messages.state import Push, Wall, WallOrder
 from backend.messages.touch import TouchOrder
 from backend.messages.tuning import TuningRequest
 from backend.operating.obstruction import obstruct
+from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
 from backend.storage import runs
 from backend.storage.database import Database, open_database

@@ -14,7 +14,7 @@ import pytest
 import uvicorn
 
 from backend import main
-from backend.loop.heartbeat import Heart
+from backend.realtime.heartbeat import Heart
 from backend.settings import Settings
 from backend.supervision import KeptTask
 from tests.api.conftest import PATIENCE_S, ended, until, wait_for

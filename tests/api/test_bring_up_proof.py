@@ -18,14 +18,14 @@ from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding
 from backend.errors import RefusalError
 from backend.experiments.playing.runner import create_run
-from backend.loop.channel import Ready
-from backend.loop.commands import Accepted, Command, Refused, TryMotor
-from backend.loop.mode import Mode
-from backend.loop.pacer import Granted
-from backend.loop.supervisor import Supervisor
 from backend.messages.bring_up import BringUpStep
 from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp
+from backend.realtime.commands import Accepted, Command, Refused, TryMotor
+from backend.realtime.ipc import Ready
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import Supervisor
+from backend.realtime.timing import Granted
 from backend.storage.bring_up import StepResult
 from backend.storage.database import open_database
 from backend.storage.errors import StorageError

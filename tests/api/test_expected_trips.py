@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from backend.faults import Fault
-from backend.loop.commands import Inject, SetMode
-from backend.loop.mode import Mode
 from backend.messages.live import MarkKind
+from backend.realtime.commands import Inject, SetMode
+from backend.realtime.program import Mode
 from backend.recording.flight import FlightRecorder, Quota
 from backend.storage import flights
 from backend.storage.database import Database, open_database

@@ -22,7 +22,7 @@ ONLY_HERE = [
     Fault.WATCHDOG,
     Fault.WATCHDOG_DEAD,
 ]
-"""Those that go through the live loop, its clock, its channel or the card; tests/loop/test_faults.py tries the rest."""
+"""Those that need the live loop, its clock, its channel or the card; tests/realtime/test_faults.py covers the rest."""
 
 
 def test_every_fault_has_its_injection_or_a_button() -> None:

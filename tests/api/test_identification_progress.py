@@ -13,11 +13,11 @@ from backend.control.motion_primitives import ZERO_VOLTS_S
 from backend.errors import RefusalError
 from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.playing.progress import Doing
-from backend.loop.commands import Accepted, SetMode
-from backend.loop.mode import Mode
 from backend.messages.history import Planned
 from backend.messages.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
 from backend.messages.state import TaskView
+from backend.realtime.commands import Accepted, SetMode
+from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
 from backend.storage import runs
 from backend.storage.database import Database, open_database

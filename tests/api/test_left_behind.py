@@ -17,7 +17,7 @@ from tests.api.test_scene import looking, receive
 from tests.e2e.service import Service, running_service
 
 END_TIMEOUT_S = 10.0
-MEMORY = {"backend.loop.worker": {"sinew-card", "sinew-ring"}, "plant.safety_card": {"sinew-card"}}
+MEMORY = {"backend.realtime.process": {"sinew-card", "sinew-ring"}, "plant.safety_card": {"sinew-card"}}
 """Shared memory that a process is meant to have; the loop has one socket besides, its channel."""
 
 
@@ -57,7 +57,7 @@ def test_no_process_holds_what_is_the_services_own_and_none_outlives_it(busy: Se
         whose = next((name for name in MEMORY if name in line), "")
         assert {link[7:].split()[0] for link in links if link.startswith("/memfd:")} == MEMORY.get(whose, set()), line
         sockets = [link for link in links if link.startswith(("connected", "listening", "socket:"))]
-        assert len(sockets) == (whose == "backend.loop.worker"), f"{line} holds {sockets}"
+        assert len(sockets) == (whose == "backend.realtime.process"), f"{line} holds {sockets}"
         assert not [link for link in links if link.startswith(str(busy.data))], f"{line} holds files of {busy.data}"
 
     alive = {os.pidfd_open(pid): line for pid, line in processes.items()}

@@ -13,10 +13,10 @@ from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.settings import SettingError
-from backend.loop.commands import Stop
 from backend.messages.experiment import ExperimentRequest
 from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.operating.tuning_in_use import initial
+from backend.realtime.commands import Stop
 from backend.reports.build import build_report
 from backend.reports.source import load_source
 from backend.storage import banks, events, runs

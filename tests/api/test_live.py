@@ -10,9 +10,9 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 from backend import wire
 from backend.api.live import serve
-from backend.loop.ring import Ring
 from backend.messages.live import EventMessage, MarkKind, StateMessage
 from backend.operating.live_stream import QUEUE_FRAMES, Client, LiveStream
+from backend.realtime.ring_buffer import Ring
 from backend.sample import FIELDS, INDEX
 
 

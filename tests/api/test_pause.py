@@ -13,14 +13,14 @@ from backend.experiments.playing.play import NotReadyError
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run
 from backend.experiments.results.evaluation import Evaluation
-from backend.loop.access import LoopAccess, LoopDiedError
-from backend.loop.commands import SetMode
-from backend.loop.mode import MODE_CODE, Mode
 from backend.messages.identification import ActuatorRequest
 from backend.messages.state import TaskView
 from backend.operating import ordered_runs
 from backend.operating.pause import Pause, not_begun
 from backend.operating.present_state import PresentState
+from backend.realtime.commands import SetMode
+from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.supervisor import LoopAccess, LoopDiedError
 from backend.sample import INDEX, NAMES
 from backend.storage import runs
 from backend.storage.database import open_database

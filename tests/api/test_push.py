@@ -11,10 +11,10 @@ from backend.access.people import Person
 from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.mode import Mode
 from backend.messages.session import Role
 from backend.messages.state import Push
 from backend.operating.run_kinds import experiment_kinds
+from backend.realtime.program import Mode
 from backend.sample import INDEX
 from backend.storage import events
 from backend.storage.database import Database, open_database

@@ -8,10 +8,10 @@ import pytest
 
 from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.banks import kept_choice
-from backend.loop.access import LoopDied
-from backend.loop.set_touch import TouchForgotten
 from backend.messages.touch import TouchOrder, TouchPoint
 from backend.messages.tuning import TrialRequest, TuningRequest
+from backend.realtime.program import TouchForgotten
+from backend.realtime.supervisor import LoopDied
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from backend.archive.replay import Replay
-from backend.loop.commands import RunEnded, RunProgram
-from backend.loop.mode import Mode
-from backend.loop.program import Law, Program, Segment
 from backend.messages.state import Wall, WallOrder
 from backend.messages.tuning import TuningRequest
 from backend.operating.obstruction import obstruct
+from backend.realtime.commands import RunEnded, RunProgram
+from backend.realtime.program import Law, Mode, Program, Segment
 from backend.recording.reader import read_samples
 from backend.scene.mirror import SceneMirror
 from backend.scene.pose import Pose

@@ -11,7 +11,7 @@ import pytest
 
 from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.tuning.models import Lambdas, designed_point
+from backend.tuning.gains import Lambdas, designed_point
 from plant.parameters import load_parameters
 
 SHORT: dict[str, dict[str, object]] = {

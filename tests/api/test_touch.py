@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from backend.errors import OutOfRangeError, RefusalError
-from backend.loop.access import LoopDied
-from backend.loop.commands import Obstruct
-from backend.loop.commands import Push as PushCommand
-from backend.loop.mode import Mode
 from backend.messages.touch import TouchOrder, TouchView
+from backend.realtime.commands import Obstruct
+from backend.realtime.commands import Push as PushCommand
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDied
 from backend.sample import INDEX
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database

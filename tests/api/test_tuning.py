@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from backend.tuning.gains import motor_loops
-from backend.tuning.models import motor_model
-from backend.tuning.motor_loop import motor_robustness
+from backend.tuning.gains import motor_loops, motor_model
+from backend.tuning.robustness import motor_robustness
 from plant.parameters import load_parameters
 from tests.api.conftest import problem, wait_for
 

@@ -1,4 +1,4 @@
-"""The twins in C: twin.c runs on what ``backend.tuning.closed_loop.simulate`` runs on, pacing_twin.c only waits."""
+"""The twins in C: twin.c runs on what ``backend.tuning.simulation.simulate`` runs on, pacing_twin.c only waits."""
 
 import ctypes
 import shutil
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from backend.control import cascade
-from backend.tuning.closed_loop import Array, Inputs, Rig
+from backend.tuning.simulation import Array, ClosedLoopInputs, Rig
 from plant.dynamics import PlantState
 
 SOURCE = Path(__file__).with_name("twin.c")
@@ -50,7 +50,7 @@ class CTwin:
         tuning: cascade.CascadeTuning,
         x: PlantState,
         controller: cascade.CascadeState,
-        inputs: Inputs,
+        inputs: ClosedLoopInputs,
         out: Array,
     ) -> int:
         """As ``closed_loop.simulate``; returns the tick at which the safety module tripped, or −1."""

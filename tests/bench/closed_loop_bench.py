@@ -12,9 +12,8 @@ from typing import TypeVar
 import numpy as np
 from rich.console import Console
 
-from backend.tuning import closed_loop
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning import simulation
+from backend.tuning.gains import Lambdas, cascade_tuning
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench import python_control
 from tests.bench.batch import run_batch
@@ -59,7 +58,7 @@ def seconds(function: Callable[[], object]) -> float:
     return timed(function)[0]
 
 
-def steps(ticks: int) -> tuple[closed_loop.Array, closed_loop.Array]:
+def steps(ticks: int) -> tuple[simulation.Array, simulation.Array]:
     """References (ticks,) of a position step and a stiffness step, at an eighth and at half of the time."""
     q_ref, S_ref = np.full(ticks, -HIGH), np.full(ticks, 10.0)
     q_ref[ticks // 8 :] = HIGH
@@ -88,12 +87,12 @@ class BothWays:
     def __init__(self, twin: CTwin, parameters: PlantParameters) -> None:
         q_ref, S_ref = steps(TICKS)
         tuning = cascade_tuning(parameters, Lambdas())
-        rig = closed_loop.rig_of(parameters)
-        x, controller = closed_loop.at_rest(rig, tuning, q_ref[0], S_ref[0])
-        inputs = closed_loop.inputs_of(parameters, q_ref, S_ref)
-        line, self.mine = closed_loop.empty_arrays(TICKS)
+        rig = simulation.rig_of(parameters)
+        x, controller = simulation.at_rest(rig, tuning, q_ref[0], S_ref[0])
+        inputs = simulation.inputs_of(parameters, q_ref, S_ref)
+        line, self.mine = simulation.empty_arrays(TICKS)
         self.other = np.empty_like(self.mine)
-        self.in_python = partial(closed_loop.simulate, rig, tuning, x, controller, inputs, line, self.mine)
+        self.in_python = partial(simulation.simulate, rig, tuning, x, controller, inputs, line, self.mine)
         self.in_c = partial(twin.simulate, rig, tuning, x, controller, inputs, self.other)
 
 
@@ -115,11 +114,11 @@ def _against_python_control() -> Ratio:
     parameters = load_parameters("ideal")
     q_ref, S_ref = steps(PYTHON_CONTROL_TICKS)
     tuning = cascade_tuning(parameters, Lambdas())
-    rig = closed_loop.rig_of(parameters)
-    run = partial(closed_loop.run, parameters, tuning, q_ref, S_ref)
+    rig = simulation.rig_of(parameters)
+    run = partial(simulation.run, parameters, tuning, q_ref, S_ref)
     trajectory = run()
     system = python_control.closed_loop(rig, tuning)
-    start = python_control.initial_state(*closed_loop.at_rest(rig, tuning, q_ref[0], S_ref[0]))
+    start = python_control.initial_state(*simulation.at_rest(rig, tuning, q_ref[0], S_ref[0]))
     t = 1e-3 * np.arange(PYTHON_CONTROL_TICKS, dtype=float)
     governed = np.array([trajectory.q_ref_gov, trajectory.S_ref_gov])
     q, _ = python_control.response(system, t, governed, start)
@@ -139,7 +138,7 @@ def _over_cores() -> Ratio:
     q_ref, S_ref = steps(RUN_TICKS)
 
     def least_tension(seed: int) -> float:
-        trajectory = closed_loop.run(parameters, tuning, q_ref, S_ref, seed=seed)
+        trajectory = simulation.run(parameters, tuning, q_ref, S_ref, seed=seed)
         return float(min(trajectory.F_A.min(), trajectory.F_B.min()))
 
     quotients = []

@@ -12,11 +12,9 @@ from backend.control.motion_types import Target
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.metrics import Overall, tracking_metrics
-from backend.loop.program_arrays import player_of
-from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
-from backend.tuning.closed_loop import Array, Trajectory, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.realtime.motions import player_of
+from backend.tuning.gains import Lambdas, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
+from backend.tuning.simulation import Array, Trajectory, run
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop

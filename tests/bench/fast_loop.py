@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from backend.loop.pacer import Pacer, request_real_time
+from backend.realtime.timing import Pacer, request_real_time
 from plant.parameters import load_parameters
 from tests.bench.tick_bench import loop_in_run, require_run
 

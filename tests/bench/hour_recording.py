@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.loop.ring import WIDTH, Ring
+from backend.realtime.ring_buffer import WIDTH, Ring
 from backend.recording.recorder import CHUNK_TICKS, Recorder
 from backend.sample import INDEX
 from backend.storage import runs

@@ -17,12 +17,11 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from backend.identification.arx import fit_arx
-from backend.identification.errors import IdentificationError
-from backend.identification.estimate import estimate
-from backend.identification.linearisation import WHITE, Problem
-from backend.identification.record import Controller, Record
-from backend.identification.structures import structure
+from backend.identification.estimation import estimate
+from backend.identification.fitting import fit_arx
+from backend.identification.initialization import WHITE, Problem
+from backend.identification.models import structure
+from backend.identification.records import Controller, IdentificationError, Record
 from tests.bench.table import Ratio, print_ratios
 from tests.identification.closed_loop_records import (
     FIRST,

@@ -1,4 +1,4 @@
-/* A bare loop with the settings of backend.loop.pacer: what this machine can do at best while the service runs.
+/* A bare loop with the settings of backend.realtime.timing: what this machine can do at best while the service runs.
  *
  * Writes the lateness of each deadline [ns], one number a line. Arguments: how many periods, FIFO priority (0: none), the
  * period [ns].

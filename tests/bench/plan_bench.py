@@ -12,12 +12,11 @@ from scipy.optimize import brentq
 
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.commands import SetReferences
-from backend.loop.loop import Loop
-from backend.tuning.closed_loop import run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from backend.tuning.plan_budget import usual_budget
+from backend.realtime.commands import SetReferences
+from backend.realtime.control_loop import Loop
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.preview import usual_budget
+from backend.tuning.simulation import run
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.closed_loop_bench import HIGH, seconds
 from tests.bench.table import Ratio, print_ratios

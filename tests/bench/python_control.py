@@ -11,7 +11,7 @@ import control
 import numpy as np
 
 from backend.control import cascade, pid
-from backend.tuning.closed_loop import Array, Rig
+from backend.tuning.simulation import Array, Rig
 from plant.dynamics import Motor, PlantState, Spring
 
 _PLANT_STATES = ["q", "q_dot", "theta_A", "omega_A", "tau_A", "theta_B", "omega_B", "tau_B"]

@@ -10,10 +10,10 @@ from rich.console import Console
 
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.commands import SetMode
-from backend.loop.loop import Loop
-from backend.loop.mode import Mode
-from backend.loop.ring import Ring
+from backend.realtime.commands import SetMode
+from backend.realtime.control_loop import Loop
+from backend.realtime.program import Mode
+from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.factory import make_plant
 from plant.interface import SIMULATOR, MotorCommand, Plant, PlantChoice, PlantKind, T_s

@@ -15,10 +15,10 @@ from rich.console import Console
 
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.commands import SetMode, SetReferences
-from backend.loop.loop import Loop
-from backend.loop.mode import Mode
-from backend.loop.ring import Ring
+from backend.realtime.commands import SetMode, SetReferences
+from backend.realtime.control_loop import Loop
+from backend.realtime.program import Mode
+from backend.realtime.ring_buffer import Ring
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.bench.c_twin import CTwin, PacingTwin

@@ -9,9 +9,9 @@ import numba
 from rich.console import Console
 
 from backend.control import step
-from backend.loop.loop import Loop
-from backend.loop.ring import Ring
-from backend.loop.set_touch import SetTouch
+from backend.realtime.control_loop import Loop
+from backend.realtime.program import SetTouch
+from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.compiled import STRICT
 from plant.parameters import PlantParameters, load_parameters

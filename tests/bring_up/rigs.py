@@ -10,9 +10,9 @@ from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding, Work
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.commands import SwitchDrives
-from backend.loop.headless import Headless
-from backend.loop.mode import MODES, Mode
+from backend.realtime.commands import SwitchDrives
+from backend.realtime.headless import Headless
+from backend.realtime.program import MODES, Mode
 from backend.sample import INDEX
 from plant.parameters import load_parameters
 from plant.simulator import Simulator

@@ -7,7 +7,7 @@ from nidaqmx.error_codes import DAQmxErrors
 
 from backend.bring_up.steps import StepId
 from backend.faults import Fault
-from backend.loop.commands import (
+from backend.realtime.commands import (
     Accepted,
     Command,
     Home,
@@ -19,8 +19,7 @@ from backend.loop.commands import (
     SwitchDrives,
     TryMotor,
 )
-from backend.loop.mode import Mode
-from backend.loop.program import Law, Program, Segment
+from backend.realtime.program import Law, Mode, Program, Segment
 from plant.interface import Breakage
 from plant.safety_card import CardState
 from plant.virtual_daq import CardError

@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from backend.bring_up.hands import KeptHands, switch_drives
-from backend.loop.access import LoopDiedError
-from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Command, Refused
-from backend.loop.set_tuning import SetTuning
-from backend.loop.supervisor import Supervisor
-from backend.loop.tuned import tuning_for
+from backend.realtime.commands import Accepted, Command, Refused
+from backend.realtime.gains import tuning_for
+from backend.realtime.ipc import Setup
+from backend.realtime.program import SetTuning
+from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.storage.database import open_database
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.interface import SIMULATOR, PlantChoice, PlantKind
 from plant.parameters import load_parameters
 

@@ -10,7 +10,7 @@ from backend.bring_up.engine import values_of
 from backend.bring_up.steps import WEIGHT_MAX_N, StepId
 from backend.bring_up.work import Finding
 from backend.errors import OutOfRangeError
-from backend.loop.commands import Inject
+from backend.realtime.commands import Inject
 from plant.interface import Breakage, Broken, Sensor
 from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
 

@@ -17,8 +17,8 @@ from backend.bring_up.steps import STEP, STEPS, StepId
 from backend.bring_up.work import Figure, Finding
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.banks.default_choice import default_choice
-from backend.loop.channel import Setup
-from backend.loop.supervisor import Supervisor
+from backend.realtime.ipc import Setup
+from backend.realtime.supervisor import Supervisor
 from backend.storage.bring_up import StepResult
 from backend.storage.database import open_database
 from plant.calibration import BroughtUp, CellCalibration, calibrated, fingerprint

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from backend.bring_up.steps import STEPS, StepId
-from backend.loop.commands import Refused, SetMode, SwitchDrives
-from backend.loop.mode import MODE_CODE, Mode
+from backend.realtime.commands import Refused, SetMode, SwitchDrives
+from backend.realtime.program import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import Breakage, Broken, Sensor
 from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries

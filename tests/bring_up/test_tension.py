@@ -10,8 +10,8 @@ from backend.bring_up.steps import StepId
 from backend.bring_up.tension import DRIVEN_MIN_V, TURNED_BACK_RAD, let_go, near_pretension, peaks, uncut
 from backend.bring_up.work import Finding, Rows
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import Accepted, ByHand, Refused, SetMode, Stop, TryModule
-from backend.loop.mode import MODE_CODE, Mode
+from backend.realtime.commands import Accepted, ByHand, Refused, SetMode, Stop, TryModule
+from backend.realtime.program import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import Breakage, Broken, MotorCommand, Sensor
 from plant.manual_input import Hand

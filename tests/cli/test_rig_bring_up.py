@@ -23,8 +23,8 @@ from backend.cli.asking import GivenUpError, Terminal
 from backend.cli.ordering import current_user
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.channel import Setup
-from backend.loop.supervisor import Supervisor
+from backend.realtime.ipc import Setup
+from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
 from backend.storage.bring_up import StepResult
 from backend.storage.database import open_database

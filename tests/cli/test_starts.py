@@ -154,7 +154,7 @@ _WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli 
 
 def test_all_but_a_card_works_without_the_extra() -> None:
     """Service, loop process, command line and reports come up where NI's package is not installed."""
-    parts = "backend.main, backend.loop.worker, backend.cli, backend.cli.rig, plant.factory, plant.conformance"
+    parts = "backend.main, backend.realtime.process, backend.cli, backend.cli.rig, plant.factory, plant.conformance"
     code = f"import sys; sys.modules['nidaqmx'] = sys.modules['grpc'] = None; import {parts}"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr

@@ -2,9 +2,9 @@
 
 from backend.control import baselines, decoupler
 from backend.control.decoupler import Decoupler
-from backend.tuning.closed_loop import (
+from backend.tuning.simulation import (
     Array,
-    Inputs,
+    ClosedLoopInputs,
     Rig,
     Trajectory,
     empty_arrays,
@@ -28,7 +28,7 @@ def _single_loop(
     tuning: baselines.SingleLoopTuning,
     x: PlantState,
     controller: baselines.SingleLoopState,
-    inputs: Inputs,
+    inputs: ClosedLoopInputs,
     line: Array,
     out: Array,
 ) -> int:
@@ -51,7 +51,7 @@ def _feedback_linearization(
     tuning: baselines.FeedbackLinearizationTuning,
     x: PlantState,
     controller: baselines.FeedbackLinearizationState,
-    inputs: Inputs,
+    inputs: ClosedLoopInputs,
     line: Array,
     out: Array,
 ) -> int:

@@ -3,9 +3,8 @@
 import numpy as np
 
 from backend.control import disturbance_observer
-from backend.tuning.closed_loop import Array, Trajectory, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import Array, Trajectory, run
 from plant.compiled import compiled_run
 from plant.interface import Measurement
 from plant.parameters import PlantParameters

@@ -11,18 +11,15 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from backend.loop.commands import Accepted, Command, Push, SetMode, SetReferences
-from backend.loop.headless import Headless
-from backend.loop.mode import Mode
-from backend.loop.ring import Ring
-from backend.loop.tuned import tuning_for
+from backend.realtime.commands import Accepted, Command, Push, SetMode, SetReferences
+from backend.realtime.gains import tuning_for
+from backend.realtime.headless import Headless
+from backend.realtime.program import Mode
+from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from backend.tuning.closed_loop import Array
-from backend.tuning.gains import motor_loops
-from backend.tuning.models import Lambdas, PointModel, designed_point
+from backend.tuning.gains import Lambdas, PointModel, designed_point, motor_loops
 from backend.tuning.preview import Previewer, Steps
-from backend.tuning.push_forecast import NEAR_RAD, PUSH_N
-from backend.tuning.step_forecast import BAND
+from backend.tuning.simulation import BAND, NEAR_RAD, PUSH_N, Array
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator

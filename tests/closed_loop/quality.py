@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.tuning.closed_loop import Trajectory
+from backend.tuning.simulation import Trajectory
 
 Array = NDArray[np.float64]
 HIGH = np.pi / 3.0

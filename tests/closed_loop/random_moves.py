@@ -3,10 +3,9 @@
 import numpy as np
 
 from backend.control.decoupler import bounds_for
-from backend.tuning.closed_loop import Trajectory, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from backend.tuning.plan_budget import plan_range
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.preview import plan_range
+from backend.tuning.simulation import Trajectory, run
 from plant.parameters import PlantParameters
 
 

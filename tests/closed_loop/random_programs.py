@@ -8,10 +8,9 @@ import numpy as np
 
 from backend.control import cascade, decoupler
 from backend.control.decoupler import bounds_for
-from backend.tuning import closed_loop
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas, PointModel, designed_point
-from backend.tuning.plan_budget import plan_range
+from backend.tuning import simulation
+from backend.tuning.gains import Lambdas, PointModel, cascade_tuning, designed_point
+from backend.tuning.preview import plan_range
 from plant.parameters import PlantParameters
 
 
@@ -26,7 +25,7 @@ class Played(NamedTuple):
 def random_program(plant: PlantParameters, seed: int) -> Played:
     """Play ten legs from rest; the same seed gives the same program."""
     random = np.random.default_rng(seed)
-    rig, bounds = closed_loop.rig_of(plant), bounds_for(plant)
+    rig, bounds = simulation.rig_of(plant), bounds_for(plant)
     points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
 
     def tuning() -> cascade.CascadeTuning:
@@ -36,7 +35,7 @@ def random_program(plant: PlantParameters, seed: int) -> Played:
         return cascade_tuning(plant, lambdas, bank, interpolate=bool(random.random() < 0.5), u_plan=budget)
 
     q_ref, S_ref, F_push, chosen = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0), 0.0, tuning()
-    x, law = closed_loop.at_rest(rig, chosen, q_ref, S_ref)
+    x, law = simulation.at_rest(rig, chosen, q_ref, S_ref)
     least, most = math.inf, 0.0
     for leg in range(10):
         ticks = int(random.uniform(100, 1500))
@@ -46,11 +45,11 @@ def random_program(plant: PlantParameters, seed: int) -> Played:
         here = decoupler.tension_under(chosen.decoupler, decoupler.stiffness(chosen.decoupler, x.theta_A, x.theta_B))
         room = min(here - 4.0, 46.0 - here, 46.0 - decoupler.tension_under(chosen.decoupler, S_ref))
         F_push = random.uniform(-1.0, 1.0) * min(10.0, max(room, 0.0)) if random.random() < 0.5 else 0.0
-        line, out = closed_loop.empty_arrays(ticks)
-        inputs = closed_loop.inputs_of(
+        line, out = simulation.empty_arrays(ticks)
+        inputs = simulation.inputs_of(
             plant, np.full(ticks, q_ref), np.full(ticks, S_ref), np.full(ticks, F_push), 100 * seed + leg
         )
-        x, law, tripped = closed_loop.simulate(rig, chosen, x, law, inputs, line, out)
+        x, law, tripped = simulation.simulate(rig, chosen, x, law, inputs, line, out)
         F = out[: tripped if tripped >= 0 else None, 5:7]
         least, most = min(least, float(F.min())), max(most, float(F.max()))
         if tripped >= 0:

@@ -10,11 +10,10 @@ import pytest
 
 from backend.control import cascade
 from backend.control import trajectory as plan
-from backend.tuning import closed_loop
-from backend.tuning.closed_loop import Array, Trajectory, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from backend.tuning.plan_budget import usual_budget
+from backend.tuning import simulation
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.preview import usual_budget
+from backend.tuning.simulation import Array, Trajectory, run
 from plant.dynamics import PlantState
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH
@@ -145,20 +144,18 @@ def without_and_with(
 ) -> tuple[Array, Array, cascade.CascadeState, cascade.CascadeState, cascade.CascadeState]:
     """Voltages (2,) in the tick ``at`` without and with the change; the law before it, and after it either way."""
     ideal = load_parameters("ideal")
-    rig = closed_loop.rig_of(ideal)
+    rig = simulation.rig_of(ideal)
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
     q_ref[:200], S_ref[:200] = -HIGH, 9.0
-    x, law = closed_loop.at_rest(rig, before, -HIGH, 9.0)
-    line, out = closed_loop.empty_arrays(at)
-    x, law, _ = closed_loop.simulate(
-        rig, before, x, law, closed_loop.inputs_of(ideal, q_ref[:at], S_ref[:at]), line, out
-    )
+    x, law = simulation.at_rest(rig, before, -HIGH, 9.0)
+    line, out = simulation.empty_arrays(at)
+    x, law, _ = simulation.simulate(rig, before, x, law, simulation.inputs_of(ideal, q_ref[:at], S_ref[:at]), line, out)
     voltages, laws = [], []
     for tuning in (before, after):
-        line, row = closed_loop.empty_arrays(1)
-        last = closed_loop.inputs_of(ideal, q_ref[at:], S_ref[at:])
-        laws.append(closed_loop.simulate(rig, tuning, x, law, last, line, row)[1])
-        voltages.append(row[0, [closed_loop.COLUMNS.index(name) for name in ("u_A", "u_B")]])
+        line, row = simulation.empty_arrays(1)
+        last = simulation.inputs_of(ideal, q_ref[at:], S_ref[at:])
+        laws.append(simulation.simulate(rig, tuning, x, law, last, line, row)[1])
+        voltages.append(row[0, [simulation.COLUMNS.index(name) for name in ("u_A", "u_B")]])
     return voltages[0], voltages[1], law, laws[0], laws[1]
 
 
@@ -201,14 +198,14 @@ def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
 def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tuple[float, float]) -> None:
     """Changed over at any moment of a move between the ends of S: neither goes beyond them, nor takes long to stop."""
     plant = load_parameters(name)
-    rig, planned = closed_loop.rig_of(plant), cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
+    rig, planned = simulation.rig_of(plant), cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
     governed = cascade_tuning(plant, LAMBDAS)
-    x, law = closed_loop.at_rest(rig, planned, 0.3, way[0])
+    x, law = simulation.at_rest(rig, planned, 0.3, way[0])
 
     def play(tuning: cascade.CascadeTuning, x: PlantState, law: cascade.CascadeState, ticks: int) -> tuple[Any, ...]:
-        line, out = closed_loop.empty_arrays(ticks)
-        inputs = closed_loop.inputs_of(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
-        return *closed_loop.simulate(rig, tuning, x, law, inputs, line, out), out
+        line, out = simulation.empty_arrays(ticks)
+        inputs = simulation.inputs_of(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
+        return *simulation.simulate(rig, tuning, x, law, inputs, line, out), out
 
     for _ in range(28):
         x, law, _, _ = play(planned, x, law, 15)
@@ -217,7 +214,7 @@ def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tupl
         assert not stood.follows
         _, _, tripped, out = play(governed, x, law, 2000)
         assert tripped == -1
-        S = out[:, closed_loop.COLUMNS.index("S")]
+        S = out[:, simulation.COLUMNS.index("S")]
         assert S.min() >= 7.95
         assert S.max() <= 15.05
 

@@ -11,9 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from backend.tuning.closed_loop import Rig, at_rest, rig_of, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import Rig, at_rest, rig_of, run
 from plant.parameters import PlantParameters, load_parameters
 
 Array = NDArray[np.float64]

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import Envelope
-from backend.tuning.closed_loop import Trajectory, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import Trajectory, run
 from plant.parameters import PlantParameters, load_parameters
 
 WITHOUT = Envelope(F_floor=-1e3, F_ceiling=1e3, q_max=1e3)

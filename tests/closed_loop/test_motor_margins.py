@@ -5,9 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.control import pid
-from backend.tuning.gains import motor_loops
-from backend.tuning.models import motor_model
-from backend.tuning.motor_loop import motor_robustness
+from backend.tuning.gains import motor_loops, motor_model
+from backend.tuning.robustness import motor_robustness
 from plant.interface import MotorCommand, T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator

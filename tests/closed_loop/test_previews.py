@@ -13,8 +13,8 @@ from itertools import pairwise
 
 import pytest
 
-from backend.loop.commands import SetReferences
-from backend.tuning.models import Lambdas
+from backend.realtime.commands import SetReferences
+from backend.tuning.gains import Lambdas
 from tests.closed_loop.previewed import Bench, Case, cases, differences
 
 CASES = 8

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from backend.control import cascade
-from backend.tuning import closed_loop
-from backend.tuning.closed_loop import Array, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import LAM_MAX, Lambdas, PointModel, designed_point
-from backend.tuning.preview import Previewer
-from backend.tuning.speed_bound import least_reach_time
+from backend.tuning import simulation
+from backend.tuning.gains import LAM_MAX, Lambdas, PointModel, cascade_tuning, designed_point
+from backend.tuning.preview import Previewer, least_reach_time
+from backend.tuning.simulation import Array, run
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 
@@ -137,17 +135,17 @@ def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning]
     before, after = tunings
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
     q_ref[:200], S_ref[:200] = -HIGH, 9.0
-    rig = closed_loop.rig_of(parameters)
-    x, controller = closed_loop.at_rest(rig, before, -HIGH, 9.0)
-    line, out = closed_loop.empty_arrays(at)
-    inputs = closed_loop.inputs_of(parameters, q_ref[:at], S_ref[:at])
-    x, controller, _ = closed_loop.simulate(rig, before, x, controller, inputs, line, out)
+    rig = simulation.rig_of(parameters)
+    x, controller = simulation.at_rest(rig, before, -HIGH, 9.0)
+    line, out = simulation.empty_arrays(at)
+    inputs = simulation.inputs_of(parameters, q_ref[:at], S_ref[:at])
+    x, controller, _ = simulation.simulate(rig, before, x, controller, inputs, line, out)
     found = []
-    last = closed_loop.inputs_of(parameters, q_ref[at:], S_ref[at:])
+    last = simulation.inputs_of(parameters, q_ref[at:], S_ref[at:])
     for tuning in (before, after):
-        line, row = closed_loop.empty_arrays(1)
-        closed_loop.simulate(rig, tuning, x, controller, last, line, row)
-        columns = [closed_loop.COLUMNS.index(name) for name in ("u_A", "u_B")]
+        line, row = simulation.empty_arrays(1)
+        simulation.simulate(rig, tuning, x, controller, last, line, row)
+        columns = [simulation.COLUMNS.index(name) for name in ("u_A", "u_B")]
         found.append(row[0, columns])
     return found[0], found[1]
 

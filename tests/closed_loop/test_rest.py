@@ -10,10 +10,9 @@ import pytest
 from backend.control import cascade, decoupler
 from backend.control.pid import beyond
 from backend.control.trajectory import References
-from backend.tuning.closed_loop import at_rest, rig_of
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from backend.tuning.plan_budget import usual_budget
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.preview import usual_budget
+from backend.tuning.simulation import at_rest, rig_of
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop import true_states

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.tuning.closed_loop import run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import run
 from plant.parameters import Asymmetry, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 

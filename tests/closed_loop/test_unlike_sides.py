@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.tuning.closed_loop import run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import run
 from plant.parameters import PlantParameters, load_parameters
 
 HOLD = 6000

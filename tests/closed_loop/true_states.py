@@ -7,7 +7,16 @@ import numpy as np
 
 from backend.control import cascade
 from backend.control.trajectory import References
-from backend.tuning.closed_loop import Array, Inputs, Rig, at_rest, empty_arrays, fill_delay_line, inputs_of, rig_of
+from backend.tuning.simulation import (
+    Array,
+    ClosedLoopInputs,
+    Rig,
+    at_rest,
+    empty_arrays,
+    fill_delay_line,
+    inputs_of,
+    rig_of,
+)
 from plant.compiled import compiled_run
 from plant.dynamics import PlantState
 from plant.interface import MotorCommand
@@ -32,7 +41,7 @@ def _simulate(
     tuning: cascade.CascadeTuning,
     x: PlantState,
     law: cascade.CascadeState,
-    inputs: Inputs,
+    inputs: ClosedLoopInputs,
     line: Array,
     out: Array,
 ) -> None:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.faults import Fault
-from backend.loop.commands import (
+from backend.realtime.commands import (
     Accepted,
     Command,
     Event,
@@ -22,12 +22,11 @@ from backend.loop.commands import (
     Stop,
     Stopped,
 )
-from backend.loop.loop import Loop
-from backend.loop.mode import Mode
-from backend.loop.program import Excitation, Law, Program, Segment, Shape, TensionLeg, Touch, VoltageStep
-from backend.loop.ring import Ring
-from backend.loop.tuned import tuning_for
-from backend.tuning.models import Lambdas
+from backend.realtime.control_loop import Loop
+from backend.realtime.gains import tuning_for
+from backend.realtime.program import Excitation, Law, Mode, Program, Segment, Shape, TensionLeg, Touch, VoltageStep
+from backend.realtime.ring_buffer import Ring
+from backend.tuning.gains import Lambdas
 from plant.dynamics import Obstacle
 from plant.interface import ON_SENSORS, Breakage, Broken, Sensor
 from plant.parameters import load_parameters

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from backend.control import baselines
-from backend.tuning.baselines import feedback_linearization_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, feedback_linearization_tuning
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control import pid
-from backend.tuning.formulas import outer_gains, printed_outer_gains
+from backend.tuning.gains import outer_gains, printed_outer_gains
 from plant.interface import T_s
 
 

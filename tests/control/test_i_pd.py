@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control import pid
-from backend.tuning.formulas import motor_gains
+from backend.tuning.gains import motor_gains
 from plant.interface import T_s
 
 K_m, T_m = 2.86, 0.22

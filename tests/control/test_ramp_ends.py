@@ -7,14 +7,14 @@ import pytest
 
 from backend.control.motion_types import Target
 from backend.control.setpoint_player import announced, play
-from backend.loop.commands import Accepted, RunProgram
-from backend.loop.program import Law, Program, Segment, Shape
-from backend.loop.program_arrays import player_of
-from backend.loop.tuned import tuning_for
+from backend.realtime.commands import Accepted, RunProgram
+from backend.realtime.gains import tuning_for
+from backend.realtime.motions import player_of
+from backend.realtime.program import Law, Program, Segment, Shape
 from backend.sample import INDEX
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.parameters import load_parameters
-from tests.loop.bench_top import BenchTop
+from tests.realtime.bench_top import BenchTop
 
 COUNT = 2.0 * math.pi / 4000.0
 RAMP = Segment(0.02, 0.5, 12.0, shape=Shape.RAMP)

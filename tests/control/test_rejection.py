@@ -7,9 +7,8 @@ import pytest
 from backend.control import cascade, disturbance_observer
 from backend.control.disturbance_observer import IDLE, DisturbanceFeedforwardState, Rejection
 from backend.control.trajectory import References
-from backend.tuning import closed_loop
-from backend.tuning.gains import MOST_F, UNSEEN_F, cascade_tuning, motor_lag, motor_loops
-from backend.tuning.models import Lambdas
+from backend.tuning import simulation
+from backend.tuning.gains import MOST_F, UNSEEN_F, Lambdas, cascade_tuning, motor_lag, motor_loops
 from plant.interface import NOT_MEASURED
 from plant.parameters import load_parameters
 
@@ -81,8 +80,8 @@ def ticks_under_a_push(
 ) -> tuple[cascade.CascadeOutput, cascade.CascadeOutput]:
     """Play a push of 6 N with k_ext ``before``; the next tick with it and with ``after``."""
     tunings = [cascade_tuning(IDEAL, Lambdas(lam_q=0.8), u_plan=u_plan, k_ext=k_ext) for k_ext in (before, after)]
-    rig = closed_loop.rig_of(IDEAL)
-    x, law = closed_loop.at_rest(rig, tunings[0], 0.2, S)
+    rig = simulation.rig_of(IDEAL)
+    x, law = simulation.at_rest(rig, tunings[0], 0.2, S)
     m = NOT_MEASURED._replace(q=x.q, theta_A=x.theta_A, theta_B=x.theta_B, F_A=20.0, F_B=20.0)
     r = References(0.2, S, math.nan, math.nan)
     for k in range(pushed + 300):
@@ -107,8 +106,8 @@ def test_it_is_switched_under_a_push_without_a_bump(u_plan: float, before: float
 
 def test_without_it_an_outside_torque_changes_no_bit() -> None:
     tuning = cascade_tuning(IDEAL, Lambdas(lam_q=0.8), u_plan=8.5)
-    rig = closed_loop.rig_of(IDEAL)
-    x, law = closed_loop.at_rest(rig, tuning, 0.2, S)
+    rig = simulation.rig_of(IDEAL)
+    x, law = simulation.at_rest(rig, tuning, 0.2, S)
     told = law
     for k in range(400):
         m = NOT_MEASURED._replace(q=x.q + 1e-4 * k, theta_A=x.theta_A, theta_B=x.theta_B, F_A=20.0, F_B=20.0)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import HYSTERESIS, Schedule, gains_at, select
-from backend.tuning import closed_loop
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning import simulation
+from backend.tuning.gains import Lambdas, cascade_tuning
 from plant.parameters import load_parameters
 
 NOMINAL = np.array([8.24, 10.55, 12.43, 14.06])
@@ -23,7 +22,7 @@ def test_begins_at_the_nearest_entry() -> None:
 def test_a_cascade_that_takes_over_begins_at_the_nearest_entry(S: float) -> None:
     parameters = load_parameters("ideal")
     tuning = cascade_tuning(parameters, Lambdas())._replace(schedule=Schedule(ENTRIES, interpolate=False))
-    _, state = closed_loop.at_rest(closed_loop.rig_of(parameters), tuning, 0.0, S)
+    _, state = simulation.at_rest(simulation.rig_of(parameters), tuning, 0.0, S)
     assert state.active == np.argmin(np.abs(NOMINAL - S))
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from backend.control import baselines, decoupler
-from backend.tuning.baselines import single_loop_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, single_loop_tuning
 from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.closed_loop.baseline_loops import run_single_loop

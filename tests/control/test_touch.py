@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.control import disturbance_observer
-from backend.tuning.closed_loop import Array
+from backend.tuning.simulation import Array
 from plant.interface import NOT_MEASURED, Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.outside_force import NO_BIAS, WARM, felt, held, learned

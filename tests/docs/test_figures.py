@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.identification.published import TABLE_1
+from backend.identification.models import TABLE_1
 from tests.docs.figures import places
 from tests.docs.figures.declared import COMPUTATIONS
 from tests.docs.figures.identification_page import FIRST_ORDER, GAINS, MOTOR

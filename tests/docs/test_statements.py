@@ -13,9 +13,9 @@ from backend.access import control
 from backend.control import fault_detection, motion_primitives, motion_types
 from backend.control.step import KINDS, Resting
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.loop import bring_up, commands, heartbeat, supervisor, timing, worker  # noqa: F401  # with what it plays
-from backend.loop.motion import Interpreted
 from backend.messages.state import TimingView
+from backend.realtime import commands, control_loop, heartbeat, process, supervisor, timing  # noqa: F401  # with what it plays
+from backend.realtime.motions import Interpreted
 from backend.recording import flight
 from plant import safety_card
 from plant.interface import PlantKind, T_s
@@ -43,7 +43,7 @@ def said(documented: object) -> str:
     "statement",
     [
         f"A soft stop brakes the joint under tension first, for {motion_primitives.SOFT_STOP_S:g} s.",
-        f"heard nothing from the service for {worker.SILENCE_S:g} s",
+        f"heard nothing from the service for {process.SILENCE_S:g} s",
         f"F_max ({PARAMETERS.safety.F_max:g} N)",
         f"below 1 N for more than {fault_detection.SLACK_MAX_S:g} s",
         f"For {fault_detection.CONTRADICTION_S:g} s a load cell",
@@ -60,10 +60,10 @@ def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) ->
 
 
 def test_silence_is_as_long_wherever_it_is_told() -> None:
-    told = f"{worker.SILENCE_S:g} s"
+    told = f"{process.SILENCE_S:g} s"
     assert f"falls silent for {told}" in decision_page("0001")
     assert f"nothing for {told}" in supervisor._HEARTBEAT.meaning
-    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + motion_primitives.SOFT_STOP_S
+    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + process.SILENCE_S + motion_primitives.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._SHOWING.meaning
     # In comments and docstrings the constant is named: a number there would be held by nothing.
     for module in (main, heartbeat):
@@ -126,7 +126,7 @@ def test_imports_run_as_the_contract_has_them() -> None:
 
 
 def test_files_that_the_architecture_names_are_there() -> None:
-    places = ("", "backend", "backend/loop", "backend/control", "backend/experiments", "tests")
+    places = ("", "backend", "backend/realtime", "backend/control", "backend/experiments", "tests")
     for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|toml))`", ARCHITECTURE):
         assert any((ROOT / place / name).is_file() for place in places), name
 

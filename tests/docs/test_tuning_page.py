@@ -9,7 +9,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from backend.tuning.formulas import motor_gains, outer_gains
+from backend.tuning.gains import motor_gains, outer_gains
 
 PAGE = " ".join((Path(__file__).parents[2] / "docs" / "tuning.md").read_text(encoding="utf-8").split())
 s = Polynomial([0.0, 1.0])

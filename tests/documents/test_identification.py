@@ -14,7 +14,7 @@ from backend.documents import actuator, motor, spring
 from backend.documents.actuator import ArxEstimate, FailedCandidate
 from backend.documents.edge import Edge, UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
-from backend.identification.residuals import judged
+from backend.identification.validation import judged
 from backend.operating.tuning_in_use import by_default
 from backend.storage import identifications
 from backend.storage.bank_entry import method_of

@@ -9,9 +9,8 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Locator, Route, expect
 
-from backend.tuning.gains import motor_loops
-from backend.tuning.models import motor_model
-from backend.tuning.motor_loop import motor_robustness
+from backend.tuning.gains import motor_loops, motor_model
+from backend.tuning.robustness import motor_robustness
 from plant.parameters import load_parameters
 from tests.api.conftest import client_with, until, until_state
 from tests.e2e.browser import DESKTOP

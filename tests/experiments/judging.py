@@ -11,7 +11,7 @@ from backend.experiments.results.document import figure_documents
 from backend.experiments.results.measures import known_to_bounds
 from backend.experiments.results.metrics import TrackingMetrics
 from backend.experiments.results.robustness import RobustnessFigures
-from backend.tuning.models import LAM_MOTOR, Lambdas
+from backend.tuning.gains import LAM_MOTOR, Lambdas
 from plant.parameters import load_parameters
 
 LEAD_IN_S = 6.0

@@ -22,12 +22,12 @@ from backend.documents.motor import (
 from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
 from backend.experiments.results.spring_identification import from_table
-from backend.identification.result import Grade
+from backend.identification.models import Grade
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.tuning.gains import motor_loops
-from backend.tuning.linear_model import one_motor_point
+from backend.tuning.robustness import one_motor_point
 from plant.parameters import ParameterError, load_parameters
 
 LAB = load_parameters("lab")

@@ -18,7 +18,7 @@ from backend.experiments.banks.bank_files import import_bank, read_file, to_docu
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.parameters import PlantParameters, load_parameters
 
 LAMBDAS = Lambdas()

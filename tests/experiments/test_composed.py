@@ -15,7 +15,7 @@ from backend.experiments.results.composed import composed_result, criteria_of
 from backend.experiments.results.in_force import InForce
 from backend.experiments.results.measures import FIGURES, known_to_bounds, names_of, require_measurable
 from backend.experiments.results.metrics import NoSamplesError
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
 

@@ -17,9 +17,9 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.results.in_force import kept_tuning
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database
-from backend.tuning.models import PointModel
-from backend.tuning.motor_loop import LAM_MOTOR_MIN
+from backend.tuning.gains import PointModel
 from backend.tuning.preview import Previewer
+from backend.tuning.robustness import LAM_MOTOR_MIN
 from plant.parameters import PlantParameters, load_parameters
 from tests.experiments.parameter_files import quick_motors, weak_motors
 

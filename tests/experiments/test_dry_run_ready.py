@@ -18,7 +18,7 @@ from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState
-from backend.tuning.models import designed_point
+from backend.tuning.gains import designed_point
 from plant import compiled
 from plant.parameters import load_parameters
 

@@ -10,11 +10,11 @@ from backend.experiments.forecasts.forecast import Forecast, forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
-from backend.loop.commands import Accepted, RunProgram, SetMode, SetReferences
-from backend.loop.mode import Mode
-from backend.tuning.models import LAM_MOTOR
+from backend.realtime.commands import Accepted, RunProgram, SetMode, SetReferences
+from backend.realtime.program import Mode
+from backend.tuning.gains import LAM_MOTOR
 from plant.parameters import PlantParameters, load_parameters
-from tests.loop.bench_top import BenchTop
+from tests.realtime.bench_top import BenchTop
 
 SHORT = ActuatorIdentificationPlan(bits=4, periods=1, settle_s=1.0)
 MOTOR = MotorIdentificationPlan(u_low=2.0, u_high=5.0, levels=2)

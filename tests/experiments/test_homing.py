@@ -14,8 +14,8 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
-from backend.loop.commands import Accepted, SetMode, SetReferences
-from backend.loop.mode import Mode
+from backend.realtime.commands import Accepted, SetMode, SetReferences
+from backend.realtime.program import Mode
 from backend.recording.columns import recorded_columns
 from backend.storage.database import open_database
 from plant.parameters import load_parameters

@@ -13,17 +13,16 @@ from backend.control.disturbance_observer import POLE
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.impact import Hit, beside_each_other, hits_of, impact_figures
 from backend.experiments.results.metrics import NoSamplesError
-from backend.loop.commands import Accepted, RunProgram
-from backend.loop.mode import Mode
-from backend.loop.program import Law, Program, Segment, Touch
-from backend.loop.tuned import tuning_for
+from backend.realtime.commands import Accepted, RunProgram
+from backend.realtime.gains import tuning_for
+from backend.realtime.program import Law, Mode, Program, Segment, Touch
 from backend.sample import NAMES
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from tests.loop.bench_top import BenchTop
 from tests.plant.test_dynamics import own_rate
+from tests.realtime.bench_top import BenchTop
 
 LAB = load_parameters("lab")
 PROGRAM = ready_plan("impact").program()

@@ -14,7 +14,7 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, Station, run_experiment
 from backend.faults import Fault
-from backend.loop.commands import Command, Inject, Stop
+from backend.realtime.commands import Command, Inject, Stop
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.html import to_html

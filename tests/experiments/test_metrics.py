@@ -14,8 +14,8 @@ from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.measures import known_to_bounds
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.results.steps import Step, step_metrics, steps_of
-from backend.loop.program import Law, Program, Segment, Shape
-from backend.tuning.models import Lambdas
+from backend.realtime.program import Law, Program, Segment, Shape
+from backend.tuning.gains import Lambdas
 from plant.parameters import load_parameters
 from tests.experiments.judging import tracking_criteria
 

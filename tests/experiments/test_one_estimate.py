@@ -16,7 +16,7 @@ from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.actuator_identification import identify, to_store
 from backend.identification.actuator import ActuatorIdentification
-from backend.identification.fit import Method
+from backend.identification.fitting import Method
 from backend.reports.actuator_identification import again_command
 from backend.reports.build import build_report
 from backend.reports.document import Code, Paragraph, Report

@@ -10,8 +10,8 @@ from backend.control.motion_types import Target
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.plans.profile import POINTS, profile
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.loop.program import Law, Program, Segment, Shape
-from backend.loop.program_arrays import player_of
+from backend.realtime.motions import player_of
+from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s
 
 MIXED = Program(

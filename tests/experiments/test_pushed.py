@@ -13,9 +13,8 @@ from backend.experiments.playing.in_memory import play_in_memory
 from backend.experiments.results.in_force import InForce
 from backend.experiments.results.metrics import NoSamplesError
 from backend.experiments.results.pushed import push_figures, push_windows, pushes_seen
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from backend.tuning.sampled_loop import INPUTS, OUTPUTS, sampled_loop
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import INPUTS, OUTPUTS, sampled_loop
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts

@@ -18,8 +18,8 @@ from backend.experiments.results.response import (
     responses,
 )
 from backend.experiments.results.windows import excitations
-from backend.loop.program import Program
-from backend.loop.program_arrays import player_of
+from backend.realtime.motions import player_of
+from backend.realtime.program import Program
 from plant.interface import T_s
 from tests.experiments.composing.written import plan_of, with_parts
 

@@ -20,9 +20,8 @@ from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.metrics import NoSamplesError
 from backend.experiments.results.robustness import BACK_SHARE, Columns, robustness_figures
 from backend.experiments.results.windows import load_steps
-from backend.loop.commands import Accepted, Refused, RunProgram
-from backend.loop.mode import Mode
-from backend.loop.program import Law, Program, Segment, Shape
+from backend.realtime.commands import Accepted, Refused, RunProgram
+from backend.realtime.program import Law, Mode, Program, Segment, Shape
 from backend.reports.build import build_report
 from backend.reports.document import Report, Table
 from backend.reports.source import Source, load_source
@@ -32,7 +31,7 @@ from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.experiments.judging import LEAD_IN_S, robustness_criteria
-from tests.loop.bench_top import BenchTop
+from tests.realtime.bench_top import BenchTop
 
 HOLD_S, LOAD_NM = 2.5, 0.375
 PLAN = ready_plan("robustness", hold_s=HOLD_S, load_Nm=LOAD_NM)

@@ -19,7 +19,7 @@ from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, Outcome, Station, create_run, run_experiment
 from backend.experiments.results.metrics import tracking_metrics
 from backend.faults import Fault
-from backend.loop.commands import Accepted, Reset, Stop
+from backend.realtime.commands import Accepted, Reset, Stop
 from backend.recording.columns import recorded_columns
 from backend.storage import identifications, results, runs
 from backend.storage.database import open_database

@@ -10,7 +10,7 @@ from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.settings import SettingError, describe, from_values
-from backend.loop.program import Law, Segment, Shape
+from backend.realtime.program import Law, Segment, Shape
 
 
 def test_every_setting_says_unit_bounds_default_and_meaning() -> None:

@@ -10,11 +10,11 @@ from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.forecasts.timetable import CORNERS, POINTS, Timetable, timetable
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
-from backend.loop.commands import Accepted, RunProgram
-from backend.loop.mode import MODE_CODE, Mode
+from backend.realtime.commands import Accepted, RunProgram
+from backend.realtime.program import MODE_CODE, Mode
 from plant.interface import T_s
 from plant.parameters import load_parameters
-from tests.loop.bench_top import BenchTop
+from tests.realtime.bench_top import BenchTop
 
 ACTUATOR = ActuatorIdentificationPlan(tension_N=20.0, bits=4, periods=2, settle_s=1.5)
 MOTOR = MotorIdentificationPlan(u_low=3.0, u_high=6.0, levels=3)

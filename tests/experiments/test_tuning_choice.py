@@ -18,7 +18,7 @@ from backend.messages.state import TrialView
 from backend.messages.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import settings
 from backend.storage.database import open_database
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from backend.tuning.preview import STEP_Q, Previewer
 from plant.parameters import load_parameters
 

@@ -12,8 +12,8 @@ from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
-from backend.loop.commands import SetMode
-from backend.loop.mode import Mode
+from backend.realtime.commands import SetMode
+from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
 from backend.storage.database import open_database
 from plant.interface import SIMULATOR, PlantChoice, PlantError, PlantKind

@@ -6,7 +6,7 @@ import pytest
 from backend.experiments.results.disturbance import disturbance_figures
 from backend.experiments.results.metrics import NoSamplesError
 from backend.experiments.results.windows import load_steps, pushes, undisturbed_from
-from backend.loop.program import Law, Program, Segment
+from backend.realtime.program import Law, Program, Segment
 
 HELD = Segment(1.0, 0.0, 10.0)
 PUSHED = Program(

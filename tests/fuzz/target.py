@@ -132,6 +132,6 @@ class Target:
     def _loop_process(self) -> int | None:
         for thread in Path(f"/proc/{self.service.pid}/task").iterdir():
             for child in (thread / "children").read_text(encoding="ascii").split():
-                if b"backend.loop.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
+                if b"backend.realtime.process" in Path(f"/proc/{child}/cmdline").read_bytes():
                     return int(child)
         return None

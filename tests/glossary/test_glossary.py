@@ -19,11 +19,10 @@ from backend.glossary.entry import Entry, Kind
 from backend.glossary.figures import EQUATIONS
 from backend.glossary.pages import GlossaryError
 from backend.glossary.typescript import glossary
-from backend.identification.result import Grade
-from backend.loop.causes import Cause, HomingEnd
-from backend.loop.mode import Mode
+from backend.identification.models import Grade
 from backend.messages.history import ChecklistState
 from backend.messages.state import ChainLinkView
+from backend.realtime.program import Cause, HomingEnd, Mode
 from backend.sample import FIELDS
 from backend.storage.runs import EndState
 from plant.parameters import SECTIONS

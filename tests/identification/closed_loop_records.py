@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, dlsim, lfilter, tf2ss
 
-from backend.identification.prbs import chips
+from backend.identification.excitation import chips
 
 Array = NDArray[np.float64]
 

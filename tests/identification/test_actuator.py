@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lsim, max_len_seq
 
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
-from backend.identification.estimate import estimate
-from backend.identification.fit import Method
-from backend.identification.record import Record
-from backend.identification.result import Estimate, Grade
+from backend.identification.estimation import estimate
+from backend.identification.fitting import Method
+from backend.identification.models import Estimate, Grade
+from backend.identification.records import Record
 
 GEOMETRY = ActuatorGeometry(r_m=0.0075, r_j=0.075, k2=8543.8)
 PERIOD_S = 1e-3

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from backend.identification.errors import IdentificationError, NotConvergedError, StructureError
-from backend.identification.estimate import estimate
-from backend.identification.fit import Method
-from backend.identification.record import Controller, Record
-from backend.identification.response import simulate
-from backend.identification.result import Estimate, Grade
-from backend.identification.structures import structure
+from backend.identification.estimation import estimate
+from backend.identification.fitting import Method
+from backend.identification.models import Estimate, Grade, simulate, structure
+from backend.identification.records import Controller, IdentificationError, NotConvergedError, Record, StructureError
 from tests.identification.own_motor import Array, motor, noisy
 
 PERIOD_S = 1e-3

@@ -6,12 +6,10 @@ from typing import Unpack
 import numpy as np
 import pytest
 
-from backend.identification.arx import continuous_poles
-from backend.identification.errors import NotContinuousError, StructureError
-from backend.identification.estimate import estimate
-from backend.identification.fit import Method
-from backend.identification.record import Controller, Record
-from backend.identification.result import Estimate, Grade
+from backend.identification.estimation import estimate
+from backend.identification.fitting import Method, continuous_poles
+from backend.identification.models import Estimate, Grade
+from backend.identification.records import Controller, NotContinuousError, Record, StructureError
 from tests.identification.closed_loop_records import (
     FIRST,
     K_I,

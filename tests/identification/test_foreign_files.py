@@ -10,13 +10,19 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from backend.identification.decimals import DecimalMark
-from backend.identification.errors import DataFileError, FileFault, RecordError
-from backend.identification.estimate import estimate
-from backend.identification.import_data import Imported, Selection, TimeChoice, decoded, import_record, read_parquet
-from backend.identification.matlab_file import read_mat
-from backend.identification.table import read_csv
-from backend.identification.timebase import time_of
+from backend.identification.estimation import estimate
+from backend.identification.importer import (
+    Imported,
+    Selection,
+    TimeChoice,
+    decoded,
+    import_record,
+    read_mat,
+    read_parquet,
+    time_of,
+)
+from backend.identification.records import DataFileError, FileFault, RecordError
+from backend.identification.tables import DecimalMark, read_csv
 from tests.identification.foreign_files import (
     COUNT,
     PERIOD_S,

@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import coherence, cont2discrete, csd, detrend, dlsim, tf2ss
 
-from backend.identification.frequency import SEGMENTS, check_frequency_response, welch_response
-from backend.identification.record import Record
-from backend.identification.result import FrequencyCheck, Model
+from backend.identification.excitation import SEGMENTS, check_frequency_response, welch_response
+from backend.identification.models import FrequencyCheck, Model
+from backend.identification.records import Record
 from tests.identification.closed_loop_records import FIRST, Array, closed_loop_record
 
 PERIOD_S = 1e-3

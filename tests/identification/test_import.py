@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from backend.identification.errors import DataFileError, IdentificationError
-from backend.identification.estimate import estimate
-from backend.identification.import_data import Selection, import_record
-from backend.identification.matlab_file import read_mat
-from backend.identification.record import Record
-from backend.identification.table import Columns, read_csv
+from backend.identification.estimation import estimate
+from backend.identification.importer import Selection, import_record, read_mat
+from backend.identification.records import DataFileError, IdentificationError, Record
+from backend.identification.tables import Columns, read_csv
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
 
 
@@ -209,7 +207,7 @@ def test_a_period_one_per_cent_off_is_refused_and_right_when_resampled() -> None
 
 
 def test_a_file_may_be_as_long_as_is_said_and_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("backend.identification.table.MAX_SAMPLES", 3)
+    monkeypatch.setattr("backend.identification.tables.MAX_SAMPLES", 3)
     np.testing.assert_array_equal(read_csv("u\n1\n2\n3\n")["u"], [1.0, 2.0, 3.0])
     with pytest.raises(DataFileError, match="the file holds 4 rows, at most 3 are read"):
         read_csv("u\n1\n2\n3\n4\n")

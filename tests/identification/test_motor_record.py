@@ -9,10 +9,9 @@ import pytest
 from scipy.signal import lsim
 
 from backend.cli import main
-from backend.identification.errors import RecordError
-from backend.identification.motor_record import MotorRecord, identify_motor_record
-from backend.identification.record import Record
-from backend.identification.result import Grade
+from backend.identification.models import Grade
+from backend.identification.motor import MotorRecord, identify_motor_record
+from backend.identification.records import Record, RecordError
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, noisy, voltages
 
 COUNT_RAD = 2.0 * np.pi / 8000

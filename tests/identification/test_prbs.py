@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from backend.identification.errors import RecordError
-from backend.identification.prbs import chips
+from backend.identification.excitation import chips
+from backend.identification.records import RecordError
 
 
 @pytest.mark.parametrize("bits", range(3, 17))

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from backend.identification.errors import IdentificationError
-from backend.identification.estimate import estimate
-from backend.identification.motor_record import identify_motor_record
-from backend.identification.record import Record
-from backend.identification.result import Grade
+from backend.identification.estimation import estimate
+from backend.identification.models import Grade
+from backend.identification.motor import identify_motor_record
+from backend.identification.records import IdentificationError, Record
 from tests.identification.record_generator import FAULTY, GOOD, Provoked, each, provoked, without_lag
 
 KINDS = {**GOOD, **FAULTY}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.identification.published import TABLE_1
+from backend.identification.models import TABLE_1
 
 PRINTED = {
     # F [N]: K and T of G_q, a2 and a1 of G_q, K and T of G_S, a2 and a1 of G_S

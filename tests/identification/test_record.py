@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from backend.identification.errors import RecordError
-from backend.identification.record import Record
+from backend.identification.records import Record, RecordError
 
 N = 1000
 PERIOD_S = 1e-3

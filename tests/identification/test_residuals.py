@@ -7,9 +7,8 @@ from scipy.stats import norm
 
 from backend.documents.actuator import ResidualTest
 from backend.experiments.results.identification_curves import _correlation
-from backend.identification.noise import fit_autoregression
-from backend.identification.residuals import input_correlation, judged, whiteness
-from backend.identification.result import CorrelationTest
+from backend.identification.models import CorrelationTest
+from backend.identification.validation import fit_autoregression, input_correlation, judged, whiteness
 
 PERIOD_S = 1e-3
 N = 4000

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, tf2ss
 
-from backend.identification.errors import StructureError, UnstableModelError
-from backend.identification.response import free_responses, simulate
-from backend.identification.structures import structure
+from backend.identification.models import free_responses, simulate, structure
+from backend.identification.records import StructureError, UnstableModelError
 
 PERIOD_S = 1e-3
 MODELS = [

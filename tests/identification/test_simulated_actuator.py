@@ -8,13 +8,11 @@ import pytest
 from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
-from backend.identification.estimate import estimate
-from backend.identification.published import TABLE_1
-from backend.identification.record import Record
-from backend.identification.result import Estimate, Grade
-from backend.tuning.gains import motor_loops
-from backend.tuning.linear_model import decoupled_model, one_motor_point
-from backend.tuning.models import LAM_MOTOR
+from backend.identification.estimation import estimate
+from backend.identification.models import TABLE_1, Estimate, Grade
+from backend.identification.records import Record
+from backend.tuning.gains import LAM_MOTOR, motor_loops
+from backend.tuning.robustness import decoupled_model, one_motor_point
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.identification_page import default_plan, paper_plan

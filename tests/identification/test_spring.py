@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from backend.identification.errors import RecordError
-from backend.identification.record import Signal
+from backend.identification.records import RecordError, Signal
 from backend.identification.spring import identify_spring
 
 STEPS = np.linspace(0.0, 0.04, 25)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from backend.identification.errors import StructureError
-from backend.identification.structures import DEAD_TIME, MAX_LAGS, MAX_ORDER, structure
+from backend.identification.models import DEAD_TIME, MAX_LAGS, MAX_ORDER, structure
+from backend.identification.records import StructureError
 
 
 @pytest.mark.parametrize(

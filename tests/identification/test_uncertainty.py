@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from backend.identification.estimate import estimate
-from backend.identification.fit import Method
-from backend.identification.record import Record
-from backend.identification.uncertainty import sandwich
+from backend.identification.estimation import estimate
+from backend.identification.fitting import Method
+from backend.identification.records import Record
+from backend.identification.validation import sandwich
 from tests.identification.closed_loop_records import FIRST, PERIOD_S, closed_loop_record, held_response
 
 Array = NDArray[np.float64]

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, lsim, tf2ss
 
-from backend.identification.errors import IdentificationError
-from backend.identification.fit import Method, fit
+from backend.identification.estimation import Beside, held_out, predict
+from backend.identification.fitting import Method, fit
+from backend.identification.models import Model, structure
 from backend.identification.motor import VoltageStep, step_beside
-from backend.identification.record import Record, Signal
-from backend.identification.result import Model
-from backend.identification.structures import structure
-from backend.identification.unseen import Beside, held_out, predict
+from backend.identification.records import IdentificationError, Record, Signal
 
 PERIOD_S = 1e-3
 K, T, A2, A1 = 0.05, 0.3, 0.004, 0.05

@@ -7,12 +7,19 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.identification.errors import NotConvergedError, UnstableModelError
-from backend.identification.estimate import estimate
+from backend.identification.estimation import estimate
 from backend.identification.friction import SIGNIFICANT_STD, fit_friction
-from backend.identification.record import Record
-from backend.identification.result import CorrelationTest, DryFriction, Estimate, FirstOrder, Grade, Model, Residuals
-from backend.identification.structures import structure
+from backend.identification.models import (
+    CorrelationTest,
+    DryFriction,
+    Estimate,
+    FirstOrder,
+    Grade,
+    Model,
+    Residuals,
+    structure,
+)
+from backend.identification.records import NotConvergedError, Record, UnstableModelError
 from backend.identification.validation import Evidence, judge
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
 

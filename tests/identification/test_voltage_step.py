@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.identification.errors import RecordError
 from backend.identification.motor import VoltageStep
+from backend.identification.records import RecordError
 
 N = 400
 PERIOD_S = 1e-3

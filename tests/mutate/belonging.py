@@ -9,10 +9,10 @@ from tests.mutate.trees import ROOT
 
 ROOMS = {
     "plant": ("tests/plant", "tests/closed_loop"),
-    "backend/control": ("tests/control", "tests/closed_loop", "tests/loop"),
+    "backend/control": ("tests/control", "tests/closed_loop", "tests/realtime"),
     "backend/identification": ("tests/identification",),
     "backend/tuning": ("tests/tuning", "tests/closed_loop"),
-    "backend/loop": ("tests/loop",),
+    "backend/realtime": ("tests/realtime",),
 }
 """What is changed, and where it is tested."""
 

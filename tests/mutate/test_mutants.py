@@ -66,7 +66,7 @@ def test_places_are_spread_over_the_rooms_and_the_same_for_a_seed() -> None:
     assert a_share_of_its_own <= {mutant.path for mutant in some}
     assert {mutant.path.rpartition("/")[0] for mutant in some} == {path.rpartition("/")[0] for path in sources()}
     imports = Imports()
-    assert imports.touched_by("plant/dynamics.py") > {"plant/dynamics.py", "backend/loop/loop.py"}
+    assert imports.touched_by("plant/dynamics.py") > {"plant/dynamics.py", "backend/realtime/control_loop.py"}
     assert "plant/compiled.py" not in imports.touched_by("plant/dynamics.py")
     near = {path: belonging_to(path, reaching(imports.steps_to(path))) for path in {mutant.path for mutant in some}}
     assert [path for path, tests in near.items() if not tests] == []
@@ -91,7 +91,7 @@ def test_all_tests_that_reach_a_file_are_known_and_those_that_start_a_service_re
     further = set(away) - set(near)
     assert further
     assert not any(test.startswith("tests/identification/") for test in further)
-    assert {"tests/api/test_operate.py", "tests/loop/test_supervisor.py"} <= set(live_tests())
+    assert {"tests/api/test_operate.py", "tests/realtime/test_supervisor.py"} <= set(live_tests())
     assert not any("e2e" in test for test in live_tests())
 
 

@@ -26,7 +26,7 @@ from numba.core.caching import _CacheLocator
 ROOT = Path(__file__).parents[2]
 COMPILED = (
     "plant",
-    *(f"backend/{room}" for room in ("control", "identification", "tuning", "loop")),
+    *(f"backend/{room}" for room in ("control", "identification", "tuning", "realtime")),
 )
 """Where compiled functions stand."""
 
@@ -108,7 +108,7 @@ class Tree:
             "backend/control",
             "backend/identification",
             "backend/tuning",
-            "backend/loop",
+            "backend/realtime",
         ):
             old, new = (
                 folder / _CacheLocator.get_suitable_cache_subpath(str(tree.root / sources / "any.py"))  # type: ignore[no-untyped-call]  # private of numba

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.loop.commands import Accepted, Inject, SetMode, SetReferences
-from backend.loop.mode import Mode
+from backend.realtime.commands import Accepted, Inject, SetMode, SetReferences
+from backend.realtime.program import Mode
 from backend.recording.columns import Columns
 from backend.sample import INDEX, NAMES
 from plant.interface import Breakage, Broken, Plant, Sensor
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 from tests.exports.written import to_csv
-from tests.loop.bench_top import BenchTop
+from tests.realtime.bench_top import BenchTop
 
 JUMP = Broken(Breakage.JUMP, Sensor.F_B)
 

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from backend.tuning.baselines import feedback_linearization_tuning
-from backend.tuning.closed_loop import rest_state, rig_of
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, feedback_linearization_tuning
+from backend.tuning.simulation import rest_state, rig_of
 from plant.dynamics import SUBSTEPS, PlantState, advance, derivative
 from plant.interface import NO_LOAD, T_s
 from plant.parameters import PlantParameters, load_parameters

@@ -9,15 +9,15 @@ import pyarrow.parquet
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import Accepted, PlantFailing, Reset, Stopped
-from backend.loop.mode import Mode
+from backend.realtime.commands import Accepted, PlantFailing, Reset, Stopped
+from backend.realtime.program import Mode
 from plant import replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters
 from plant.replay import Replay, load_recording
 from tests.exports.written import to_csv, to_mat, to_parquet
-from tests.loop.bench_top import BenchTop
 from tests.plant.recorded import columns_of, session, trip_recorded
+from tests.realtime.bench_top import BenchTop
 
 Columns = dict[str, np.ndarray]
 

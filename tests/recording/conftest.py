@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.loop.ring import Ring
-from backend.storage import Database, open_database
+from backend.realtime.ring_buffer import Ring
+from backend.storage.database import Database, open_database
 from tests.recording.stand_in import Writer
 
 

@@ -3,9 +3,9 @@
 import sys
 from pathlib import Path
 
-from backend.loop.ring import Ring
+from backend.realtime.ring_buffer import Ring
 from backend.recording.recorder import Recorder
-from backend.storage import open_database
+from backend.storage.database import open_database
 
 recorder = Recorder(open_database(Path(sys.argv[2])), Ring.attach(int(sys.argv[1])))
 while True:

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import FAULTS
-from backend.loop.causes import Cause
-from backend.loop.commands import RunEnded
-from backend.loop.ring import WIDTH, Ring
+from backend.realtime.commands import RunEnded
+from backend.realtime.program import Cause
+from backend.realtime.ring_buffer import WIDTH, Ring
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX
-from backend.storage import Database, runs
+from backend.storage import runs
+from backend.storage.database import Database
 from backend.storage.runs import NewRun, Run, RunKind
 
 Rows = NDArray[np.float64]

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.loop.ring import Ring
+from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import UnknownSignalError, read_envelope, read_samples
 from backend.sample import COMBINED, COMBINED_BY_NAME, INDEX
-from backend.storage import Database, open_database, runs
+from backend.storage import runs
+from backend.storage.database import Database, open_database
 from backend.storage.runs import NewRun, RunKind
 from tests.recording.stand_in import Rows, Writer, recorder_of
 

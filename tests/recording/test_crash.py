@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import RunEnded
-from backend.loop.ring import Ring
+from backend.realtime.commands import RunEnded
+from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX
-from backend.storage import Database, Session, open_database, recordings, runs
+from backend.storage import recordings, runs
+from backend.storage.database import Database, Session, open_database
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run, recorder_of
 

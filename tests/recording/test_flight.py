@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.access import LoopDied
-from backend.loop.commands import Stopped
-from backend.loop.ring import Ring
+from backend.realtime.commands import Stopped
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied
 from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, flight_columns
 from backend.sample import INDEX
-from backend.storage import Database, StorageError, events, flights
+from backend.storage import events, flights
+from backend.storage.database import Database
+from backend.storage.errors import StorageError
 from backend.storage.records import UnknownRecordError
 from tests.recording.stand_in import Writer, new_run
 

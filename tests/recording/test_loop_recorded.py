@@ -5,18 +5,18 @@ import asyncio
 import numpy as np
 
 from backend.faults import Fault
-from backend.loop.commands import Accepted, PretensionReached, SetMode, SetReferences, Stop
-from backend.loop.headless import Headless
-from backend.loop.mode import MODE_CODE, Mode
-from backend.loop.ring import Ring
-from backend.loop.tuned import tuning_for
+from backend.realtime.commands import Accepted, PretensionReached, SetMode, SetReferences, Stop
+from backend.realtime.gains import tuning_for
+from backend.realtime.headless import Headless
+from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import read_envelope, read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX, STORED_NAMES
 from backend.storage import recordings
 from backend.storage.database import Database
 from backend.storage.runs import EndState
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from tests.recording.stand_in import new_run, stored_run

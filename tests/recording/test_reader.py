@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.loop.ring import Ring
+from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import Envelope, UnknownSignalError, read_envelope, read_samples
 from backend.sample import ADDED_LATER, INDEX, STORED_NAMES
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from backend.storage.records import UnknownRecordError
 from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
 

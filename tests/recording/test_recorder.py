@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from sqlalchemy import event
 
-from backend.loop.access import LoopDied
-from backend.loop.ring import Ring
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied
 from backend.recording.codec import unpack
 from backend.recording.reader import read_samples
 from backend.recording.recorder import RecordingError
 from backend.sample import INDEX, STORED_NAMES
-from backend.storage import Database, events, recordings
+from backend.storage import events, recordings
+from backend.storage.database import Database
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 

@@ -3,12 +3,12 @@
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.access import LoopDied
-from backend.loop.causes import Cause, Why
-from backend.loop.commands import RunEnded
-from backend.loop.ring import Ring
+from backend.realtime.commands import RunEnded
+from backend.realtime.program import Cause, Why
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied
 from backend.recording.recorder import Recorder
-from backend.storage import Database
+from backend.storage.database import Database
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run, stored_run
 

@@ -1,7 +1,7 @@
 """Which walls a run keeps: those that stood in its samples, whenever that was told."""
 
 from backend.documents.kept_wall import MOST, KeptWall, joined, kept_wall, standing
-from backend.loop.commands import WallChanged
+from backend.realtime.commands import WallChanged
 from backend.recording.walls import Walls
 from backend.storage.database import Database
 from plant.dynamics import Obstacle

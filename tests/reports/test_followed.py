@@ -13,9 +13,8 @@ from backend.reports.html import to_html
 from backend.reports.provenance import tuning_facts
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
-from backend.tuning.closed_loop import run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import run
 from backend.units import Angles
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of

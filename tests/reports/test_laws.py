@@ -11,14 +11,12 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import declared, kept_values, ready_plan
 from backend.experiments.results.used_settings import USED, law_of, used_settings
 from backend.experiments.settings import declared_values
-from backend.loop.program import Law
+from backend.realtime.program import Law
 from backend.reports.build import build_report
 from backend.reports.document import Report, Table
 from backend.reports.source import Source
-from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
-from backend.tuning.closed_loop import run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
+from backend.tuning.simulation import run
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of
 

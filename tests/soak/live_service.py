@@ -9,7 +9,7 @@ from typing import Any
 
 import httpx
 
-from backend.loop.ring import Ring
+from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.safety_card import Card
 from tests.e2e.service import Service, running_service
@@ -87,7 +87,7 @@ def _worker_of(service_pid: int) -> tuple[int, int, int]:
     for thread in Path(f"/proc/{service_pid}/task").iterdir():
         for child in map(int, (thread / "children").read_text(encoding="ascii").split()):
             words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-            if b"backend.loop.worker" in words:
-                ring_fd, _, card_fd = (int(word) for word in words[words.index(b"backend.loop.worker") + 1 :][:3])
+            if b"backend.realtime.process" in words:
+                ring_fd, _, card_fd = (int(word) for word in words[words.index(b"backend.realtime.process") + 1 :][:3])
                 return child, ring_fd, card_fd
     raise LookupError(f"process {service_pid} has no loop process")

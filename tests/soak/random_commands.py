@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from backend.loop.mode import MODE_CODE, Mode
+from backend.realtime.program import MODE_CODE, Mode
 from backend.sample import INDEX
 from tests.api.conftest import client_with
 from tests.api.pages import Page
-from tests.loop.test_changes_while_moving import stated_V
+from tests.realtime.test_changes_while_moving import stated_V
 from tests.soak.live_service import Loop, bench_on, wait_until
 
 COMMANDS = 1500

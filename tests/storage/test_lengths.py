@@ -18,9 +18,9 @@ from backend.documents.outcome import Outcome
 from backend.errors import STATION_MAX
 from backend.experiments.composing import ready_made
 from backend.faults import Fault
-from backend.identification.fit import Fit
-from backend.identification.noise import MAX_NOISE_ORDER
-from backend.identification.result import joint_method
+from backend.identification.fitting import Fit
+from backend.identification.models import joint_method
+from backend.identification.validation import MAX_NOISE_ORDER
 from backend.messages.run_search import SEARCH_NAME_MAX
 from backend.storage import identifications, runs
 from backend.storage.carried import KINDS

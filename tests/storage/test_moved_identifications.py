@@ -12,7 +12,7 @@ from backend.experiments.plans.plan import ActuatorIdentificationPlan, Identific
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.exports.bundle_import import take_in
-from backend.identification.fit import Method
+from backend.identification.fitting import Method
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification

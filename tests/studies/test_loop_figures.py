@@ -13,9 +13,8 @@ from backend.studies.design import Design
 from backend.studies.loop_figures import LOOP_FIGURES, loop_figures
 from backend.studies.point import planned, run_point
 from backend.studies.stored import design_of
-from backend.tuning.formulas import motor_gains
-from backend.tuning.models import MotorModel
-from backend.tuning.motor_loop import motor_robustness
+from backend.tuning.gains import MotorModel, motor_gains
+from backend.tuning.robustness import motor_robustness
 from plant.parameters import load_parameters
 
 K_m, T_m, K_t, TAU_E = 2.86, 0.22, 0.3, 2e-3

@@ -32,7 +32,7 @@ from backend.studies.loop_figures import LOOP_FIGURES
 from backend.studies.point import FAILED, LOST, REFUSED, UNSTABLE, Base, OtherSoftwareError
 from backend.studies.runner import Progress, TakenError, local, run_study
 from backend.studies.stored import design_of
-from backend.tuning.models import designed_point
+from backend.tuning.gains import designed_point
 from plant.parameters import load_parameters
 from tests.studies import studying
 from tests.studies.studying import SHORT, begun, in_folder, table

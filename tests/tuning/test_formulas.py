@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import Decoupler, stiffness_slope
-from backend.tuning.formulas import (
+from backend.tuning.gains import (
     TuningError,
     motor_gains,
     outer_gains,

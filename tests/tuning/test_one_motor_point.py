@@ -7,7 +7,7 @@ integral has made up for it: r_m² F'/(2 K_t k_i) later on both sides, which lea
 import pytest
 
 from backend.tuning.gains import motor_loops
-from backend.tuning.linear_model import one_motor_point
+from backend.tuning.robustness import one_motor_point
 from plant.parameters import load_parameters
 
 

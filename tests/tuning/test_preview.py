@@ -7,14 +7,21 @@ import numpy as np
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.tuning.closed_loop import run
-from backend.tuning.formulas import TuningError, motor_gains
-from backend.tuning.gains import cascade_tuning, motor_loops, position_gains, stiffness_gains
-from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import LAM_MOTOR, Lambdas, designed_point, motor_model
-from backend.tuning.motor_loop import common_range, motor_range, motor_robustness
+from backend.tuning.gains import (
+    LAM_MOTOR,
+    Lambdas,
+    TuningError,
+    cascade_tuning,
+    designed_point,
+    motor_gains,
+    motor_loops,
+    motor_model,
+    position_gains,
+    stiffness_gains,
+)
 from backend.tuning.preview import Previewer, Steps
-from backend.tuning.robustness import M_S_MAX
+from backend.tuning.robustness import M_S_MAX, common_range, decoupled_model, motor_range, motor_robustness
+from backend.tuning.simulation import run
 from plant.parameters import load_parameters
 
 

@@ -14,11 +14,9 @@ from backend.control import disturbance_observer, pid
 from backend.control.decoupler import gains_at, select
 from backend.control.disturbance_observer import Rejection
 from backend.errors import OutOfRangeError
-from backend.tuning.closed_loop import Array
-from backend.tuning.gains import UNSEEN_F, cascade_tuning, require_share
-from backend.tuning.linear_model import decoupling, linear_plant
-from backend.tuning.models import Lambdas
-from backend.tuning.push_forecast import FELT_HZ, NEAR_RAD, PUSH_N, push_forecast
+from backend.tuning.gains import UNSEEN_F, Lambdas, cascade_tuning, require_share
+from backend.tuning.robustness import decoupling, linear_plant
+from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, Array, push_forecast
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.tuning.test_sampled_loop import DIFFERENCE, K_M, R_J, R_M, T_M

@@ -5,12 +5,27 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import decoupler_for, motor_positions
-from backend.tuning.formulas import TuningError, motor_gains, outer_gains
-from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
-from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, designed_point
-from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
-from backend.tuning.robustness import OuterProcess, peak, safe_lambda
+from backend.tuning.gains import (
+    LAM_MAX,
+    Lambdas,
+    MotorModel,
+    TuningError,
+    designed_point,
+    motor_gains,
+    motor_loops,
+    outer_gains,
+    position_gains,
+    stiffness_gains,
+)
+from backend.tuning.robustness import (
+    OuterProcess,
+    decoupled_model,
+    motor_lambda,
+    motor_range,
+    motor_robustness,
+    peak,
+    safe_lambda,
+)
 from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import load_parameters

@@ -13,11 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from backend.control import cascade
-from backend.tuning import closed_loop
-from backend.tuning.followed_plan import planned_response
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from backend.tuning.sampled_loop import INPUTS, OUTPUTS, sampled_loop
+from backend.tuning import simulation
+from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.simulation import INPUTS, OUTPUTS, planned_response, sampled_loop
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 
@@ -162,7 +160,7 @@ def measured_response(parameters: PlantParameters, tuning: cascade.CascadeTuning
     # No two samples in a row are alike: a reference that stands for a tick goes on as a small step (decision 0053).
     wave = size * np.sin(phase + 0.001)
     q_ref, S_ref = (wave, S + still) if signal == "q" else (still, S + wave)
-    run = closed_loop.run(parameters, tuning, q_ref, S_ref)
+    run = simulation.run(parameters, tuning, q_ref, S_ref)
     line = np.exp(-1j * phase)[before:]
     asked = (wave[before:] * line).sum()
     return np.array([(seen[before:] * line).sum() / asked for seen in (run.q, run.S)])

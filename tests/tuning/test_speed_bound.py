@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.tuning.speed_bound import least_reach_time
+from backend.tuning.preview import least_reach_time
 from plant.parameters import load_parameters
 
 PARAMETERS = load_parameters("ideal")

@@ -12,14 +12,14 @@ from backend.experiments.banks.bank_consistency import (
     require_same_parameters,
 )
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.loop.set_tuning import SetTuning
-from backend.loop.tuned import tuning_for
 from backend.plain_text import PlainTextError, require_line
+from backend.realtime.gains import tuning_for
+from backend.realtime.program import SetTuning
 from backend.storage import banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
-from backend.tuning.models import PointModel
+from backend.tuning.gains import PointModel
 from plant.parameters import PlantParameters
 
 

@@ -12,8 +12,7 @@ from backend.experiments.banks.default_choice import default_lam_motor
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
 from backend.storage.bank_entry import entry_name
 from backend.storage.banks import BankEntry
-from backend.tuning.formulas import TuningError
-from backend.tuning.models import PointModel
+from backend.tuning.gains import PointModel, TuningError
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters
 

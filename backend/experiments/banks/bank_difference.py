@@ -7,10 +7,8 @@ from math import isfinite
 from backend.control import pid
 from backend.experiments.banks.bank_consistency import point_of
 from backend.storage.banks import BankEntry
-from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
-from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import Lambdas
-from backend.tuning.robustness import OuterProcess
+from backend.tuning.gains import Lambdas, motor_loops, position_gains, stiffness_gains
+from backend.tuning.robustness import OuterProcess, decoupled_model
 from plant.parameters import PlantParameters
 
 SAME_POINT = 1.0

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from math import ceil, floor
 
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.tuning.models import LAM_MAX, PointModel, motor_model
-from backend.tuning.motor_loop import common_range
-from backend.tuning.plan_budget import usual_budget
-from backend.tuning.preview import Previewer
+from backend.tuning.gains import LAM_MAX, PointModel, motor_model
+from backend.tuning.preview import Previewer, usual_budget
+from backend.tuning.robustness import common_range
 from plant.parameters import SIDES, PlantParameters
 
 _STEP, _STEP_OF_MOTOR = 1e-3, 1e-4

@@ -11,8 +11,8 @@ from typing import Any, Self
 
 from backend.documents.run_settings import LAMBDA, MOTIONS, TIME_OPTIMAL, Value, with_motion
 from backend.experiments.settings import boolean, choice, describe, from_values, integer, number
-from backend.tuning.models import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
-from backend.tuning.motor_loop import LAM_MOTOR_MAX, LAM_MOTOR_MIN
+from backend.tuning.gains import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
+from backend.tuning.robustness import LAM_MOTOR_MAX, LAM_MOTOR_MIN
 
 _LAM_LEAST = 0.01
 

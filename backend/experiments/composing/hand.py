@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backend.loop.program import Shape
+from backend.realtime.program import Shape
 
 PIECE_S = 0.04
 """Smooth pushes are played as straight pieces of this length [s]."""

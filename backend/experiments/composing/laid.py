@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from backend.documents.result import Phase
 from backend.documents.run_settings import Value
 from backend.errors import Path
-from backend.loop.program import Segment, Touch
+from backend.realtime.program import Segment, Touch
 from plant.dynamics import Obstacle
 
 

@@ -20,8 +20,7 @@ from backend.experiments.composing.numbers import LONGEST_PART_S, Q_REF_MAX, Num
 from backend.experiments.composing.refused import Lines, at
 from backend.experiments.composing.touches import LEARNING_S, Touches
 from backend.experiments.settings import describe
-from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, Shape
-from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
+from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, Shape
 from plant.dynamics import K_LEAST, Obstacle
 
 LONGEST_S = 3600.0

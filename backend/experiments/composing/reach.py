@@ -4,7 +4,7 @@ from backend.control.decoupler import bounds_for
 from backend.errors import require_within
 from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
-from backend.loop.program import OSCILLATING, left_at
+from backend.realtime.program import OSCILLATING, left_at
 from plant.dynamics import SUBSTEPS, require_possible
 from plant.interface import PlantError, T_s
 from plant.parameters import PlantParameters

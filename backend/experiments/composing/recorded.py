@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from backend.experiments.composing.numbers import LONGEST_PART_S
 from backend.experiments.composing.refused import ExperimentError
-from backend.loop.program import MAX_SEGMENTS
+from backend.realtime.program import MAX_SEGMENTS
 from plant.interface import T_s
 
 Column = NDArray[np.float64]

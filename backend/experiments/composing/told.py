@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from backend.errors import Path
 from backend.experiments.composing.laid import Laid
-from backend.loop.program import left_at
+from backend.realtime.program import left_at
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """What an experiment learns and gives way to, as it is laid out, and what of it makes no sense. Pure."""
 
-from backend.loop.program import MAX_TOUCHES, Touch
-from backend.loop.set_touch import NEIGHBOUR
+from backend.realtime.program import MAX_TOUCHES, NEIGHBOUR, Touch
 
 LEARNING_S = 2.0
 """Least rest [s] that is learned from; seven times as long as its mean reaches back (``touch.MEAN_S``)."""

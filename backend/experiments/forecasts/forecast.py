@@ -18,7 +18,7 @@ from backend.errors import OutOfRangeError
 from backend.experiments.forecasts.timetable import Timetable, of_way
 from backend.experiments.forecasts.way import Start, Way
 from backend.experiments.plans.plan import IdentificationPlan, Plan
-from backend.loop.program import IDENTIFYING, Law
+from backend.realtime.program import IDENTIFYING, Law
 from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import PlantParameters

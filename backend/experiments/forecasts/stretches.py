@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from backend.loop.program import Law
+from backend.realtime.program import Law
 
 
 class Stage(StrEnum):

@@ -13,8 +13,7 @@ from backend.control.motion_primitives import PRETENSION_N, ZERO_VOLTS_S
 from backend.experiments.forecasts.stretches import Stage, Stretch, titled
 from backend.experiments.forecasts.way import Angles, Start, Way
 from backend.experiments.plans.plan import IdentificationPlan
-from backend.loop.mode import Mode
-from backend.loop.program import Law, Program
+from backend.realtime.program import Law, Mode, Program
 from plant.dynamics import tension
 from plant.interface import T_s
 from plant.parameters import PlantParameters

@@ -2,7 +2,7 @@
 
 One pair of angles [rad] a millisecond, from where the references are to where the program ends, and on to pretension.
 What is done in each of them, and at which set point, goes with it (``stretches``).
-Speeds, pauses and lengths are the loop's own (``backend.loop.motion``, ``motor_steps``, ``tension_sweep``).
+Speeds, pauses and lengths are the loop's own (``backend.realtime.motions``, ``motor_steps``, ``tension_sweep``).
 """
 
 import math
@@ -15,8 +15,7 @@ from backend.control import motion_primitives
 from backend.control.motion_primitives import PRETENSION_N, STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.control.motion_types import TRAVEL_SPEED
 from backend.experiments.forecasts.stretches import Stage, Stretch
-from backend.loop.mode import MODES, Mode
-from backend.loop.program import Law, Program, VoltageStep, starts_from
+from backend.realtime.program import MODES, Law, Mode, Program, VoltageStep, starts_from
 from backend.sample import INDEX
 from plant.dynamics import elongation, tension
 from plant.interface import T_s

@@ -13,7 +13,7 @@ from backend.experiments.composing.layout import laid
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.composing.settings import parsed, require_rules, settings_of
 from backend.experiments.settings import Setting
-from backend.loop.program import IDENTIFYING, Law, Program
+from backend.realtime.program import IDENTIFYING, Law, Program
 
 LAWS = tuple(law for law in Law if law not in IDENTIFYING)
 KIND = "experiment"

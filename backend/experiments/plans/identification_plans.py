@@ -12,7 +12,7 @@ from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.documents.result import Phase
 from backend.errors import OutOfRangeError
 from backend.experiments.settings import integer, number
-from backend.loop.program import Law, Program, TensionLeg, VoltageStep
+from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
 
 UPPER_END = -1.5
 """Where a step down starts [rad]: the tendons go slack above 0, and a step up needs the rest of the way to brake."""

@@ -12,8 +12,8 @@ from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import choice, integer, number
-from backend.identification.fit import Method
-from backend.loop.program import Excitation, Law, Program
+from backend.identification.fitting import Method
+from backend.realtime.program import Excitation, Law, Program
 
 MAX_EXCITATION_S = 600.0
 

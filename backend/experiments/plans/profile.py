@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from backend.control import setpoint_player
 from backend.control.motion_types import Target
-from backend.loop.program import Program, Shape
-from backend.loop.program_arrays import player_of
+from backend.realtime.motions import player_of
+from backend.realtime.program import Program, Shape
 from plant.interface import T_s
 
 Array = NDArray[np.float64]

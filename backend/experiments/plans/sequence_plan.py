@@ -8,7 +8,7 @@ from backend.control.decoupler import STIFFNESS_RANGE
 from backend.documents.result import Phase
 from backend.errors import WORDS, Path, require_within
 from backend.experiments.settings import SettingError, text
-from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment, Shape
+from backend.realtime.program import MAX_SEGMENTS, Law, Program, Segment, Shape
 
 Q_REF_MAX = 1.4
 """Largest joint reference of a plan [rad]; the loop has the last word for its plant."""

@@ -17,7 +17,7 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.play import play
 from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.loop.headless import Headless
+from backend.realtime.headless import Headless
 from backend.recording.reader import Envelope, read_envelope
 from backend.storage import banks
 from backend.storage.banks import Bank

@@ -7,8 +7,8 @@ from backend.experiments.banks.bank_building import points_of, tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
 from backend.experiments.playing.runner import Station
-from backend.loop.headless import Headless
-from backend.loop.ring import Ring
+from backend.realtime.headless import Headless
+from backend.realtime.ring_buffer import Ring
 from backend.recording.recorder import Recorder
 from backend.storage.banks import Bank
 from backend.storage.database import Database

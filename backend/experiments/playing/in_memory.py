@@ -23,12 +23,11 @@ from backend.experiments.playing.playable import BankOf, playable
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.in_force import InForce
 from backend.experiments.results.metrics import NoSamplesError
-from backend.loop.access import LoopDied
-from backend.loop.commands import Event, RunEnded
-from backend.loop.headless import Headless
-from backend.loop.program import Program
-from backend.loop.ring import Ring
-from backend.loop.set_tuning import SetTuning
+from backend.realtime.commands import Event, RunEnded
+from backend.realtime.headless import Headless
+from backend.realtime.program import Program, SetTuning
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied
 from backend.recording.columns import Columns
 from backend.recording.recorder import end_of
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES

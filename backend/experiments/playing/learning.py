@@ -7,12 +7,9 @@ import numpy as np
 
 from backend.control.decoupler import STIFFNESS_RANGE
 from backend.experiments.playing.play import PRETENSION_TIMEOUT_S, SLICE_S, NotPlayedError
-from backend.loop.commands import Accepted, Command, Refused, SetMode, SetReferences
-from backend.loop.headless import Headless
-from backend.loop.mode import Mode
-from backend.loop.program import Program
-from backend.loop.set_touch import SetTouch
-from backend.loop.set_tuning import SetTuning
+from backend.realtime.commands import Accepted, Command, Refused, SetMode, SetReferences
+from backend.realtime.headless import Headless
+from backend.realtime.program import Mode, Program, SetTouch, SetTuning
 from backend.sample import INDEX
 from plant.interface import T_s
 

@@ -2,10 +2,9 @@
 
 from backend.experiments.playing.progress import Doing, Notify
 from backend.faults import Fault
-from backend.loop.access import LoopAccess, LoopDied, LoopDiedError
-from backend.loop.commands import Accepted, Event, Refused, RunEnded, RunProgram, SetMode, Stop, Stopped
-from backend.loop.mode import MODES, Mode
-from backend.loop.program import Program, mode_of_law, starts_from
+from backend.realtime.commands import Accepted, Event, Refused, RunEnded, RunProgram, SetMode, Stop, Stopped
+from backend.realtime.program import MODES, Mode, Program, mode_of_law, starts_from
+from backend.realtime.supervisor import LoopAccess, LoopDied, LoopDiedError
 from backend.sample import INDEX
 from plant.interface import T_s
 

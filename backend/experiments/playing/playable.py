@@ -11,13 +11,12 @@ from backend.experiments.composing.refused import ExperimentError, line_of
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.plan import Plan
 from backend.experiments.results.measures import require_measurable
-from backend.loop.program import Program
-from backend.loop.set_tuning import SetTuning
+from backend.realtime.program import Program, SetTuning
 from backend.storage import banks
 from backend.storage.banks import Bank
 from backend.storage.database import Database
 from backend.storage.records import UnknownRecordError
-from backend.tuning.formulas import TuningError
+from backend.tuning.gains import TuningError
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters
 

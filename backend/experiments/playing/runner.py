@@ -26,7 +26,7 @@ from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
-from backend.loop.access import LoopAccess, LoopDiedError
+from backend.realtime.supervisor import LoopAccess, LoopDiedError
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.errors import StorageError

@@ -26,10 +26,10 @@ from backend.documents.actuator import (
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
-from backend.identification.candidates import Candidates
-from backend.identification.fit import Method
-from backend.identification.result import Estimate, Grade, joint_method
-from backend.loop.program import Excitation
+from backend.identification.estimation import Candidates
+from backend.identification.fitting import Method
+from backend.identification.models import Estimate, Grade, joint_method
+from backend.realtime.program import Excitation
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s

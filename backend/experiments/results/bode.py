@@ -18,7 +18,7 @@ from backend.experiments.results.response import LEAST_SHARE, Response, banded, 
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import Excited, excitations
 from backend.faults import Limit
-from backend.loop.program import Program
+from backend.realtime.program import Program
 from plant.interface import T_s
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from backend.experiments.results.pushed import push_figures
 from backend.experiments.results.response import response_figures
 from backend.experiments.results.robustness import robustness_figures
 from backend.experiments.results.windows import load_steps, pushes
-from backend.tuning.speed_bound import least_reach_time
+from backend.tuning.preview import least_reach_time
 from plant.interface import T_s
 
 

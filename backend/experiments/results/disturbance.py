@@ -9,7 +9,7 @@ from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.rest import AT_REST
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import pushes, undisturbed_from
-from backend.loop.program import Program
+from backend.realtime.program import Program
 from plant.interface import T_s
 
 

@@ -15,15 +15,15 @@ from backend.experiments.results.composed import composed_result
 from backend.experiments.results.document import figure_documents, tracking_document
 from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
-from backend.identification.fit import Method
+from backend.identification.fitting import Method
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import banks, identifications, results, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
-from backend.tuning.models import PointModel
-from backend.tuning.speed_bound import least_reach_time
+from backend.tuning.gains import PointModel
+from backend.tuning.preview import least_reach_time
 from plant.interface import T_s
 from plant.parameters import PlantParameters
 

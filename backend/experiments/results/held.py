@@ -15,7 +15,7 @@ from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.rest import NO_NUMBER
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import timed
-from backend.loop.program import Program, Shape
+from backend.realtime.program import Program, Shape
 from plant.interface import T_s
 from plant.parameters import PlantParameters
 

@@ -17,8 +17,8 @@ from backend.documents.actuator import (
 from backend.documents.edge import Document
 from backend.documents.motor import MotorFound
 from backend.documents.spring import SpringQuality
-from backend.identification.residuals import LEVEL, judged
-from backend.identification.result import CorrelationTest, Model
+from backend.identification.models import CorrelationTest, Model
+from backend.identification.validation import RESIDUAL_LEVEL, judged
 from backend.storage.identifications import Identification
 from plant.parameters import SIDES, Side
 
@@ -90,7 +90,7 @@ def _correlation(test: ResidualTest | CorrelationTest) -> Document:
         "lags_s": list(test.lags_s),
         "correlation": list(test.correlation),
         **outcome,
-        "level": LEVEL,
+        "level": RESIDUAL_LEVEL,
         "passed": found.passed,
     }
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.faults import Limit
-from backend.loop.program import Program
+from backend.realtime.program import Program
 from plant.interface import T_s
 
 APART_S = 0.3

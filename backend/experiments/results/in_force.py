@@ -12,10 +12,8 @@ from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.results.windows import timed
-from backend.loop.program import Law, left_at
-from backend.tuning.formulas import TuningError
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import PointModel
+from backend.realtime.program import Law, left_at
+from backend.tuning.gains import PointModel, TuningError, cascade_tuning
 from plant.parameters import PlantParameters
 
 

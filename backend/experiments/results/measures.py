@@ -19,7 +19,7 @@ from backend.experiments.results.metrics import Overall
 from backend.experiments.results.pushed import PushFigures
 from backend.experiments.results.response import ResponseFigures
 from backend.experiments.results.robustness import RobustnessFigures
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.parameters import PlantParameters
 
 FIGURES: dict[Measure, type[Any]] = {

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from backend.documents.result import Phase
 from backend.experiments.results.rest import BOTH_STEP, NO_NUMBER, REST_S, Missing, in_words, other_moving
 from backend.experiments.results.steps import Step, StepMetrics, step_metrics, steps_of
-from backend.loop.program import Program
+from backend.realtime.program import Program
 
 Columns = Mapping[str, NDArray[np.float64]]
 """Samples by column name, equally long; ``t`` [s] counts from the start of the program."""

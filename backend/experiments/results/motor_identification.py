@@ -22,9 +22,9 @@ from backend.documents.motor import (
 )
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.errors import IdentificationError, RecordError
+from backend.identification.models import Grade
 from backend.identification.motor import MotorIdentification, VoltageStep, identify_motor, steady_speed, turn_from_rest
-from backend.identification.result import Grade
+from backend.identification.records import IdentificationError, RecordError
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s

@@ -12,10 +12,8 @@ from backend.storage import identifications, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
-from backend.tuning.formulas import TuningError
-from backend.tuning.gains import motor_loops
-from backend.tuning.linear_model import one_motor_point
-from backend.tuning.models import PointModel
+from backend.tuning.gains import PointModel, TuningError, motor_loops
+from backend.tuning.robustness import one_motor_point
 from plant.parameters import ParameterError, PlantParameters, parameters_of
 
 _CURVE_POINTS = 13

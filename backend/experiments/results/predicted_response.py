@@ -9,9 +9,8 @@ from backend.control import cascade
 from backend.experiments.results.in_force import InForce, NotPredictedError
 from backend.experiments.results.response import Response, bandwidth
 from backend.experiments.results.windows import Excited
-from backend.tuning.followed_plan import planned_response
-from backend.tuning.linear_model import decoupling
-from backend.tuning.sampled_loop import INPUTS, OUTPUTS, sampled_loop
+from backend.tuning.robustness import decoupling
+from backend.tuning.simulation import INPUTS, OUTPUTS, planned_response, sampled_loop
 from plant.interface import T_s
 
 Array = NDArray[np.float64]

@@ -16,9 +16,8 @@ from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.rest import AT_REST
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import timed, undisturbed_from
-from backend.loop.program import Program, Shape
-from backend.tuning.push_forecast import answered
-from backend.tuning.sampled_loop import INPUTS, OUTPUTS, sampled_loop
+from backend.realtime.program import Program, Shape
+from backend.tuning.simulation import INPUTS, OUTPUTS, answered, sampled_loop
 from plant.interface import T_s
 
 Array = NDArray[np.float64]

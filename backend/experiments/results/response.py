@@ -15,7 +15,7 @@ from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.experiments.results.rest import NO_NUMBER
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import Excited, excitations
-from backend.loop.program import Program
+from backend.realtime.program import Program
 from plant.interface import T_s
 
 Array = NDArray[np.float64]

@@ -20,9 +20,9 @@ from backend.documents.spring import (
 )
 from backend.experiments.plans.identification_plans import SpringIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.decimals import DecimalMark
-from backend.identification.errors import DataFileError, FileFault, IdentificationError
+from backend.identification.records import DataFileError, FileFault, IdentificationError
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
+from backend.identification.tables import DecimalMark
 from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run

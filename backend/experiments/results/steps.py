@@ -18,7 +18,7 @@ from backend.experiments.results.rest import (
     motion_before,
     way_left,
 )
-from backend.loop.program import Program, Shape
+from backend.realtime.program import Program, Shape
 
 Array = NDArray[np.float64]
 

@@ -18,13 +18,11 @@ from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.actuator_identification import excitation_start
 from backend.experiments.results.metrics import NoSamplesError
 from backend.experiments.results.motor_identification import side_steps
-from backend.identification.errors import IdentificationError
-from backend.identification.fit import Method, fit
+from backend.identification.estimation import Beside, fit_percent, held_out, last_part, predict, seen_samples
+from backend.identification.fitting import Method, fit
+from backend.identification.models import Model, structure
 from backend.identification.motor import VoltageStep, identify_motor, step_beside
-from backend.identification.record import Record
-from backend.identification.result import Model
-from backend.identification.structures import structure
-from backend.identification.unseen import Beside, fit_percent, held_out, last_part, predict, seen_samples
+from backend.identification.records import IdentificationError, Record
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import identifications, runs
 from backend.storage.database import Database

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from backend.documents.run_settings import DeclaredValue
 from backend.experiments.banks.tuning_choice import DECLARED, NAMES
-from backend.loop.program import IDENTIFYING, Law
+from backend.realtime.program import IDENTIFYING, Law
 from backend.storage.runs import Run, RunKind
 
 _OF_KIND = {

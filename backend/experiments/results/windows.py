@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from backend.loop.program import Program, Segment, Shape, left_at
+from backend.realtime.program import Program, Segment, Shape, left_at
 from plant.interface import T_s
 from plant.parameters import SIDES, Side
 

@@ -8,12 +8,11 @@ import numpy as np
 
 from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.identification.errors import IdentificationError
-from backend.identification.estimate import estimate
-from backend.identification.fit import Method
+from backend.identification.estimation import estimate
+from backend.identification.fitting import Method
+from backend.identification.models import TABLE_1
 from backend.identification.motor import identify_motor
-from backend.identification.published import TABLE_1
-from backend.identification.record import Record
+from backend.identification.records import IdentificationError, Record
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.identification_runs import (

@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.motor import VoltageStep
-from backend.loop.commands import Refused, RunProgram, SetMode
-from backend.loop.loop import Loop
-from backend.loop.mode import Mode
-from backend.loop.tuned import tuning_for
+from backend.realtime.commands import Refused, RunProgram, SetMode
+from backend.realtime.control_loop import Loop
+from backend.realtime.gains import tuning_for
+from backend.realtime.program import Mode
 from backend.sample import INDEX
-from backend.tuning.models import Lambdas
+from backend.tuning.gains import Lambdas
 from plant.dynamics import AT_REST
 from plant.interface import MotorCommand, T_s
 from plant.parameters import PlantParameters

@@ -7,10 +7,10 @@ import numpy as np
 
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.loop.commands import Push
-from backend.loop.tuned import tuning_of
+from backend.realtime.commands import Push
+from backend.realtime.gains import tuning_of
 from backend.tuning.gains import knowledge
-from backend.tuning.push_forecast import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, push_forecast
+from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, push_forecast
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table

@@ -14,11 +14,10 @@ from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_loop
 from backend.experiments.playing.in_memory import Played, play_in_memory
 from backend.experiments.results.in_force import InForce
-from backend.loop.commands import Accepted, Command, SetMode, SetReferences
-from backend.loop.headless import Headless
-from backend.loop.mode import Mode
-from backend.loop.ring import Ring
-from backend.loop.set_touch import SetTouch
+from backend.realtime.commands import Accepted, Command, SetMode, SetReferences
+from backend.realtime.headless import Headless
+from backend.realtime.program import Mode, SetTouch
+from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from backend.storage.banks import Bank
 from plant.interface import T_s

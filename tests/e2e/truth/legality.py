@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from backend.experiments.banks.tuning_choice import NAMES
-from backend.loop.hand_push import PUSHED_IN
-from backend.loop.mode import LEGAL, MOVING, Mode
+from backend.realtime.contact import PUSHED_IN
+from backend.realtime.program import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import MINE, Moment, State

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.experiments.composing.hand import PIECE_S, PushPiece, pushes_of_a_hand, smooth
-from backend.loop.program import Shape
+from backend.realtime.program import Shape
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 12.0), (12.0, 0.0), (-5.0, 7.0)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.experiments.composing.multisine import peak_of
-from backend.loop.program import Law, Segment, Shape, Touch
+from backend.realtime.program import Law, Segment, Shape, Touch
 from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
 
 LEAD_IN = "{do: step, q_ref: 0.1, S_ref: 10.0, duration_s: 6.0}"

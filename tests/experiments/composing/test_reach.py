@@ -8,7 +8,7 @@ from backend.control.decoupler import bounds_for
 from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.reach import require_reach
 from backend.experiments.composing.refused import ExperimentError
-from backend.loop.program import OSCILLATING, Segment, Shape
+from backend.realtime.program import OSCILLATING, Segment, Shape
 from plant.parameters import load_parameters
 
 _LAB = load_parameters("lab")

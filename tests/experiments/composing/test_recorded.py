@@ -9,7 +9,7 @@ from backend.experiments.composing.recorded import WITHIN_F_N, WITHIN_Q_RAD, WIT
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.composing.text import of_document
 from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.loop.program import Law, Program, Segment, Shape
+from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s
 from tests.experiments.test_profile import played
 

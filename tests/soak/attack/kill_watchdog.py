@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx
 from rich.console import Console
 
-from backend.loop.card_guard import LAST_RESORT_S, LOOK_S
+from backend.realtime.heartbeat import LAST_RESORT_S, LOOK_S
 from tests.soak.attack.processes import WATCHDOG, kill, named
 from tests.soak.attack.stop_button import StopButton, stop_and_check
 from tests.soak.attack.tally import TOLD_S, UNWATCHED_S, Tally

@@ -1,0 +1,548 @@
+"""The estimators behind one call: structures on a record, ranked, with their quality and hints."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from backend.identification.excitation import check_frequency_response, external_signal
+from backend.identification.fitting import Fit, Method, adapt, fit, fit_output_error, refit, with_room
+from backend.identification.friction import SIGNIFICANT_STD, both_ways, dry_friction
+from backend.identification.initialization import (
+    WHITE,
+    Evaluation,
+    Problem,
+    dead_times,
+    least_squares,
+    ranked_starts,
+    triangle,
+)
+from backend.identification.models import (
+    DEAD_TIME,
+    MAX_LAGS,
+    MAX_ORDER,
+    DryFriction,
+    Estimate,
+    Grade,
+    Hint,
+    InputOffset,
+    Kind,
+    Model,
+    Residuals,
+    Structure,
+    reduce_to_first_order,
+    structure,
+)
+from backend.identification.records import (
+    IdentificationError,
+    NoStartError,
+    NotContinuousError,
+    NotConvergedError,
+    Record,
+    Signal,
+    UnstableModelError,
+    coarse_resolution,
+    quantum,
+    rest_at_limit,
+    takes_one_step,
+    time_at_limit_percent,
+    wrap_of,
+)
+from backend.identification.validation import (
+    GOOD_FIT_PERCENT,
+    MIN_COUNTS,
+    NEGLIGIBLE_PERCENT,
+    Evidence,
+    information_criteria,
+    judge,
+    reacts_to_noise,
+    sandwich,
+)
+
+# Unseen --------------------------------------------------------------------------------------------
+#
+# A model beside data that it was not fitted to: what was measured, what the model says, and how far
+# apart they are.
+#
+# Where the data begins in the middle of things, initial state, offset and ramp are no part of the
+# model: they are found by least squares on that data, as in every fit here.
+
+
+TRAINING_PART = 2.0 / 3.0
+"""Share of a record that a model is fitted to when the rest has to be data that it has not seen."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Measured and predicted output, shape (n,) each, from sample ``first`` of the record on."""
+
+    first: int
+    measured: Signal
+    predicted: Signal
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - |y - y_hat| / |y - mean y|)."""
+        return fit_percent(self.measured - self.predicted, self.measured - np.mean(self.measured))
+
+    @property
+    def rms(self) -> float:
+        """RMS of measured minus predicted, in the unit of the output."""
+        return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
+
+
+def fit_percent(error: Signal, motion: Signal) -> float:
+    """Share of the motion that a model explains [%], from what it leaves over and the motion about its mean.
+
+    Raises IdentificationError where nothing moved.
+    """
+    if np.ptp(motion) == 0.0:
+        raise IdentificationError(
+            "nothing moved in what the model is to be compared with: there is no motion to explain"
+        )
+    return 100.0 * (1.0 - float(np.linalg.norm(error)) / float(np.linalg.norm(motion)))
+
+
+def seen_samples(record: Record) -> int:
+    """Return how many samples of a record, from its first on, a model is fitted to when the rest is to be unseen."""
+    return int(TRAINING_PART * record.u.size)
+
+
+def last_part(record: Record) -> Record:
+    """Return the part of a record that is left aside. Raises RecordError where it holds nothing."""
+    return record.part(seen_samples(record), record.u.size)
+
+
+def beside(problem: Problem, parameters: Signal) -> Beside:
+    """Set a structure with these parameters beside the record of ``problem``. Raises UnstableModelError."""
+    here = Evaluation(problem.unweighted, parameters)
+    unknown = least_squares(here.nuisance, here.error)
+    left_over = here.error - here.nuisance @ unknown
+    y = problem.record.y[problem.first :]
+    return Beside(problem.first, y, y - left_over[problem.first :])
+
+
+def predict(model: Model, record: Record) -> Beside:
+    """Set a model beside a record that it was not fitted to. Raises UnstableModelError."""
+    return beside(Problem(record, structure(model.structure), WHITE), model.vector)
+
+
+def held_out(found: Fit) -> Beside:
+    """Set a model of the first two thirds of a record beside its last third, fitted as ``found`` was.
+
+    Raises IdentificationError, LinAlgError where one of them holds nothing.
+    """
+    record = found.problem.record
+    trained = refit(found, record.part(0, seen_samples(record))).parameters
+    return beside(replace(found.problem, record=last_part(record)), trained)
+
+
+# Hints ---------------------------------------------------------------------------------------------
+#
+# Whether a dead time or a higher order would help a structure that leaves something out.
+#
+# Both models are fitted by output error to the same samples, so that their fits and criteria
+# compare. The other model starts from the one that was found: behind each of a grid of dead times,
+# or with another lag on a grid.
+
+
+MIN_BIC_GAIN = 10.0
+"""Difference of BIC that counts as very strong evidence."""
+MOST_LEFT = 0.9
+"""Share of the residuals that another model may leave over to be worth a hint, where they still follow the input."""
+_STARTS_TRIED = 2
+_LAGS = 8
+_SHORTER = (1.0, 0.7, 0.4)
+
+
+def find_hint(record: Record, model: Model) -> Hint | None:
+    """Return the structure that explains the record much better, with figures; None where there is none."""
+    shape, problem = structure(model.structure), Problem(record, structure(model.structure), WHITE)
+    best: Hint | None = None
+    for other, starts in _others(problem, shape, model.vector, with_dead_time=record.controller is None):
+        try:
+            hint = _compared(problem, model.vector, replace(problem, structure=other), starts)
+        except (IdentificationError, np.linalg.LinAlgError):
+            continue
+        if hint is not None and (best is None or hint.BIC_gain > best.BIC_gain):
+            best = hint
+    return best
+
+
+def _others(
+    problem: Problem, shape: Structure, parameters: Signal, *, with_dead_time: bool
+) -> Iterator[tuple[Structure, list[Signal]]]:
+    """Yield the same structure with a dead time, and that of one order more, with starting values for each."""
+    record = problem.record
+    if with_dead_time and not shape.delayed:
+        yield (
+            structure(shape.name + DEAD_TIME),
+            [
+                np.concatenate((parameters[:1], _shortened(shape, parameters, share)[1:], [late * record.period_s]))
+                for late in dead_times(record)
+                for share in _SHORTER
+            ],
+        )
+    higher = _one_order_more(shape)
+    if higher is not None:
+        poles, lags = shape.poles(parameters), np.geomspace(2.0 * record.period_s, record.duration_s / 10.0, _LAGS)
+        tail = parameters[-1:] if shape.delayed else parameters[:0]
+        starts = []
+        for lag in lags:
+            # The sum of lags stays about as it is: what the new one takes, the others give.
+            share = max(0.3, 1.0 - lag / shape.sum_of_lags(parameters))
+            descending = np.real(np.poly(np.append(poles / share, -1.0 / lag)))
+            ascending = np.asarray(descending[::-1] / descending[-1])
+            starts.append(np.concatenate((higher.from_denominator(float(parameters[0]), ascending), tail)))
+        yield higher, starts
+
+
+def _shortened(shape: Structure, parameters: Signal, share: float) -> Signal:
+    """Lags of a share of what they are: the dead time takes the rest."""
+    powers = share ** np.arange(shape.order + 1)
+    return shape.from_denominator(float(parameters[0]), shape.denominator(parameters) * powers)
+
+
+def _one_order_more(shape: Structure) -> Structure | None:
+    """Return the structure with a lag more, None where there is none."""
+    suffix = DEAD_TIME if shape.delayed else ""
+    if shape.kind is Kind.LAGS:
+        return structure(f"lags{shape.order + 1}{suffix}") if shape.order < MAX_LAGS else None
+    return structure(f"order:{shape.order + 1}{suffix}") if shape.order < MAX_ORDER else None
+
+
+def _compared(problem: Problem, parameters: Signal, other: Problem, starts: list[Signal]) -> Hint | None:
+    """Fit the other structure and this one to the same samples; None where the other is not clearly better."""
+    ranked = [start for _, start in ranked_starts(other, starts)][:_STARTS_TRIED]
+    if not ranked:
+        return None
+    other = with_room(other, ranked)
+    first = max(other.first, _room(problem, parameters))
+    other, problem = replace(other, first=first), replace(problem, first=first)
+    before = adapt(problem, parameters)
+    after = min((fit_output_error(other, start) for start in ranked), key=lambda found: found.cost)
+    count = problem.record.u.size - first
+    more = other.structure.order + len(other.structure.names) - problem.structure.order - len(problem.structure.names)
+    gain = 2.0 * count * float(np.log(before.cost / after.cost)) - more * float(np.log(count))
+    spare = count - len(other.structure.names) - other.structure.order - 2
+    ratio = ((before.cost / after.cost) ** 2 - 1.0) * spare / more
+    tests = [Fit(found, None).input_correlation().passed for found in (before, after)]
+    helps = after.cost < MOST_LEFT * before.cost or tests == [False, True]
+    if not (gain > MIN_BIC_GAIN and helps):
+        return None
+    return Hint(
+        structure=other.structure.name,
+        dead_time=other.structure.delayed and not problem.structure.delayed,
+        fit_percent_before=_fit_percent(before),
+        fit_percent=_fit_percent(after),
+        BIC_gain=gain,
+        F=float(ratio),
+        more_parameters=more,
+        white=Fit(after, None).whiteness().passed,
+        independent_of_input=tests[1],
+    )
+
+
+def _room(problem: Problem, parameters: Signal) -> int:
+    """Return how many samples a dead time that the structure has already leaves out."""
+    return with_room(problem, [parameters]).first
+
+
+def _fit_percent(found: Evaluation) -> float:
+    y = found.problem.record.y[found.problem.first :]
+    return 100.0 * (1.0 - found.cost / float(np.linalg.norm(y - np.mean(y))))
+
+
+# Estimate ------------------------------------------------------------------------------------------
+#
+# The estimators behind one call: from a record and a structure to a model with its quality.
+
+
+_RESTS = 0.1
+"""Share of its whole motion below which a part of a record holds next to none."""
+_CLEARLY_LESS = 0.8
+
+
+def estimate(
+    record: Record,
+    structure_name: str,
+    method: Method = Method.DEFAULT,
+    *,
+    gain_geometry: float | None = None,
+    y_resolution: float | None = None,
+    hint: bool = True,
+) -> Estimate:
+    """Identify the structure from the record; with a ``hint`` where another structure would help.
+
+    ``gain_geometry`` [unit of y / unit of u] is the static gain to compare with; ``y_resolution`` one count of
+    the output's sensor, found from the record where its values are few. Raises IdentificationError.
+    """
+    try:
+        # Numbers out of range are refused where they arise; NumPy's own words about them are of no use to anybody.
+        with np.errstate(all="ignore"):
+            found = _estimate(record, structure(structure_name), method, gain_geometry, y_resolution)
+            return with_hint(record, found) if hint else found
+    except np.linalg.LinAlgError:
+        raise _cause_in(record, structure_name) or NotConvergedError(
+            f"{structure_name}: the record does not determine it; try a simpler structure"
+        ) from None
+    except (NoStartError, NotConvergedError, NotContinuousError, UnstableModelError) as error:
+        cause = _cause_in(record, structure_name)
+        if cause is None:
+            raise
+        raise cause from error
+
+
+def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
+    """Name what of the record keeps any model from being found; None where nothing is known to."""
+    wrap = wrap_of(record.y)
+    if wrap is not None:
+        return NotConvergedError(
+            f"{structure_name}: no model is found, as the output jumps by {wrap[1]:.4g} and back after sample"
+            f" {wrap[0]}, as an angle does that wraps: unwrap it (numpy.unwrap)"
+        )
+    lead = _lead(record, float("inf"))
+    if lead is None:
+        return None
+    return NotConvergedError(
+        f"{structure_name}: no lag is found, as the output follows the input of the same sample (y = {lead:.3g} u +"
+        " offset): check that the columns are two signals, sample faster"
+    )
+
+
+def with_hint(record: Record, found: Estimate) -> Estimate:
+    """Add what would help to an estimate whose residuals tell that its structure leaves something out."""
+    tests, friction = found.residuals, found.friction
+    explained = tests.whiteness.passed and tests.input_correlation.passed
+    if explained or 100.0 - found.fit_all_percent <= NEGLIGIBLE_PERCENT or (friction is not None and friction.found):
+        return found
+    rest, resolution = rest_at_limit(record.u, record.y), found.y_resolution
+    if (rest is not None and rest.abrupt) or (resolution and np.ptp(record.y) < MIN_COUNTS * resolution):
+        return found
+    with np.errstate(all="ignore"):
+        hint = find_hint(record, found.model)
+    if hint is None:
+        return found
+    verdict = replace(found.verdict, reasons=(*found.verdict.reasons, hint.sentence))
+    return replace(found, hint=hint, verdict=verdict)
+
+
+def _estimate(
+    record: Record, shape: Structure, method: Method, gain_geometry: float | None, y_resolution: float | None
+) -> Estimate:
+    found = fit(record, shape, method)
+    model = Model(shape.name, dict(zip(shape.names, found.parameters.tolist(), strict=True)))
+    covariance = found.covariance
+    first_order = reduce_to_first_order(model, covariance)
+    AIC, BIC, FPE = information_criteria(found.prediction_errors, found.parameters.size + shape.order + 2)
+    residuals = Residuals(
+        whiteness=found.whiteness(),
+        input_correlation=found.input_correlation(),
+        std=float(np.std(found.prediction_errors)),
+        AIC=AIC,
+        BIC=BIC,
+        FPE=FPE,
+    )
+    whole = beside(found.problem, found.parameters)
+    fit_percent, fit_all_percent = _held_out_fit(found), whole.fit_percent
+    std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
+    friction = _dry_friction(found, model)
+    y_resolution = y_resolution or coarse_resolution(record.y)
+    gain_error = None if gain_geometry is None else 100.0 * (model.gain / gain_geometry - 1.0)
+    counts = None if y_resolution is None else float(np.ptp(record.y)) / y_resolution
+    rounding = 100.0 * (y_resolution or 0.0) / float(np.sqrt(12.0) * np.std(record.y))
+    step = quantum(record.y)
+    left = whole.measured - whole.predicted
+    wrap = wrap_of(record.y)
+    evidence = Evidence(
+        first_order=first_order,
+        model=model,
+        std_errors=std_errors,
+        fit=fit_percent,
+        residuals=residuals,
+        gain_error_percent=gain_error,
+        motion_counts=counts,
+        resolution_percent=rounding,
+        friction=friction,
+        fit_all=fit_all_percent,
+        unseen_rests=not fit_percent >= GOOD_FIT_PERCENT and _rests_in_part(whole.predicted),
+        one_step=takes_one_step(record.u),
+        rounding=step is not None and float(np.sqrt(np.mean(left**2))) <= 0.5 * step,
+        largest_bias_percent=_largest_bias_percent(found, model),
+        at_limit=rest_at_limit(record.u, record.y),
+        input_at_limit_percent=0.0 if record.controller is None else time_at_limit_percent(record.u),
+        lead=_lead(record, float(np.linalg.norm(left))),
+        period_s=record.period_s,
+        wrap=None if wrap is None else wrap[1],
+        fed_back=external_signal(record) is None and _coloured(found) and _fed_back(found),
+    )
+    return Estimate(
+        model=model,
+        std_errors=std_errors,
+        covariance=covariance,
+        method=found.method,
+        fit_percent=fit_percent,
+        fit_all_percent=fit_all_percent,
+        first_order=first_order,
+        noise=tuple(found.problem.whitening[1:].tolist()),
+        residuals=residuals,
+        frequency=check_frequency_response(model, record),
+        gain_geometry=gain_geometry,
+        gain_error_percent=gain_error,
+        y_resolution=y_resolution,
+        friction=friction,
+        spread_percent=evidence.spread_with_friction,
+        verdict=judge(evidence),
+        input_offset=_input_offset(found),
+    )
+
+
+def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
+    """Compare friction with the linear model that simulates best: a noise model or a weighting gives up some of that.
+
+    None where the record could not show any.
+    """
+    if not both_ways(found.problem.record.y):
+        return None
+    return dry_friction(found.problem.record, adapt(found.problem.unweighted, found.parameters).error, model.dead_time)
+
+
+def _held_out_fit(found: Fit) -> float:
+    """Fit on the last third of the record by a model of the first two thirds; NaN where one of them holds nothing."""
+    try:
+        return held_out(found).fit_percent
+    except (IdentificationError, np.linalg.LinAlgError):
+        return float("nan")
+
+
+def _coloured(found: Fit) -> bool:
+    """Whether what the simulation leaves over is coloured, with a noise model or without."""
+    return found.problem.whitening.size > 1 or not found.whiteness().passed
+
+
+def _fed_back(found: Fit) -> bool:
+    here = Evaluation(found.problem.unweighted, found.parameters)
+    left = here.without_nuisance(here.error[:, np.newaxis])[:, 0]
+    return reacts_to_noise(found.problem.record.u, left, float(found.parameters[0]))
+
+
+def _input_offset(found: Fit) -> InputOffset | None:
+    """Return the offset of the record as one of the input; None where it does not differ from zero.
+
+    The offset is that at the middle of the record, where the ramp that is fitted besides is zero.
+    """
+    plain = replace(found.problem, low_pass=0.0, whitening=WHITE)
+    here = Evaluation(plain, found.parameters)
+    columns = np.column_stack((here.nuisance, here.sensitivities))
+    at, K = here.nuisance.shape[1] - 2, float(found.parameters[0])
+    try:
+        unknown = least_squares(here.nuisance, here.error)
+        left = here.error - here.nuisance @ unknown
+        covariance = sandwich(columns, columns, left)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+    size = float(np.sqrt(plain.record.u.size - plain.first))
+    offset, rows = float(unknown[at]) / size, [at, columns.shape[1] - found.parameters.size]
+    gradient = np.array([-1.0 / (K * size), offset / K**2])
+    variance = float(gradient @ covariance[np.ix_(rows, rows)] @ gradient)
+    u_0 = -offset / K
+    if not (variance > 0.0 and abs(u_0) > SIGNIFICANT_STD * np.sqrt(variance)):
+        return None
+    # An offset that only rounding tells of is none.
+    if abs(u_0) < 1e-6 * float(np.max(np.abs(plain.record.u))):
+        return None
+    return InputOffset(u_0, float(np.sqrt(variance)))
+
+
+def _rests_in_part(predicted: Signal) -> bool:
+    """Whether the model's output, shape (n,), hardly moves in the first two thirds or in the last third."""
+    split = int(TRAINING_PART * predicted.size)
+    return min(float(np.ptp(predicted[:split])), float(np.ptp(predicted[split:]))) < _RESTS * float(np.ptp(predicted))
+
+
+def _largest_bias_percent(found: Fit, model: Model) -> float:
+    """Return what residuals of this size can move K and T by at most [%]; infinite where that cannot be had.
+
+    By Cauchy and Schwarz the solution of J x = e is at most as long as |e| times that of J's pseudo-inverse.
+    """
+    sensitivities = found.solution.without_nuisance(found.solution.sensitivities)
+    factor = triangle(sensitivities)
+    if not (np.all(np.isfinite(factor)) and np.all(np.diag(factor) != 0.0)):
+        return float("inf")
+    scale = np.concatenate(([1.0], found.parameters[1:]))
+    inverse = np.linalg.inv(factor) * scale[:, np.newaxis] * float(np.linalg.norm(found.residuals))
+    bias = reduce_to_first_order(model, inverse @ inverse.T)
+    worst_case = 100.0 * max(abs(bias.K_std / bias.K), abs(bias.T_std / bias.T))
+    return worst_case if np.isfinite(worst_case) else float("inf")
+
+
+def _lead(record: Record, left: float) -> float | None:
+    """Gain of an output that follows the input of its own sample, which no lag can; None of one that does not.
+
+    ``left`` is the norm of what the model leaves over.
+    """
+    now = np.column_stack((np.ones(record.u.size), record.u))
+    errors, gain = [], 0.0
+    for columns in (now[1:], now[:-1]):
+        offset_and_gain = least_squares(columns, record.y[1:])
+        errors.append(float(np.linalg.norm(record.y[1:] - columns @ offset_and_gain)))
+        gain = gain or float(offset_and_gain[1])
+    return gain if errors[0] < _CLEARLY_LESS * min(errors[1], left) else None
+
+
+def _standard_errors(covariance: Signal) -> list[float]:
+    """Square roots of the diagonal; NaN where rounding has eaten a variance."""
+    variances = np.diag(covariance)
+    return [float(std) for std in np.sqrt(np.where(variances > 0.0, variances, np.nan))]
+
+
+# Candidates ----------------------------------------------------------------------------------------
+#
+# Several structures on one record, ranked.
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Estimates of one record, best first, and the structures that gave none with the reason."""
+
+    ranked: tuple[Estimate, ...]
+    failed: dict[str, str]
+
+    @property
+    def best(self) -> Estimate:
+        """First of the ranking."""
+        return self.ranked[0]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionaries, lists and numbers."""
+        return {"ranked": [candidate.to_json() for candidate in self.ranked], "failed": self.failed}
+
+
+def rank(
+    record: Record,
+    structures: Sequence[str],
+    method: Method = Method.DEFAULT,
+    *,
+    gain_geometry: float | None = None,
+    y_resolution: float | None = None,
+) -> Candidates:
+    """Estimate each structure and rank: usable ones before unusable ones, then by BIC, which charges for parameters.
+
+    Arguments as for :func:`estimate`. Raises StructureError, and NotConvergedError if no structure gives a model.
+    """
+    found, failed = [], {}
+    for name in structures:
+        try:
+            one = estimate(record, name, method, gain_geometry=gain_geometry, y_resolution=y_resolution, hint=False)
+            found.append(one)
+        except (NotConvergedError, NoStartError, NotContinuousError) as error:
+            failed[name] = str(error)
+    if not found:
+        raise NotConvergedError("; ".join(failed.values()))
+    best, *others = sorted(found, key=_rank)
+    return Candidates((with_hint(record, best), *others), failed)
+
+
+def _rank(candidate: Estimate) -> tuple[bool, float]:
+    return candidate.verdict.grade is Grade.UNUSABLE, candidate.residuals.BIC

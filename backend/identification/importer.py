@@ -1,0 +1,802 @@
+"""Imports records from tables, MATLAB and Parquet files: their columns, timebase and units."""
+
+import math
+import re
+import struct
+import warnings
+import zlib
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from backend.identification.records import (
+    Controller,
+    DataFileError,
+    FileFault,
+    Record,
+    RecordError,
+    Signal,
+    check_period,
+    mean_period,
+)
+from backend.identification.tables import DAY_FIRST, LARGEST_EXACT, MAX_SAMPLES, MONTH_FIRST, Columns, read_dates
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+# Timebase ------------------------------------------------------------------------------------------
+#
+# Which column is the time, in which unit, whether it runs forward, and rows that are taken at even
+# instants.
+
+
+NO_COLUMN = "none"
+"""In place of the name of a time column: none of them is the time."""
+MAX_BRIDGED = 10.0
+"""Longest gap that is bridged, in sample times: across more than that nobody knows what the output did."""
+
+SECONDS = {
+    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0,
+    "ms": 1e-3, "msec": 1e-3, "millis": 1e-3, "milliseconds": 1e-3,
+    "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "usec": 1e-6, "micros": 1e-6, "microseconds": 1e-6,
+    "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
+    "min": 60.0, "minutes": 60.0, "h": 3600.0, "hours": 3600.0, "d": 86400.0, "days": 86400.0,
+}  # fmt: skip
+UNITS = "s, ms, us, ns, min, h, d"
+_TIME_UNIT = "|".join(sorted((re.escape(unit) for unit in SECONDS), key=len, reverse=True))
+_SHORT = "s|sec|seconds?|ms|msec|us|usec|µs|μs|ns|nsec"
+_CERTAIN = re.compile(
+    rf"^(?:(?:time|times|timestamps?|time_?stamps?|datetime|date_?time|elapsed|elapsed_?time|sim_?time|epoch)"
+    rf"(?:[_ .-]*(?P<unit>{_TIME_UNIT}))?|(?P<alone>seconds|milliseconds|millis|microseconds|micros"
+    r"|nanoseconds|tout))$",
+    re.IGNORECASE,
+)
+_CERTAIN_T = re.compile(rf"^t(?:[_ .-]+(?P<unit>{_SHORT}))?$")
+_DOUBTFUL = re.compile(rf"^t[_ .-]*(?P<unit>{_TIME_UNIT})?$|^date$|^x_value$", re.IGNORECASE)
+"""Names of a time, of a sample time, a temperature, a torque, a lowest temperature."""
+_EPOCHS = {"ms": 1e12, "us": 1e15, "ns": 1e18}
+"""About the size of a time since 1970, by its unit; since 2001 it is between once and four times that."""
+_LONGEST_PERIOD_S = 0.5
+"""Rows further apart are not taken to be in seconds without a word."""
+_SAME = 0.1
+_COUNTERS = {bits: 2.0**bits for bits in (16, 31, 32)}
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """The time of each row [s], from the first row on, shape (n,); its unit in the file and what says so."""
+
+    name: str
+    seconds: Signal
+    unit: str
+    unit_from: str
+
+
+def time_of(
+    columns: Columns,
+    taken: Collection[str],
+    *,
+    asked: str | None = None,
+    unit: str | None = None,
+    period_s: float | None = None,
+) -> TimeColumn | None:
+    """Return the time column: the one that is ``asked`` for, else the one that is named like one; None without.
+
+    ``taken`` are the columns that serve as signals, ``unit`` that of the time where the file leaves it open. With a
+    sample time ``period_s`` [s] a column that may be something else, such as T, is not the time. Raises DataFileError
+    where the column, its unit, or its dates cannot be told.
+    """
+    if unit is not None and unit not in (*SECONDS, DAY_FIRST, MONTH_FIRST):
+        raise DataFileError(
+            f"--time-unit {unit}: give it in {UNITS}; for dates {DAY_FIRST} or {MONTH_FIRST}",
+            FileFault.OPTION,
+            option="--time-unit",
+        )
+    if asked == NO_COLUMN and asked not in columns:
+        return None
+    name = asked or _named_like_one(columns, taken, period_s)
+    if name is None:
+        return None
+    if name in columns.texts:
+        return _dated(name, columns.texts[name], unit)
+    return _counted(name, columns, unit, period_s)
+
+
+def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | None) -> str | None:
+    """Return the one column that is named like a time. Raises DataFileError for several and for none for sure."""
+    names: list[str] = [name for name in dict.fromkeys((*columns, *columns.texts)) if name not in taken]
+    certain = [name for name in names if _is_certain(name, columns.units.get(name, ""))]
+    if period_s is not None:  # t [°C] beside a sample time is a temperature
+        certain = [name for name in certain if (columns.units.get(name) or "s").lower() in SECONDS]
+    if len(certain) > 1:
+        raise DataFileError(
+            f"each of the columns {', '.join(certain)} may be the time: say which by --time COLUMN",
+            FileFault.AMBIGUOUS_TIME,
+            column=certain[1],
+            option="--time",
+        )
+    if certain:
+        return certain[0]
+    unread = [name for name in columns.reasons if name not in columns.texts and _is_certain(name, "")]
+    if unread and period_s is None:
+        columns.column(unread[0])
+    doubtful = [name for name in names if _DOUBTFUL.match(name) and not columns.units.get(name)]
+    if doubtful and period_s is None:
+        raise DataFileError(
+            f"column '{doubtful[0]}' may be the time or something else: --time {doubtful[0]} takes it, else give the"
+            " sample time by --period",
+            FileFault.AMBIGUOUS_TIME,
+            column=doubtful[0],
+            option="--time",
+        )
+    return None
+
+
+def _is_certain(name: str, unit: str) -> bool:
+    if _CERTAIN.match(name) or _CERTAIN_T.match(name):
+        return True
+    return bool(_DOUBTFUL.match(name)) and unit.lower() in SECONDS
+
+
+def _dated(name: str, texts: list[str], unit: str | None) -> TimeColumn:
+    if unit in SECONDS:
+        raise DataFileError(
+            f"the time column '{name}' holds '{texts[0]}', so it has no unit: leave --time-unit out",
+            FileFault.OPTION,
+            column=name,
+            option="--time-unit",
+        )
+    dates = read_dates(name, texts, unit)
+    zone = "an offset from UTC" if dates.has_zone else "no zone"
+    return TimeColumn(name, dates.seconds, f"dates, {dates.form}, with {zone}", "dates")
+
+
+def _counted(name: str, columns: Columns, unit: str | None, period_s: float | None) -> TimeColumn:
+    values = columns.column(name)
+    if unit in (DAY_FIRST, MONTH_FIRST):
+        raise DataFileError(
+            f"the time column '{name}' holds numbers, not dates: --time-unit takes {UNITS}",
+            FileFault.OPTION,
+            column=name,
+            option="--time-unit",
+        )
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise RecordError(
+            f"number of rows without a time in '{name}' (first in row {bad[0] + 1})", bad.size, None, 0, "1",
+            f"cut the file, or give the sample time by --period with --time {NO_COLUMN}",
+        )  # fmt: skip
+    whole = columns.whole.get(name)
+    since = values - values[:1] if whole is None else (whole - whole[:1]).astype(np.float64)
+    unit, unit_from = (unit, "--time-unit") if unit else _unit_of(name, columns, since, period_s)
+    return TimeColumn(name, np.asarray(since * SECONDS[unit]), unit, unit_from)
+
+
+def _unit_of(name: str, columns: Columns, since: Signal, period_s: float | None) -> tuple[str, str]:
+    """Return the unit of a time and what says so. Raises DataFileError where nothing does."""
+    said = columns.units.get(name) or _unit_in(name)
+    if said:
+        known = said if said in SECONDS else said.lower()
+        if known in SECONDS:
+            return known, "heading"
+        raise DataFileError(
+            f"the time column '{name}' is in '{said}': say which of {UNITS} that is by --time-unit",
+            FileFault.TIME_UNIT,
+            column=name,
+            option="--time-unit",
+        )
+    values = columns[name]
+    step = float(np.median(np.abs(np.diff(since)))) if since.size > 1 else 0.0
+    if period_s:
+        fitting = [one for one in ("s", "ms", "us", "ns") if abs(step * SECONDS[one] / period_s - 1.0) < _SAME]
+        if fitting:
+            return fitting[0], "--period"
+    size = float(np.min(values)) if values.size else 0.0
+    for one, least in _EPOCHS.items():
+        if least <= size < 4.1 * least and 0.0 < step * SECONDS[one] <= 1.0:
+            return one, "its size, a time since 1970"
+    is_whole = bool(np.all(since == np.round(since)))
+    is_day = size > 1e4 and 0.0 < step < 1e-4
+    if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
+        raise DataFileError(
+            f"nothing says in which unit the time column '{name}' is, whose rows are {step:.6g} apart: give it by"
+            f" --time-unit, one of {UNITS}"
+            + (f"; where it is no time, by --time {NO_COLUMN} beside --period" if period_s else ""),
+            FileFault.TIME_UNIT,
+            column=name,
+            option="--time-unit",
+        )
+    return "s", "assumed, as neither heading nor option says"
+
+
+def _unit_in(name: str) -> str:
+    for pattern in (_CERTAIN, _CERTAIN_T, _DOUBTFUL):
+        match = pattern.match(name)
+        if match:
+            groups = match.groupdict()
+            alone = {"tout": "s"}.get((groups.get("alone") or "").lower(), groups.get("alone"))
+            return (groups.get("unit") or alone or "").lower()
+    return ""
+
+
+def require_forward(time: TimeColumn, first_row: int) -> None:
+    """Raise RecordError where the time runs back; so many rows of the file, ``first_row``, are before it."""
+    steps = np.diff(time.seconds)
+    if not steps.size or float(np.min(steps)) >= 0.0:
+        return
+    if float(np.max(steps)) <= 0.0:
+        raise RecordError(
+            "largest time step", float(np.max(steps)), 0.0, None, "s", "the rows are in reverse order: turn them round"
+        )
+    at = int(np.argmax(steps < 0.0))
+    row = first_row + at + 1
+    raise RecordError(
+        f"time step after row {row} (at {time.seconds[at]:.6g} s)", float(steps[at]), 0.0, None, "s",
+        f"the time must not run back{_cause(float(steps[at]), SECONDS.get(time.unit, 1.0))}; take the rows before it"
+        f" (--skip {first_row} --take {at + 1}) or after it (--skip {row})",
+    )  # fmt: skip
+
+
+def _cause(step_s: float, unit_s: float) -> str:
+    """Name what a step back of this size usually is."""
+    for bits, size in _COUNTERS.items():
+        if abs(-step_s / unit_s / size - 1.0) < 0.05:
+            return f", as a counter of {bits} bits does that overflows"
+    if abs(step_s + 3600.0) < 60.0:
+        return ", as local time does at the end of daylight saving"
+    if abs(step_s + 86400.0) < 60.0:
+        return ", as a time of day does at midnight"
+    return ""
+
+
+def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
+    """Values at even instants: the last one before each where the signal is ``held``, else on the line between two.
+
+    Raises RecordError where the time runs back or a gap is too long to be bridged.
+    """
+    steps = np.diff(t)
+    if not float(np.min(steps)) >= 0.0:
+        at = int(np.argmin(steps))
+        raise RecordError(
+            f"time step after sample {at}", float(steps[at]), 0.0, None, "s", "the time must not run back"
+        )
+    if float(np.max(steps)) > MAX_BRIDGED * period_s:
+        at = int(np.argmax(steps))
+        raise RecordError(
+            f"gap after sample {at}", float(np.max(steps)), None, MAX_BRIDGED * period_s, "s",
+            f"too long to be bridged: use the part before it (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
+            f" (--range {t[at + 1]:.6g}:)",
+        )  # fmt: skip
+    count = (t[-1] - t[0]) / period_s
+    if count > MAX_SAMPLES:
+        raise RecordError(
+            "samples at even instants", float(count), None, MAX_SAMPLES, "1", "give a longer sample time or a --range"
+        )
+    instants = t[0] + period_s * np.arange(int((t[-1] - t[0]) / period_s * (1.0 + 1e-12)) + 1)
+    if not held:
+        return np.asarray(np.interp(instants, t, values))
+    # A stamp a rounding error after its instant still belongs to it.
+    before = np.searchsorted(t, instants + 1e-6 * period_s, side="right") - 1
+    return np.asarray(values[before])
+
+
+# Import data ---------------------------------------------------------------------------------------
+#
+# Samples from elsewhere, of a table, a .mat or a Parquet file, checked, as a record, with what was
+# read of them.
+
+
+_LARGEST_WHOLE = 2.0**63
+_CONTROL = re.compile("[\0-\x08\x0e-\x1f\x7f]")
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+
+
+def decoded(content: bytes, name: str) -> str:
+    """Return the text of a file in UTF-8, or in UTF-16 where a byte order mark says so. Raises DataFileError."""
+    encoding = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), "utf-8")
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:
+        raise DataFileError(f"{name} is not text in UTF-8: save it as CSV in UTF-8", FileFault.ENCODING) from None
+    found = _CONTROL.search(text)
+    if found is not None:
+        line = text.count("\n", 0, found.start()) + 1
+        raise DataFileError(
+            f"{name} is no table of text: line {line} holds the control character U+{ord(found[0]):04X}",
+            FileFault.ENCODING,
+            line=line,
+        )
+    return text
+
+
+def read_parquet(stream: BinaryIO) -> Columns:
+    """Columns of numbers, decimals and Boolean values by name of a Parquet file. Raises DataFileError."""
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        table = pyarrow.parquet.ParquetFile(stream).read()  # unlike read_table it takes two columns of one name
+    except (pyarrow.ArrowException, OSError, ValueError):
+        raise DataFileError(
+            "not a readable Parquet file: it is damaged, or of another kind", FileFault.UNREADABLE
+        ) from None
+    if table.num_rows > MAX_SAMPLES:
+        raise DataFileError(
+            f"the file holds {table.num_rows} rows, at most {MAX_SAMPLES} are read: cut it", FileFault.TOO_LONG
+        )
+    columns = Columns()
+    columns.layout |= {"format": "Parquet file", "rows": table.num_rows}
+    for index, (written, values) in enumerate(zip(table.column_names, table.columns, strict=True)):
+        name = written if written.isprintable() else ascii(written)[1:-1]
+        if name in columns or name in columns.reasons:
+            columns.texts.pop(name, None)
+            columns.leave_out(name, f"two columns are called '{name}'", FileFault.AMBIGUOUS_COLUMN)
+        else:
+            try:
+                _take(columns, name, values)
+            except pyarrow.ArrowException:
+                columns.leave_out(name, f"column '{name}' holds values of the kind {values.type}, which are not read")
+            unit = (table.schema.field(index).metadata or {}).get(b"unit", b"").decode(errors="replace")
+            columns.units.setdefault(name, unit)
+    return columns
+
+
+def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
+    import pyarrow
+
+    kind = values.type
+    if pyarrow.types.is_dictionary(kind):
+        values, kind = values.cast(kind.value_type), kind.value_type
+    if pyarrow.types.is_boolean(kind):
+        values, kind = values.cast(pyarrow.uint8()), pyarrow.uint8()
+    if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_decimal(kind):
+        columns[name] = np.asarray(values.cast(pyarrow.float64(), safe=False).to_numpy(), dtype=np.float64)
+        is_whole = pyarrow.types.is_integer(kind) and not values.null_count
+        if is_whole and LARGEST_EXACT < float(np.max(np.abs(columns[name]), initial=0.0)) < _LARGEST_WHOLE:
+            columns.whole[name] = values.to_numpy().astype(np.int64)
+    elif pyarrow.types.is_timestamp(kind):
+        columns.texts[name] = [
+            "" if value is None else str(value) for value in values.cast(pyarrow.timestamp("ns")).to_numpy()
+        ]
+        columns.leave_out(name, f"column '{name}' holds dates, not numbers", FileFault.NOT_A_NUMBER)
+    elif pyarrow.types.is_duration(kind):
+        columns[name] = (
+            np.asarray(values.cast(pyarrow.duration("ns")).cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
+        )
+        columns.units[name] = "s"
+    elif pyarrow.types.is_time(kind):
+        of_day = values.cast(pyarrow.time64("ns")).cast(pyarrow.int64())
+        columns[name] = np.asarray(of_day.to_numpy(), dtype=np.float64) * 1e-9
+        columns.units[name] = "s"
+    else:
+        columns.leave_out(name, f"column '{name}' holds values of the kind {kind}, which are not numbers")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which rows of a file make the record.
+
+    ``skip`` rows are left out at the start and ``take`` of the others are taken; of these those from ``start_s`` to
+    ``end_s`` [s] count, from the first row of the file on; ``resample`` takes them at even instants.
+    """
+
+    skip: int = 0
+    start_s: float = 0.0
+    end_s: float = math.inf
+    resample: bool = False
+    take: int | None = None
+
+    @property
+    def has_range(self) -> bool:
+        """Whether times choose the rows."""
+        return self.start_s > 0.0 or self.end_s < math.inf
+
+
+WHOLE = Selection()
+
+
+@dataclass(frozen=True)
+class TimeChoice:
+    """The column that is the time, or ``NO_COLUMN``, and its unit; None where the file says so itself."""
+
+    column: str | None = None
+    unit: str | None = None
+
+
+BY_THE_FILE = TimeChoice()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read of a file, for the reader of a result.
+
+    ``columns`` by what they serve as, ``units`` by column; ``layout`` is how the file was read. Rows count from 1, the
+    first below the heading. ``not_read`` are the other columns, each with the reason. ``least_step_s`` and
+    ``largest_step_s`` [s] are those between rows, None without a time column.
+    """
+
+    file: str
+    layout: dict[str, str | int]
+    columns: dict[str, str]
+    units: dict[str, str]
+    time_column: str | None
+    time_unit: str | None
+    time_unit_from: str | None
+    sample_time_s: float
+    sample_time_from: str
+    least_step_s: float | None
+    largest_step_s: float | None
+    rows_in_file: int
+    first_row: int
+    last_row: int
+    rows_used: int
+    samples: int
+    resampled: bool
+    not_read: dict[str, str]
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionaries, lists and numbers."""
+        return asdict(self)
+
+
+class Imported(NamedTuple):
+    """A record, and what was read of the file that it comes from."""
+
+    record: Record
+    reading: Reading
+
+
+def import_record(
+    columns: Columns,
+    u: str,
+    y: str,
+    period_s: float | None = None,
+    *,
+    setpoint: str | None = None,
+    controller: Controller | None = None,
+    selection: Selection = WHOLE,
+    time: TimeChoice = BY_THE_FILE,
+    file: str = "",
+) -> Imported:
+    """Record made of the columns of that name; a time column gives the sample time, or is checked against it.
+
+    Raises DataFileError where a column or the time cannot be told, and RecordError where the data identify nothing.
+    """
+    roles = {"input": u, "output": y} | ({"setpoint": setpoint} if setpoint is not None else {})
+    signals = {name: columns.column(name) for name in roles.values()}
+    if time.column in signals:
+        raise DataFileError(
+            f"--time {time.column}: that column is a signal, so it is not the time",
+            FileFault.OPTION,
+            column=time.column,
+            option="--time",
+        )
+    if period_s is not None:
+        check_period(period_s)
+    found = time_of(columns, signals, asked=time.column, unit=time.unit, period_s=period_s)
+    _require_one_length(signals, found)
+    if found is None and time.unit is not None:
+        raise DataFileError(
+            "there is no time column that --time-unit is for: name it by --time COLUMN",
+            FileFault.NO_TIME,
+            option="--time",
+        )
+    if found is None and (period_s is None or selection.resample):
+        raise DataFileError(
+            "the file has no time column (t, time, timestamp, ...): name it by --time COLUMN, or give the sample time"
+            " by --period",
+            FileFault.NO_TIME,
+            option="--time",
+        )
+    if found is None and columns.holes:
+        raise DataFileError(
+            f"{columns.holes} lines between rows are empty or commented out: they may be samples that are missing,"
+            " which no time column tells. Delete those lines, or name the time by --time COLUMN",
+            FileFault.ROWS,
+            option="--time",
+        )
+    rows = np.arange(columns[u].size)
+    at = np.asarray(rows * (period_s or 0.0), dtype=np.float64) if found is None else found.seconds
+    part = _part(found, at, selection)
+    signals = {name: values[part] for name, values in signals.items()}
+    t = None if found is None else found.seconds[part]
+    steps = None if t is None or t.size < 2 else np.diff(t)
+    sample_time_from = "--period"
+    if period_s is None:
+        assert t is not None
+        period_s = float(np.median(np.diff(t))) if selection.resample and t.size > 1 else mean_period(t)
+        sample_time_from = f"{'median' if selection.resample else 'mean'} step of the time column"
+        check_period(period_s)
+    used = part.stop - part.start
+    if selection.resample and t is not None:
+        _require_finite(signals)
+        signals = {name: even(t, values, period_s, held=name != y) for name, values in signals.items()}
+        t = None
+    r = None if setpoint is None else signals[setpoint]
+    used_names = {*signals, *([] if found is None else [found.name])}
+    record = Record(period_s, signals[u], signals[y], r=r, controller=controller, t=t)
+    reading = Reading(
+        file=file,
+        layout=dict(columns.layout),
+        columns=roles,
+        units={name: columns.units[name] for name in signals if columns.units.get(name)},
+        time_column=None if found is None else found.name,
+        time_unit=None if found is None else found.unit,
+        time_unit_from=None if found is None else found.unit_from,
+        sample_time_s=period_s,
+        sample_time_from=sample_time_from,
+        least_step_s=None if steps is None else float(np.min(steps)),
+        largest_step_s=None if steps is None else float(np.max(steps)),
+        rows_in_file=columns[u].size,
+        first_row=part.start + 1,
+        last_row=part.stop,
+        rows_used=used,
+        samples=record.u.size,
+        resampled=selection.resample,
+        not_read={name: reason for name, reason in columns.not_read().items() if name not in used_names},
+        notes=tuple(columns.notes),
+    )
+    return Imported(record, reading)
+
+
+def _require_one_length(signals: dict[str, Signal], found: TimeColumn | None) -> None:
+    """Raise RecordError for columns of different length, of which rows would be left out."""
+    sizes = {name: values.size for name, values in signals.items()}
+    if found is not None:
+        sizes[found.name] = found.seconds.size
+    (first, expected), *others = sizes.items()
+    for name, size in others:
+        if size != expected:
+            raise RecordError(
+                f"length of {name}", size, expected, expected, "samples",
+                f"give columns of one length, {first} has {expected}",
+            )  # fmt: skip
+
+
+def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:
+    """Return the rows that are chosen. Raises DataFileError for none and for rows apart, RecordError for times back."""
+    last = at.size if selection.take is None else min(at.size, selection.skip + selection.take)
+    rows = np.arange(min(selection.skip, last), last)
+    if selection.has_range:
+        rows = rows[(at[rows] >= selection.start_s) & (at[rows] <= selection.end_s)]
+    if not rows.size:
+        raise DataFileError(
+            f"no row is left: the file holds {at.size} rows from 0 to {at[-1] if at.size else 0.0:.6g} s",
+            FileFault.ROWS,
+        )
+    part = slice(int(rows[0]), int(rows[-1]) + 1)
+    if part.stop - part.start != rows.size:
+        apart = int(rows[np.argmax(np.diff(rows) > 1)]) + 1
+        raise DataFileError(
+            f"the times of --range are those of rows that do not follow each other, as the time runs back after row"
+            f" {apart}: choose rows by --skip and --take",
+            FileFault.ROWS,
+            option="--take",
+        )
+    if found is not None:
+        require_forward(replace(found, seconds=found.seconds[part]), part.start)
+    return part
+
+
+def _require_finite(signals: dict[str, Signal]) -> None:
+    """Raise DataFileError for a sample that is missing, which resampling would spread or pass over."""
+    for name, values in signals.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise DataFileError(
+                f"{bad.size} samples of '{name}' are not finite (first at index {bad[0]}): cut the record before or"
+                " after them",
+                FileFault.NOT_A_NUMBER,
+                column=name,
+            )
+
+
+# Matlab file ---------------------------------------------------------------------------------------
+#
+# A MATLAB file, version 7 or older, as columns by name; what is no column is named with the reason.
+
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_VERSION_7_3 = (
+    "the file is of MATLAB version 7.3 (HDF5), which is not read: load it in MATLAB or Octave and save it again with "
+    "save('new.mat', 'u', 'y', '-v7'), the names of its variables in place of u and y"
+)
+_SAVE = {
+    "table": "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')",
+    "timetable": "t = seconds({0}.Properties.RowTimes - {0}.Properties.RowTimes(1)); u = {0}.u; y = {0}.y;"
+    " save('new.mat', 't', 'u', 'y', '-v7')",
+    "timeseries": "t = {0}.Time; y = {0}.Data; save('new.mat', 't', 'y', '-v7')",
+    "Simulink.SimulationOutput": "t = {0}.tout; y = {0}.yout.getElement(1).Values.Data;"
+    " save('new.mat', 't', 'y', '-v7')",
+    "Simulink.SimulationData.Dataset": "y = {0}.getElement(1).Values.Data; t = {0}.getElement(1).Values.Time;"
+    " save('new.mat', 't', 'y', '-v7')",
+    "datetime": "t = seconds({0} - {0}(1)); save('new.mat', 't', '-v7', '-append')",
+    "duration": "t = seconds({0}); save('new.mat', 't', '-v7', '-append')",
+}
+_MATRIX, _COMPRESSED, _OPAQUE = 14, 15, 17
+_MOST_NAMED = 64 * 1024
+"""Bytes of an element in which the class of an object is looked for."""
+
+Found = tuple[str, str, Any]
+"""Where a value is, the name by which it is read where that is the only one, and the value."""
+
+
+def read_mat(stream: BinaryIO) -> Columns:
+    """Numeric vectors by name of a MATLAB file (version 7 or older). Raises DataFileError.
+
+    Columns of a matrix x are x_1, x_2 ..; fields of a struct s are read as if they stood alone, or as s.field where
+    that name is taken; those of the elements of a struct array are field_1, field_2 ..
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    content = stream.read()
+    stream.seek(0)
+    if content.startswith(_HDF5):
+        raise DataFileError(_VERSION_7_3, FileFault.FORMAT)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            # SciPy warns of objects that it cannot name; what could not be read is said below.
+            warnings.simplefilter("ignore")
+            # The stubs know file names only; loadmat reads from open files as well.
+            variables = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
+    except NotImplementedError:
+        raise DataFileError(_VERSION_7_3, FileFault.FORMAT) from None
+    except (
+        ArithmeticError, AttributeError, AssertionError, EOFError, LookupError, MatReadError, MemoryError, OSError,
+        TypeError, UnboundLocalError, ValueError, struct.error, zlib.error,
+    ):  # fmt: skip
+        raise DataFileError(
+            "not a readable MATLAB file: it is damaged, or of another kind", FileFault.UNREADABLE
+        ) from None
+    objects = dict(_objects(content))
+    columns = _gathered(variables, objects)
+    columns.layout |= {"format": "MATLAB file"}
+    if not columns:
+        what = [f"{name} ({kind})" for name, kind in objects.items()]
+        if what:
+            raise DataFileError(
+                f"the MATLAB file holds objects, {', '.join(what)}, and no numeric vectors: {_remedies(objects)}",
+                FileFault.OBJECTS,
+                column=next(iter(objects)),
+            )
+        others = "; it has " + ", ".join(columns.reasons) if columns.reasons else ""
+        raise DataFileError(f"the MATLAB file holds no numeric vectors{others}", FileFault.NO_COLUMN)
+    return columns
+
+
+def _remedies(objects: dict[str, str]) -> str:
+    name, kind = next(iter(objects.items()))
+    return "save the columns as vectors in MATLAB, as in " + _save(name, kind)
+
+
+def _save(name: str, kind: str) -> str:
+    return _SAVE.get(kind, "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')").format(name)
+
+
+def _gathered(variables: dict[str, Any], objects: dict[str, str]) -> Columns:
+    columns = Columns()
+    found = [
+        one
+        for name, values in variables.items()
+        if not name.startswith("__") and not _is_object(values)
+        for one in _parts(name, name, values)
+    ]
+    paths = {path for path, _, _ in found}
+    shared = Counter(short for path, short, _ in found if short != path)
+    places: dict[str, list[str]] = {}
+    for path, short, values in found:
+        is_alone = short not in paths and shared[short] == 1
+        name = path if short == path or not is_alone else short
+        if name in columns or name in columns.reasons:
+            columns.leave_out(name, f"two values of the file are called '{name}'", FileFault.AMBIGUOUS_COLUMN)
+            continue
+        if short != path and not is_alone:
+            places.setdefault(short, []).append(path)
+        reason = _reason(values)
+        if reason:
+            columns.leave_out(name, f"'{name}' of the file is {reason}")
+        else:
+            columns[name] = np.asarray(values, dtype=np.float64)
+            if np.issubdtype(values.dtype, np.integer) and np.any(np.abs(columns[name]) > LARGEST_EXACT):
+                columns.whole[name] = values.astype(np.int64)
+    for short, ways in places.items():
+        if short not in columns and short not in columns.reasons:
+            columns.leave_out(
+                short, f"'{short}' of the file may be {' or '.join(ways)}: say which", FileFault.AMBIGUOUS_COLUMN
+            )
+    for name, kind in objects.items():
+        reason = f"'{name}' is a MATLAB object ({kind}): save its columns as vectors, as in {_save(name, kind)}"
+        columns.leave_out(name, reason, FileFault.OBJECTS)
+        columns.notes.append(reason)
+    return columns
+
+
+def _parts(path: str, short: str, values: Any) -> Iterator[Found]:
+    """Yield the vectors of a variable, those of structs and matrices one by one, and what is no vector."""
+    if _is_object(values) or not isinstance(values, np.ndarray):
+        yield path, short, values
+    elif values.dtype.names is not None and values.ndim == 0:
+        for field in values.dtype.names:
+            yield from _parts(f"{path}.{field}", field, _element(values[field][()]))
+    elif values.dtype.names is not None and values.ndim == 1:
+        for at, element in enumerate(values, start=1):
+            for field in values.dtype.names:
+                yield from _parts(f"{path}({at}).{field}", f"{field}_{at}", _element(element[field]))
+    elif values.ndim == 2 and values.dtype.kind in "biuf" and values.size:
+        upright = values if values.shape[0] >= values.shape[1] else values.T
+        for index in range(upright.shape[1]):
+            yield f"{path}_{index + 1}", f"{short}_{index + 1}", upright[:, index]
+    else:
+        yield path, short, values
+
+
+def _element(value: Any) -> Any:
+    return value if isinstance(value, np.ndarray) or _is_object(value) else np.asarray(value)
+
+
+def _reason(values: Any) -> str:
+    """Why a value is no column; nothing where it is one."""
+    if _is_object(values):
+        return "a MATLAB object"
+    if not isinstance(values, np.ndarray):
+        return "a sparse matrix: save it as full(x)" if hasattr(values, "toarray") else "no array of numbers"
+    if values.dtype.kind in "US":
+        return "a text"
+    if values.dtype.kind == "c":
+        return "complex: save real and imaginary part as vectors"
+    if values.dtype.kind not in "biuf":
+        return "a cell array or struct array: save its columns as vectors"
+    if values.ndim != 1 or not values.size:
+        return "one number, not a column" if values.ndim == 0 else f"an array of {values.ndim} dimensions"
+    if values.size > MAX_SAMPLES:
+        return f"a vector of {values.size} values, of which at most {MAX_SAMPLES} are read: cut it"
+    return ""
+
+
+def _is_object(values: Any) -> bool:
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+    return isinstance(values, MatlabOpaque | MatlabObject | MatlabFunction)
+
+
+def _objects(content: bytes) -> Iterator[tuple[str, str]]:
+    """Yield name and class of the objects of a file of version 5, which SciPy mixes up where there are several."""
+    order = "<" if content[126:128] == b"IM" else ">"
+    at = 128
+    while at + 8 <= len(content):
+        kind, size = struct.unpack_from(order + "II", content, at)
+        element = content[at + 8 : at + 8 + min(size, _MOST_NAMED)]
+        if kind == _COMPRESSED:
+            try:
+                element = zlib.decompressobj().decompress(element, _MOST_NAMED)
+            except zlib.error:
+                return
+            kind, element = (struct.unpack_from(order + "I", element)[0], element[8:]) if len(element) > 8 else (0, b"")
+            at += 8 + size
+        else:
+            at += 8 + size + (-size % 8)
+        if kind == _MATRIX and len(element) > 16 and element[8 if order == "<" else 11] == _OPAQUE:
+            words = list(_words(element[16:], order))
+            if len(words) == 3 and re.fullmatch(r"[A-Za-z]\w*", words[0]):
+                yield words[0], words[2]
+
+
+def _words(element: bytes, order: str) -> Iterator[str]:
+    """Yield the first three texts of an object: its name, the kind of its class and the class."""
+    at = 0
+    for _ in range(3):
+        if at + 8 > len(element):
+            return
+        kind, size = struct.unpack_from(order + "II", element, at)
+        if kind >> 16:  # at most four bytes stand beside their number
+            size = kind >> 16
+            word, at = element[at + 4 : at + 4 + size], at + 8
+        else:
+            word, at = element[at + 8 : at + 8 + size], at + 8 + size + (-size % 8)
+        yield word.decode("latin1")

@@ -1,0 +1,391 @@
+"""Records: one input and one output, sampled evenly, and why one cannot be identified."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# Errors --------------------------------------------------------------------------------------------
+#
+# Why nothing could be identified. Each message says what was wrong and what to do about it.
+
+
+class IdentificationError(ValueError):
+    """Base of everything the estimators refuse or fail at."""
+
+
+class RecordError(IdentificationError):
+    """A record from which nothing can be identified: which quantity, its value, the bound, the unit, what to do.
+
+    ``minimum`` or ``maximum`` is None where that side has no bound.
+    """
+
+    def __init__(
+        self,
+        quantity: str,
+        value: float,
+        minimum: float | None,
+        maximum: float | None,
+        unit: str,
+        remedy: str,
+    ) -> None:
+        bounds = [f"at least {minimum:.6g}"] if minimum is not None else []
+        bounds += [f"at most {maximum:.6g}"] if maximum is not None else []
+        shown_unit = "" if unit == "1" else f" {unit}"
+        super().__init__(f"{quantity} is {value:.6g}{shown_unit}, must be {' and '.join(bounds)}{shown_unit}: {remedy}")
+        self.quantity = quantity
+        self.value = value
+        self.minimum = minimum
+        self.maximum = maximum
+        self.unit = unit
+        self.remedy = remedy
+
+
+class FileFault(StrEnum):
+    """What is wrong with a file of samples, for programs and tests."""
+
+    UNREADABLE = "unreadable"
+    FORMAT = "format"
+    ENCODING = "encoding"
+    TOO_LONG = "too_long"
+    NO_HEADING = "no_heading"
+    AMBIGUOUS_HEADING = "ambiguous_heading"
+    ROW_WIDTH = "row_width"
+    NOT_A_NUMBER = "not_a_number"
+    AMBIGUOUS_DECIMALS = "ambiguous_decimals"
+    MIXED_DECIMALS = "mixed_decimals"
+    NO_COLUMN = "no_column"
+    AMBIGUOUS_COLUMN = "ambiguous_column"
+    OBJECTS = "objects"
+    NO_TIME = "no_time"
+    AMBIGUOUS_TIME = "ambiguous_time"
+    TIME_UNIT = "time_unit"
+    DATES = "dates"
+    ROWS = "rows"
+    OPTION = "option"
+
+
+class DataFileError(IdentificationError):
+    """A file that cannot be read as columns of numbers: which fault, and where.
+
+    ``option`` is the option of the command line that resolves it, None where only another file does.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        fault: FileFault,
+        *,
+        column: str | None = None,
+        line: int | None = None,
+        option: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.fault = fault
+        self.column = column
+        self.line = line
+        self.option = option
+
+
+class StructureError(IdentificationError):
+    """A structure that does not exist; the message lists those that do."""
+
+
+class NoStartError(IdentificationError):
+    """No starting value gives a stable model."""
+
+
+class NotConvergedError(IdentificationError):
+    """The iteration found no minimum; the record does not determine this structure."""
+
+
+class NotContinuousError(IdentificationError):
+    """A sampled model that no continuous-time system of the same order can have produced."""
+
+
+class UnstableModelError(IdentificationError):
+    """Parameters that describe no stable system with poles in the sampled band."""
+
+
+# Record --------------------------------------------------------------------------------------------
+#
+# The data object that every estimator takes: one input, one output, sampled evenly.
+
+
+Signal = NDArray[np.float64]
+
+MIN_SAMPLES = 200
+MAX_SATURATED_PERCENT = 2.0
+MOVES = 0.1
+"""Share of its peak-to-peak by which an input has to change to count as moving."""
+MAX_PERIOD_ERROR = 1e-3
+MAX_STEP, MIN_STEP = 1.5, 0.5
+_EVEN = 1e-3
+_USUAL_DWELLS = 10.0
+_ABRUPT = 0.05
+_WRAPPED_JUMP = 0.8
+_TRAVEL_STEPS = 5.0
+_FINEST = 1e-7
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Proportional-integral feedback u = k_p (r - y) + k_i integral of (r - y), whatever else is added to u."""
+
+    k_p: float
+    k_i: float
+
+
+@dataclass(frozen=True)
+class Record:
+    """One identification record; refused by RecordError where nothing can be learnt from it.
+
+    ``u`` and ``y``, shape (n,), any units: sample k of ``y`` is taken at the instant at which sample k of ``u``
+    is applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is a signal from outside the loop, set
+    point or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. Either one
+    lets the estimators build instruments that are valid in closed loop. ``t`` [s], where given, is checked against
+    ``period_s``. An output that stops abruptly at its extreme value, again and again, while the input moves is
+    refused as saturated. An input at its limit is not: the model holds for the input as it was applied.
+    """
+
+    period_s: float
+    u: Signal
+    y: Signal
+    r: Signal | None = None
+    controller: Controller | None = None
+    t: Signal | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("u", "y", "r", "t"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, _signal(name, values))
+        check_period(self.period_s)
+        if self.t is not None:
+            check_time(self.t, self.period_s)
+        for name in ("y", "r", "t"):
+            values = getattr(self, name)
+            if values is not None and values.size != self.u.size:
+                raise RecordError(
+                    f"length of {name}", values.size, self.u.size, self.u.size, "samples", "give columns of one length"
+                )
+        _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
+        for name in ("u", "y"):
+            _check_moves(name, getattr(self, name))
+        _check_saturation(self.u, self.y)
+
+    @property
+    def time(self) -> Signal:
+        """Time since the first sample [s], shape (n,)."""
+        return np.asarray(np.arange(self.u.size) * self.period_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the record [s]."""
+        return self.u.size * self.period_s
+
+    def part(self, start: int, stop: int) -> "Record":
+        """Return the samples start..stop-1 as a record of their own."""
+        window = slice(start, stop)
+        return replace(
+            self,
+            u=self.u[window],
+            y=self.y[window],
+            r=None if self.r is None else self.r[window],
+            t=None if self.t is None else self.t[window],
+        )
+
+
+def coarse_resolution(values: Signal) -> float | None:
+    """Return the step of a signal, shape (n,), of few, evenly spaced values, as a coarse sensor gives; else None."""
+    return None if np.unique(values).size > values.size // 4 else quantum(values)
+
+
+def quantum(values: Signal) -> float | None:
+    """Return the step of a signal, shape (n,), whose values are all whole steps apart, however many; else None.
+
+    A step below 1e-7 of the signal is the rounding of numbers, not of a sensor.
+    """
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    if not steps.size or float(np.min(steps)) < _FINEST * float(np.max(np.abs(levels))):
+        return None
+    step = float(np.min(steps))
+    near = steps < 10.0 * step
+    step = float(np.sum(steps[near]) / np.sum(np.round(steps[near] / step)))
+    whole = np.abs(steps / step - np.round(steps / step)) < _EVEN
+    return step if bool(np.all(whole)) else None
+
+
+@dataclass(frozen=True)
+class RestAtLimit:
+    """How long an output rests at one of its extreme values, ``limit`` [% of the record].
+
+    ``moving_percent`` is the part of it while the input moves. ``abrupt`` where the output gets there at full speed at
+    least twice, as at a limit, and does not settle there.
+    """
+
+    limit: float
+    share_percent: float
+    moving_percent: float
+    abrupt: bool
+
+
+def rest_at_limit(u: Signal, y: Signal) -> RestAtLimit | None:
+    """Return the longer rest of y, shape (n,), at its lowest or highest value that is a sign of a limit; else None.
+
+    The sign is that the output comes to rest there abruptly, or rests while u moves, for longer than at ten of its
+    other values and than 2 % of the record.
+    """
+    levels, counts = np.unique(y, return_counts=True)
+    if levels.size < 3:
+        return None
+    bound = max(_USUAL_DWELLS * float(np.median(counts[1:-1])), 0.01 * MAX_SATURATED_PERCENT * y.size)
+    least_move, speed = MOVES * float(np.ptp(u)), float(np.max(np.abs(np.diff(y))))
+    found = None
+    for limit, count in ((float(levels[0]), counts[0]), (float(levels[-1]), counts[-1])):
+        if count <= bound:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], y == limit, [False])).astype(np.int8)))
+        resting, moving, abrupt = 0, 0, 0
+        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            moved = np.abs(u[start:end] - u[max(start - 1, 0)]) > least_move
+            if start == 0:
+                continue  # at first everything rests, and a dead time later it still does
+            resting += end - start
+            moving += end - start - int(np.argmax(moved)) - 1 if np.any(moved) else 0
+            before = y[max(start - 3, 0)]
+            passed = abs(int(np.searchsorted(levels, before)) - int(np.searchsorted(levels, limit)))
+            abrupt += passed >= 3 and abs(limit - before) > 3.0 * _ABRUPT * speed
+        told = moving > bound or (resting > bound and abrupt >= 2)
+        if told and (found is None or resting > 0.01 * found.share_percent * y.size):
+            found = RestAtLimit(limit, 100.0 * resting / y.size, 100.0 * moving / y.size, abrupt >= 2)
+    return found
+
+
+def takes_one_step(u: Signal) -> bool:
+    """Whether an input, shape (n,), is at one value, then at another, and that is all."""
+    high = u > 0.5 * (float(np.min(u)) + float(np.max(u)))
+    if np.count_nonzero(np.diff(high)) != 1:
+        return False
+    most = 0.02 * float(np.ptp(u))
+    return float(np.ptp(u[high])) <= most and float(np.ptp(u[~high])) <= most
+
+
+def time_at_limit_percent(u: Signal) -> float:
+    """Return the time that an input of many values spends at its lowest and highest value [%], 0 for few values."""
+    levels, counts = np.unique(u, return_counts=True)
+    if levels.size < 3:
+        return 0.0
+    usual = float(np.median(counts[1:-1]))
+    at_limit = sum(int(count) for count in (counts[0], counts[-1]) if count > _USUAL_DWELLS * usual)
+    return 100.0 * at_limit / u.size
+
+
+def wrap_of(values: Signal, least: int = 2) -> tuple[int, float] | None:
+    """Return the sample before the first wrap of an angle, shape (n,), and the size of a turn; None without one.
+
+    An angle that wraps jumps from one end of its range to the other, always by about the same, and moves slowly
+    everywhere else. ``least`` is how many such jumps have to be there: one may be a gap in the record.
+    """
+    span, steps = float(np.ptp(values)), np.diff(values)
+    jumps = np.abs(steps) > _WRAPPED_JUMP * span
+    rest = float(np.max(np.abs(steps[~jumps]), initial=0.0))
+    if np.count_nonzero(jumps) < least or rest > 0.25 * span:
+        return None
+    turn = float(np.max(np.abs(steps)))
+    for whole in (2.0 * np.pi, 360.0, 1.0):
+        if abs(whole - turn) <= 2.0 * rest + 0.01 * whole:
+            turn = whole
+    # Beside the turn, the angle goes on at the speed it had, and it travels: a sequence of two values does not.
+    unwrapped = np.cumsum(steps - np.where(jumps, np.sign(steps) * turn, 0.0))
+    on = steps[jumps] - np.sign(steps[jumps]) * turn
+    travels = rest > 0.0 and float(np.ptp(unwrapped)) > _TRAVEL_STEPS * rest
+    return (int(np.argmax(jumps)), turn) if travels and float(np.max(np.abs(on))) <= 2.0 * rest + 0.05 * span else None
+
+
+def _signal(name: str, values: ArrayLike) -> Signal:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 1:
+        raise RecordError(f"number of dimensions of {name}", array.ndim, 1, 1, "1", "give one column per signal")
+    bad = int(array.size - np.count_nonzero(np.isfinite(array)))
+    if bad:
+        first = int(np.argmin(np.isfinite(array)))
+        raise RecordError(
+            f"number of samples of {name} that are not finite (first at index {first})",
+            bad, None, 0, "1", "cut the record before or after them",
+        )  # fmt: skip
+    array.setflags(write=False)
+    return array
+
+
+def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str) -> None:
+    if not value >= minimum:
+        raise RecordError(quantity, value, minimum, None, unit, remedy)
+
+
+def check_period(period_s: float) -> None:
+    """Raise RecordError for a sample time [s] that is none."""
+    if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
+        raise RecordError("sample time", period_s, 1e-7, 1e3, "s", "give the sample time in seconds")
+
+
+def mean_period(t: Signal) -> float:
+    """Sample time [s] that a time column, shape (n,), has on the whole. Raises RecordError."""
+    if t.size < 2 or not t[-1] > t[0]:
+        raise RecordError(
+            "length of the time column", float(t[-1] - t[0]) if t.size > 1 else 0.0, 1e-7, None, "s",
+            "the time column does not rise: give the sample time by --period, with --time none",
+        )  # fmt: skip
+    return float((t[-1] - t[0]) / (t.size - 1))
+
+
+def check_time(t: Signal, period_s: float) -> None:
+    """Raise RecordError where a time column, shape (n,) [s], has holes, runs back or is not of this sample time."""
+    if t.size < 2:
+        return
+    steps = np.diff(t)
+    if not float(np.min(steps)) > 0.0:
+        at = int(np.argmin(steps))
+        raise RecordError(
+            f"time step after sample {at}", float(steps[at]), MIN_STEP * period_s, MAX_STEP * period_s, "s",
+            "the time column must rise from row to row; --time none beside --period leaves out one that is too coarse",
+        )  # fmt: skip
+    largest = float(np.max(steps))
+    typical = float(np.median(steps))
+    if largest > MAX_STEP * max(period_s, typical):
+        at = int(np.argmax(steps))
+        raise RecordError(
+            f"gap after sample {at}", largest, None, MAX_STEP * period_s, "s",
+            f"samples are missing: use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
+            f" (--range {t[at + 1]:.6g}:), or --resample where it is short",
+        )  # fmt: skip
+    mean = mean_period(t)
+    if abs(mean / period_s - 1.0) > MAX_PERIOD_ERROR:
+        raise RecordError(
+            "sample time of the time column", mean,
+            (1.0 - MAX_PERIOD_ERROR) * period_s, (1.0 + MAX_PERIOD_ERROR) * period_s, "s",
+            "give the sample time the record was taken with, or --resample",
+        )  # fmt: skip
+
+
+def _check_moves(name: str, values: Signal) -> None:
+    spread = float(np.ptp(values))
+    if spread <= 1e-12 * max(1.0, float(np.max(np.abs(values)))):
+        raise RecordError(
+            f"peak-to-peak of {name}", spread, 1e-12, None, f"(unit of {name})",
+            "a constant signal identifies nothing: excite the input and record again",
+        )  # fmt: skip
+
+
+def _check_saturation(u: Signal, y: Signal) -> None:
+    """Refuse an output that stops abruptly at one of its extreme values while the input moves."""
+    rest = rest_at_limit(u, y)
+    # At zero, dry friction stops a motor abruptly, too.
+    moves = rest is not None and rest.moving_percent > MAX_SATURATED_PERCENT
+    if rest is not None and moves and rest.abrupt and rest.limit != 0.0:
+        raise RecordError(
+            f"time that y spends at its limit of {rest.limit:.6g} while u moves", rest.moving_percent,
+            None, MAX_SATURATED_PERCENT, "%", "the output is saturated: excite with a smaller amplitude",
+        )  # fmt: skip

@@ -1,0 +1,307 @@
+"""Motions of the commissioning: direction of a motor, homing, trip of the safety module."""
+
+import math
+from collections.abc import Callable
+from enum import Enum, auto
+
+from backend.control import cascade, motion_primitives, pid
+from backend.control.motion_types import AT_REST, Carry, Decision, Target
+from backend.realtime.motions import Interpreted, Trial
+from backend.realtime.program import Cause, HomingEnd
+from plant.interface import Measurement, T_s
+
+# Homing --------------------------------------------------------------------------------------------
+#
+# The joint driven to its end switch: slowly, with little voltage and little tension, and no further
+# than it may.
+#
+# Both tendons are wound to a low tension first; then one motor winds what the other lets out, so
+# that the joint moves and the tension stays. The switch is met twice, the second time slower, and
+# the joint is brought back to its middle. Any surprise ends it at zero volts, each with its name.
+
+
+HOMING_MAX_V = 1.5
+"""Largest voltage [V]; 0.9 V are enough for what is asked of the motors."""
+
+FAST_RAD_PER_S, SLOW_RAD_PER_S = 0.15, 0.03
+"""Speed of the joint on its way, and when it meets the switch again: a fiftieth of a count of its encoder a tick."""
+
+HOMING_TENSION_N = 4.0
+TENSION_MAX_N = 10.0
+SLACK_N = 1.0
+"""Tension [N] in both tendons on the way; above the largest something holds the joint, below the least one is slack."""
+
+SPARE_RAD = 0.3
+"""The joint may go so much further than from its middle to the switch [rad]."""
+
+BACK_OFF_RAD = 0.05
+STUCK_RAD = 0.2
+"""So far from the switch it is met again; so far on the way back it may stay closed [rad]."""
+
+JOINT_OFF_RAD, MOTOR_OFF_RAD = 0.1, 1.0
+"""So far may the joint be from where the motors bring it, and a motor from where it is sent [rad]."""
+
+WOUND_MAX_RAD = 3.0
+"""A tendon that is slack after so much winding [rad] is off its reel, or is not what the load cell is at."""
+
+TIME_MAX_S = 60.0
+_NEAR_N, _NEAR_S, _SLACK_S = 0.7, 0.2, 0.1
+
+
+class _Phase(Enum):
+    WINDING = auto()
+    SEEKING = auto()
+    LEAVING = auto()
+    TOUCHING = auto()
+    RETURNING = auto()
+
+
+def travel_to(position: float) -> float:
+    """Return how far the joint may be driven at most to a switch at ``position`` [rad]."""
+    return abs(position) + SPARE_RAD
+
+
+class Homing(Trial):
+    """``position`` [rad] is where the switch holds the joint, ``ratio`` what a motor turns for a radian of the joint.
+
+    ``at_end`` tells whether the switch was held in the newest reading.
+    """
+
+    def __init__(
+        self, carry: Carry, target: Target, m: Measurement, position: float, ratio: float, at_end: Callable[[], bool]
+    ) -> None:
+        super().__init__(carry, target)
+        self.end: HomingEnd | None = None
+        self._position = position
+        self._sign = 1.0 if position > 0.0 else -1.0
+        self._travel = travel_to(position)
+        self._ratio = ratio
+        self._at_end = at_end
+        self._phase = _Phase.WINDING
+        self._winding = motion_primitives.PretensionState(m.F_A, m.F_B, carry.theta_A_ref, carry.theta_B_ref, 0.0)
+        self._wound_from = carry.theta_A_ref, carry.theta_B_ref
+        self._began = self._wound_at = m.q
+        self._ticks = 0
+        self._near_s = self._slack_s = 0.0
+        self._way = 0.0  # of the joint since it was wound, as the motors are sent [rad]
+        self._since = 0.0  # way at the begin of this phase
+        self._open_from: float | None = None
+        self._touched = 0.0
+
+    def position_of(self, q: float) -> float:
+        """Return where the joint is [rad] that reads ``q`` in the encoder's counts so far."""
+        return self._position + q - self._touched
+
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+        """One tick: look for surprises, then go on."""
+        self._ticks += 1
+        self.end = self._surprise(m) or self._advanced(m)
+        if self.end is not None:
+            self.done, self.cause = True, self.end
+            return AT_REST
+        turn = self._ratio * self._way
+        theta_A, theta_B = self._winding.theta_A_ref + turn, self._winding.theta_B_ref - turn
+        return self.follow(tuning._replace(u_max=min(tuning.u_max, HOMING_MAX_V)), m, theta_A, theta_B)
+
+    def _surprise(self, m: Measurement) -> HomingEnd | None:
+        """Return what has gone wrong; a reading that is no number is wrong."""
+        if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
+            return HomingEnd.TENSION
+        if not abs(m.q - self._began) <= self._travel:
+            return HomingEnd.NOT_REACHED
+        refs = self._carry.theta_A_ref, self._carry.theta_B_ref
+        if not (abs(m.theta_A - refs[0]) <= MOTOR_OFF_RAD and abs(m.theta_B - refs[1]) <= MOTOR_OFF_RAD):
+            return HomingEnd.MOTOR_OFF
+        if self._ticks * T_s > TIME_MAX_S:
+            return HomingEnd.TOO_LONG
+        if self._phase is _Phase.WINDING:
+            wound = max(abs(ref - begun) for ref, begun in zip(refs, self._wound_from, strict=True))
+            return None if wound <= WOUND_MAX_RAD else HomingEnd.SLACK
+        self._slack_s = 0.0 if m.F_A >= SLACK_N and m.F_B >= SLACK_N else self._slack_s + T_s
+        if self._slack_s > _SLACK_S:
+            return HomingEnd.SLACK
+        gone = m.q - self._wound_at
+        if not abs(gone - self._way) <= JOINT_OFF_RAD:
+            went = math.copysign(gone, gone * self._way)
+            return HomingEnd.WRONG_WAY if went < -0.25 * JOINT_OFF_RAD else HomingEnd.JOINT_HELD
+        return None
+
+    def _advanced(self, m: Measurement) -> HomingEnd | None:
+        """Go on by a period; return an end that has been reached."""
+        held, gone = self._at_end(), abs(self._way - self._since)
+        match self._phase:
+            case _Phase.WINDING:
+                self._wind(m, held)
+            case _Phase.SEEKING:
+                if held:
+                    self._begin(_Phase.LEAVING)
+                elif gone > self._travel:
+                    return HomingEnd.NOT_REACHED
+                else:
+                    self._go(self._sign * FAST_RAD_PER_S)
+            case _Phase.LEAVING:
+                if held and gone > STUCK_RAD:
+                    return HomingEnd.STUCK_CLOSED
+                self._leave(held)
+            case _Phase.TOUCHING:
+                if held:
+                    self._touched = m.q
+                    self._begin(_Phase.RETURNING)
+                elif gone > STUCK_RAD:
+                    return HomingEnd.NOT_REACHED
+                else:
+                    self._go(self._sign * SLOW_RAD_PER_S)
+            case _Phase.RETURNING:
+                if held and gone > STUCK_RAD:
+                    return HomingEnd.STUCK_CLOSED
+                if abs(m.q - self._touched) >= abs(self._position):
+                    return HomingEnd.HOMED
+                self._go(-self._sign * FAST_RAD_PER_S)
+        return None
+
+    def _begin(self, phase: _Phase) -> None:
+        self._phase, self._since, self._open_from = phase, self._way, None
+
+    def _go(self, speed: float) -> None:
+        self._way += speed * T_s
+
+    def _wind(self, m: Measurement, held: bool) -> None:
+        self._winding = motion_primitives.step_pretension(self._winding, HOMING_TENSION_N, m.F_A, m.F_B)
+        near = (
+            abs(self._winding.F_A - HOMING_TENSION_N) <= _NEAR_N
+            and abs(self._winding.F_B - HOMING_TENSION_N) <= _NEAR_N
+        )
+        self._near_s = self._near_s + T_s if near else 0.0
+        if self._near_s >= _NEAR_S:
+            self._wound_at = m.q
+            self._begin(_Phase.LEAVING if held else _Phase.SEEKING)
+
+    def _leave(self, held: bool) -> None:
+        """Go back until the switch has been open all the way of BACK_OFF_RAD: contacts bounce."""
+        if held:
+            self._open_from = None
+        elif self._open_from is None:
+            self._open_from = self._way
+        elif abs(self._way - self._open_from) >= BACK_OFF_RAD:
+            self._begin(_Phase.TOUCHING)
+            return
+        self._go(-self._sign * FAST_RAD_PER_S)
+
+
+# Motor trial ---------------------------------------------------------------------------------------
+#
+# Turning one motor a little, before anybody knows which way it turns: a voltage that rises, and the
+# same backwards.
+#
+# No loop is closed here: whichever way the motor goes, and whatever its sensors say, the voltages
+# are bounded in size and time, so that even with nothing to be seen the joint goes less than 0.1
+# rad.
+
+
+TRIAL_MAX_V = 1.0
+"""Largest voltage [V]: a tenth of what the motors bear."""
+
+MOTOR_TRIAL_RISE_V_PER_S = 1.0
+TRAVEL_RAD = 0.2
+"""A motor that has turned so far [rad] has shown its direction; it runs on by about as much, 0.03 rad at the joint."""
+
+JOINT_RAD = 0.02
+MOTOR_TRIAL_TENSION_N = 3.0
+"""So much at the joint [rad], or in a tendon [N], ends the way out too, whatever the motors' encoders say."""
+
+COAST_S = 0.2
+"""At zero volts between the ways out and back [s]: what has moved is read then."""
+
+REST_S = 0.3
+
+
+class MotorTrial(Trial):
+    """One motor out and back; the other one gets nothing."""
+
+    cause = Cause.MOTOR_TRIED
+
+    def __init__(self, carry: Carry, target: Target, m: Measurement, motor: str) -> None:
+        super().__init__(carry, target)
+        self._began = m
+        self._is_A = motor == "A"
+        self._ticks = 0
+        self._out = 0
+
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+        """One tick of the way out, of standing, of the way back."""
+        self._ticks += 1
+        if not self._out and (self._shown(m) or self._ticks * T_s >= TRIAL_MAX_V / MOTOR_TRIAL_RISE_V_PER_S):
+            self._out = self._ticks
+        u = self._voltage()
+        u_A, u_B = (u, 0.0) if self._is_A else (0.0, u)
+        nan = math.nan
+        self._carry = Carry(
+            pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
+        )
+        return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=False)
+
+    def _voltage(self) -> float:
+        if not self._out:
+            return MOTOR_TRIAL_RISE_V_PER_S * T_s * self._ticks
+        back = self._ticks - self._out - round(COAST_S / T_s)
+        self.done = back > self._out + round(REST_S / T_s)
+        return -MOTOR_TRIAL_RISE_V_PER_S * T_s * back if 0 < back <= self._out else 0.0
+
+    def _shown(self, m: Measurement) -> bool:
+        began = self._began
+        within = (
+            abs(m.theta_A - began.theta_A) < TRAVEL_RAD
+            and abs(m.theta_B - began.theta_B) < TRAVEL_RAD
+            and abs(m.q - began.q) < JOINT_RAD
+            and abs(m.F_A - began.F_A) < MOTOR_TRIAL_TENSION_N
+            and abs(m.F_B - began.F_B) < MOTOR_TRIAL_TENSION_N
+        )
+        return not within  # more volts for a reading that is no number: never
+
+
+# Module trial --------------------------------------------------------------------------------------
+#
+# Trying the safety module: a trip that is provoked at the pretension, with the loop going on to
+# drive for a moment.
+#
+# Only so does it show whether the module itself cuts the drives, or merely says so and the loop
+# lets go.
+
+
+DRIVEN_S = 0.3
+"""So long after the trip the motors are driven [s]; then come zero volts."""
+
+MODULE_TRIAL_RISE_V_PER_S = 3.0
+RISE_MAX_N = 3.0
+"""A tendon that gets tauter by more [N] meanwhile ends it at once."""
+
+
+class ModuleTrial(Interpreted):
+    """Hold the motors; from the module's trip on drive them with a voltage that rises, and be done after DRIVEN_S.
+
+    Friction holds a motor within a band of voltages, at whose lower end it creeps back although it has its drive. The
+    rise makes the difference: what has its drive winds up, and what lost it is turned back by its tendon.
+    """
+
+    def __init__(self, carry: Carry, target: Target, m: Measurement) -> None:
+        super().__init__(carry, target)
+        self._u_A = self._u_B = 0.0
+        self._ticks = 0
+        self._tautest = max(m.F_A, m.F_B) + RISE_MAX_N
+
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+        """One tick of holding, or of driving."""
+        if not (self._ticks or m.safety_trip):
+            held = self.follow(tuning, m, self._carry.theta_A_ref, self._carry.theta_B_ref)
+            self._u_A, self._u_B = held.u_A, held.u_B
+            return held
+        self._ticks += 1
+        within = self._tautest >= m.F_A and self._tautest >= m.F_B
+        self.done = self.done or not within or self._ticks * T_s >= DRIVEN_S
+        self._u_A, self._u_B = (
+            min(max(u, 0.0) + MODULE_TRIAL_RISE_V_PER_S * T_s, TRIAL_MAX_V) for u in (self._u_A, self._u_B)
+        )
+        at_rest = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)
+        self._carry = Carry(at_rest, tuning.motors, m.theta_A, m.theta_B)
+        nan = math.nan
+        return Decision(self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=self.done)

@@ -1,0 +1,389 @@
+"""Contacts and pushes: compliance after a contact, pushes of an operator, loads and walls of a program."""
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control import decoupler
+from backend.control.cascade import CascadeTuning
+from backend.control.decoupler import Bounds
+from backend.control.motion_types import Carry, Target
+from backend.errors import require_within
+from backend.realtime.commands import Event, Push, PushReleased, WallChanged
+from backend.realtime.gains import Tunings
+from backend.realtime.motions import Tracking
+from backend.realtime.program import (
+    CONTACT_MAX_N,
+    CONTACT_MIN_N,
+    IDENTIFYING,
+    MAX_TOUCHES,
+    MAX_WALLS,
+    NEIGHBOUR,
+    NO_WALL,
+    SIGMAS,
+    ContactFelt,
+    Law,
+    Mode,
+    Program,
+    RefusedError,
+    Segment,
+    SetTouch,
+    Touch,
+    TouchForgotten,
+)
+from backend.realtime.shared_state import TickDesk
+from plant.dynamics import Obstacle, Obstructed
+from plant.interface import NO_LOAD, Measurement, Plant, PlantError, ShaftLoad, T_s
+
+# Contact -------------------------------------------------------------------------------------------
+#
+# What comes of an outside force that is a contact: the joint gives way, until somebody says
+# otherwise.
+#
+# The reaction is the loop's own and takes one tick: position loop open, reference where the joint
+# is. Once it stands it goes to the lowest stiffness. A program is played no further; TAIL_S of what
+# follows still belong to its run. It stays so until an operator chooses a mode again.
+#
+# A program may have contacts of its own (``Touch``): they end a part of it, for the rest of whose
+# time the joint gives way, and then the program goes on, no later than without. What the operator
+# gives way to goes before that.
+
+
+STAND_S = 0.15
+"""How long the motors have to themselves for bringing the joint to a stand [s], before it gets soft."""
+
+TAIL_S = 0.5
+"""How long a program's run goes on after a contact [s], so that it holds what came of it."""
+
+STAND_TICKS, TAIL_TICKS = round(STAND_S / T_s), round(TAIL_S / T_s)
+
+MAX_POINTS = 64
+
+
+class Acting(NamedTuple):
+    """Push [N], loads [N·m] and numbers of tuning, wall and touch as a program has them in force, if any."""
+
+    F_push: float
+    load: ShaftLoad
+    tuning: int
+    wall: int
+    touch: int
+
+
+NOTHING = Acting(0.0, NO_LOAD, 0, 0, 0)
+
+
+class Contact:
+    """Whether contacts are reacted to, from what force on [N], and whether one has been felt.
+
+    ``paused`` is what of a program is still to be played, where one of its own contacts has ended a part of it.
+    """
+
+    def __init__(self, desk: TickDesk, events: list[Event], tunings: Tunings) -> None:
+        self.felt = False
+        self.paused: Program | None = None
+        self._tunings = tunings
+        self._from_N = self._own_N = math.inf
+        self._operators: NDArray[np.float64] = np.zeros((0, 2))
+        self._own: list[tuple[float, float]] = []
+        self._noise_N = math.inf
+        self._touches: tuple[Touch, ...] = ()
+        self._desk = desk
+        self._events = events
+
+    def put(self, command: SetTouch) -> None:
+        """Use another bias and threshold. Raises OutOfRangeError, ValueError, RefusedError: nothing has changed."""
+        require_within("points", len(command.bias), 0, MAX_POINTS, "1", words="number of points of the bias")
+        bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
+        if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
+            raise ValueError("the bias of the outside force is to rise in S from point to point: it was left as it is")
+        if len(bias) == 0 and self._tunings.gains.rejection.k_ext > 0.0:
+            raise RefusedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
+        if command.contact_N != 0.0:
+            require_within("contact_N", command.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
+        self._operators, self._from_N = bias, command.contact_N or math.inf
+        self._take_off()
+
+    def forget(self, tick: int) -> None:
+        """Begin with nothing learned and give way to nothing: the zeros are others now."""
+        self._tunings.reject_nothing()
+        if len(self._operators) or self._from_N != math.inf:
+            self._operators, self._from_N = np.zeros((0, 2)), math.inf
+            self._events.append(TouchForgotten(tick))
+        self.end()
+
+    def require(self, program: Program) -> None:
+        """Raise RefusedError or OutOfRangeError for a program's own contacts that cannot be given way to."""
+        touches = program.touches
+        words = "number of changes of what is given way to"
+        require_within("touches", len(touches), None, MAX_TOUCHES, "1", words=words)
+        for segment in program.segments:
+            if not 0 <= segment.touch <= len(touches):
+                raise RefusedError(f"a segment wants touch {segment.touch} of the program's {len(touches)}")
+        for touch in touches:
+            if touch.contact_N != 0.0:
+                require_within("contact_N", touch.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
+        if touches and program.law is not Law.CASCADE:
+            raise RefusedError(f"a {program.law} program gives way to nothing: play it by the cascade")
+        if self._from_N != math.inf and any(touch.contact_N for touch in touches):
+            raise RefusedError(
+                f"the joint gives way to contacts from {self._from_N:g} N on, and stays so: that would end this "
+                "program at its first contact. Have it give way to none first, the program gives way by itself"
+            )
+
+    def begin(self, program: Program) -> None:
+        """Be ready for a program's touches, numbered from 1 on."""
+        self._touches = program.touches
+
+    def use(self, number: int) -> None:
+        """Give way to what a program's touch says from now on; where nothing was learned, to nothing."""
+        touch = self._touches[number - 1] if number else Touch()
+        if touch.learns:
+            self._learn()
+        quiet = bool(self._own) and touch.contact_N >= SIGMAS * self._noise_N
+        self._own_N = touch.contact_N if quiet and touch.contact_N else math.inf
+
+    def end(self) -> None:
+        """Forget what a program has learned and given way to: what the operator did is in force."""
+        self.paused, self._own_N, self._own, self._noise_N, self._touches = None, math.inf, [], math.inf, ()
+        self._take_off()
+
+    def _learn(self) -> None:
+        S, F, std = self._desk.rested
+        if not math.isfinite(F + std):
+            return
+        self._noise_N = std if not self._own else max(std, self._noise_N)
+        self._own = sorted([*(point for point in self._own if abs(point[0] - S) >= NEIGHBOUR), (S, F)])
+        self._take_off()
+
+    def _take_off(self) -> None:
+        """Take off what a program has learned itself, else what the operator has."""
+        self._desk.take_off(np.array(self._own).reshape(-1, 2) if self._own else self._operators)
+
+    def felt_from(self, motion: object) -> float:
+        """Force [N] from which on a contact counts now; inf where none does, or one is being reacted to."""
+        return min(self._from_N, self._own_N) if isinstance(motion, Tracking) and not self.felt else math.inf
+
+    def require_none(self, legal: tuple[Mode, ...]) -> None:
+        """Raise RefusedError while one is being reacted to."""
+        if self.felt:
+            raise RefusedError("the joint gives way to a contact: choose a mode to go on, then move it", legal)
+
+    def feel(self, tick: int) -> bool:
+        """Take note of a contact and tell of it, where it is not known yet; whether it was not."""
+        begins, self.felt = not self.felt, True
+        if begins:
+            self._events.append(ContactFelt(tick, self._desk.F_ext_hat, self._from_N))
+        return begins
+
+    def pause(self, program: Program | None, motion: object) -> int:
+        """Take note of a contact that a program gives way to itself; for how many ticks, 0 where it is none."""
+        own = abs(self._desk.F_ext_hat) <= self._from_N
+        if program is None or not own or self.felt or not isinstance(motion, Tracking):
+            return 0
+        played = motion.now.state.player
+        ticks, self.paused = _after(program, played.position, played.elapsed)
+        self.felt = True
+        return max(ticks - 1, 1)  # in one more it is told that they are over
+
+    def go_on(self, paused: Program) -> Program:
+        """Return what of a program is still to be played, now that the joint has given way."""
+        self.paused, self.felt, self._own_N = None, False, math.inf
+        return paused
+
+
+def _after(program: Program, position: int, elapsed: int) -> tuple[int, Program]:
+    """Return how many ticks are left up to the next touch, behind ``elapsed`` of a segment, and the rest from there.
+
+    The rest begins with the tuning and the wall that would be in force there.
+    """
+    segments = program.segments
+    ends = range(position + 1, len(segments))
+    end = next((place for place in ends if segments[place].touch), len(segments))
+    ticks = sum(round(segment.duration_s / T_s) for segment in segments[position:end]) - elapsed
+    rest = segments[end:]
+    if rest:
+        before = segments[end::-1]
+        tuning = next((segment.tuning for segment in before if segment.tuning), 0)
+        wall = next((segment.wall for segment in before if segment.wall), 0)
+        rest = (replace(rest[0], tuning=tuning, wall=wall), *rest[1:])
+    return ticks, replace(program, segments=rest)
+
+
+def giving_way(
+    tuning: CascadeTuning,
+    carry: Carry,
+    m: Measurement,
+    bounds: Bounds,
+    acting: Acting,
+    ticks: int = TAIL_TICKS,
+) -> Tracking:
+    """Return the motion of a joint that gives way where it is, under what is ``acting``; it is done after ``ticks``.
+
+    First the joint stands, then it gets soft: with both at once the motors would share their voltage between them.
+    """
+    F_push, (load_A, load_B), number, wall, touch = acting
+    q = min(max(m.q, bounds.q_min), bounds.q_max)
+    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+    as_it_is = min(max(S, bounds.S_min), bounds.S_max)
+    parts = tuple(
+        Segment(T_s * span, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall, touch=touch)
+        for span, S_ref in ((min(STAND_TICKS, ticks), as_it_is), (max(ticks - STAND_TICKS, 0), bounds.S_min))
+    )
+    return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, parts), gives_way=True)
+
+
+# Hand push -----------------------------------------------------------------------------------------
+#
+# A push on the joint that an operator orders, where the plant can push (the simulator): held for a
+# time and let go.
+#
+# The loop itself lets go when the time is over and whenever it leaves the modes in which a hand may
+# push, so that no push outlives the page, the service or the control that ordered it.
+
+
+PUSH_MAX_S = 10.0
+"""Longest push [s]: what is to last is ordered again."""
+
+PUSHED_IN = (Mode.RUN, Mode.COMPLIANCE)
+"""Modes in which an operator may push: the joint is under control, and no program pushes by itself."""
+
+
+class HandPush:
+    """At most one push at a time; a new one takes the place of the one before."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._until: int | None = None
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is pushed by hand."""
+        return self._until is None
+
+    def begin(self, command: Push, tick: int, mode: Mode) -> None:
+        """Push from ``tick`` on; 0 N lets go.
+
+        Raises RefusedError in another mode, OutOfRangeError, and PlantError where nothing can push.
+        """
+        if command.F_push != 0.0 and mode not in PUSHED_IN:
+            wanted = " and ".join(PUSHED_IN)
+            raise RefusedError(f"a push takes a joint under the operator's control, in {wanted}; the mode is {mode}")
+        require_within("F_push", command.F_push, None, None, "N")
+        require_within("duration_s", command.duration_s, 0.0, PUSH_MAX_S, "s", "order it again to push for longer")
+        if command.F_push == 0.0 and self._until is None:
+            return  # a program's push is not an operator's to let go of
+        self._plant.push(command.F_push)
+        self._until = tick + round(command.duration_s / T_s) if command.F_push != 0.0 else None
+
+    def step(self, tick: int, mode: Mode) -> tuple[PushReleased, ...]:
+        """At the start of a tick: let go when the time is over or the mode is another, and tell so."""
+        if self._until is None or (mode in PUSHED_IN and tick < self._until):
+            return ()
+        self._until = None
+        try:
+            self._plant.push(0.0)
+        except PlantError:  # whoever pushes the plant has let go of it with it
+            return ()
+        return (PushReleased(tick, "its time is over" if mode in PUSHED_IN else f"the mode is {mode}"),)
+
+
+# Program push --------------------------------------------------------------------------------------
+#
+# What a program does to the joint and the shafts, where the plant can push, load and be obstructed.
+
+
+class ProgramPush:
+    """``F_push`` [N], ``load`` [N·m], numbers of the ``wall`` and of the ``touch`` in force by a program.
+
+    What can do none of these is not asked to. The operator's wall, number 0, is back where a program has ended.
+    """
+
+    def __init__(self, plant: Plant, events: list[Event], contact: Contact) -> None:
+        self._plant = plant
+        self._events = events
+        self._contact = contact
+        self.F_push, self.load, self.wall, self.touch = 0.0, NO_LOAD, 0, 0
+        self._walls: tuple[Obstacle | None, ...] = (None,)  # the operator's first
+
+    def obstruct(self, wall: Obstacle | None, tick: int) -> None:
+        """Put an operator's wall in the joint's way, None takes it away.
+
+        Raises RefusedError while a program puts up its own and on a plant that takes none, PlantError.
+        """
+        if len(self._walls) > 1:
+            raise RefusedError("the program puts up walls by itself: wait for its end or stop it")
+        self._put(wall, 0, tick)
+        self._walls = (wall,)
+
+    def require(self, program: Program) -> None:
+        """Raise RefusedError or OutOfRangeError for walls that cannot be put up, and contacts not given way to."""
+        self._contact.require(program)
+        walls = program.walls
+        require_within("walls", len(walls), None, MAX_WALLS, "1", words="number of changes of the obstacle")
+        if walls and program.law in IDENTIFYING:
+            raise RefusedError(f"no wall stands while a {program.law} program plays: leave it out")
+        if walls:
+            self._require_obstructed()
+        for segment in program.segments:
+            if not 0 <= segment.wall <= len(walls):
+                raise RefusedError(f"a segment wants wall {segment.wall} of the program's {len(walls)}")
+
+    def begin(self, program: Program) -> None:
+        """Be ready for a program's walls and touches, numbered from 1 on."""
+        self._walls = (self._walls[0], *program.walls)
+        self._contact.begin(program)
+
+    def act(self, target: Target, tick: int) -> None:
+        """Push, load, obstruct and feel from now on as a program's target says. Raises PlantError."""
+        if target.touch != self.touch:
+            self.touch = target.touch
+            self._contact.use(target.touch)
+        if target.wall != self.wall:
+            self.wall = target.wall
+            self._put(self._walls[target.wall], target.wall, tick)
+        self._act(target.F_push, target.load)
+
+    def acting(self, tuning: int) -> Acting:
+        """Return what is in force, beside the ``tuning`` of this number."""
+        return Acting(self.F_push, self.load, tuning, self.wall, self.touch)
+
+    def _act(self, F_push: float, load: ShaftLoad) -> None:
+        (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
+        if load != load_before:
+            self._plant.load(load)
+        if F_push != F_before:
+            self._plant.push(F_push)
+
+    def let_go(self, tick: int) -> None:
+        """End all of it; an operator's wall that has the joint in it now stays away."""
+        with suppress(PlantError):  # whoever pushes the plant has let go of it with it
+            self._act(0.0, NO_LOAD)
+        self.touch = 0
+        self._contact.end()
+        operators, self._walls = self._walls[0], self._walls[:1]
+        if self.wall:
+            self.wall = 0
+            try:
+                self._put(operators, 0, tick)
+            except PlantError:
+                self._walls = (None,)
+                with suppress(PlantError):
+                    self._put(None, 0, tick)
+
+    def has_become(self, F_push: float, load: ShaftLoad) -> None:
+        """Take note of what a batch of ticks has ended with."""
+        self.F_push, self.load = F_push, load
+
+    def _put(self, wall: Obstacle | None, number: int, tick: int) -> None:
+        self._require_obstructed().obstacle(wall)
+        self._events.append(WallChanged(tick, number, wall))
+
+    def _require_obstructed(self) -> Obstructed:
+        if not isinstance(self._plant, Obstructed):
+            raise RefusedError(NO_WALL)
+        return self._plant

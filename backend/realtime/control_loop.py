@@ -1,0 +1,620 @@
+"""The control loop: one control step, the commands between two steps, zero volts at every exit."""
+
+import math
+from collections.abc import Callable
+from typing import Final, assert_never
+
+import numpy as np
+
+from backend.control import fault_detection
+from backend.control.decoupler import bounds_for
+from backend.control.fault_detection import SLACK_MAX_S, FaultDetectionState, Found
+from backend.control.motion_types import AT_REST, NO_REFERENCE
+from backend.control.step import DECIDED, DONE, FELT, FOUND, PUSHES, QUIET, TUNES, Orders, Stretch
+from backend.errors import require_within
+from backend.faults import FAULT_CODE, Fault, Limit
+from backend.realtime.commands import (
+    Accepted,
+    ByHand,
+    Command,
+    Event,
+    Heartbeat,
+    Home,
+    Inject,
+    Obstruct,
+    PlantAnswers,
+    PlantFailing,
+    PlayRecording,
+    ProveDirections,
+    Push,
+    Refused,
+    Reset,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    Shutdown,
+    Stop,
+    SwitchDrives,
+    TryModule,
+    TryMotor,
+    Zero,
+)
+from backend.realtime.commissioning_motions import TENSION_MAX_N, Homing, ModuleTrial, MotorTrial
+from backend.realtime.contact import HandPush
+from backend.realtime.gains import tuning_of
+from backend.realtime.mode_manager import ModeMachine, Now
+from backend.realtime.motions import Motion
+from backend.realtime.program import (
+    DRIVES_OFF,
+    LEGAL,
+    MODE_CODE,
+    Cause,
+    HomingEnd,
+    Mode,
+    RefusedError,
+    SetTouch,
+    SetTuning,
+)
+from backend.realtime.ring_buffer import Ring, SampleRing
+from backend.realtime.shared_state import TickDesk
+from backend.sample import FIELDS
+from backend.tuning.gains import Lambdas, knowledge
+from backend.units import in_digits
+from plant.interface import (
+    NO_RAW,
+    ZERO_VOLTS,
+    EndSwitched,
+    Measurement,
+    MotorCommand,
+    Plant,
+    PlantError,
+    Proven,
+    RawReading,
+    Switched,
+    T_s,
+)
+from plant.manual_input import Handled
+from plant.parameters import PlantParameters
+from plant.safety_card import WatchdogDeadError, WatchdogExpiredError
+from plant.simulator import Simulator
+
+# Bring up ------------------------------------------------------------------------------------------
+#
+# What bringing a rig up asks of the loop: at zero volts, or with little of them.
+
+
+SHORTEST_RAD = 0.1
+"""An end switch nearer to the joint's middle than this [rad] is none."""
+
+CommissioningCommand = Zero | TryMotor | TryModule | Home | ProveDirections | SwitchDrives | ByHand
+
+
+def carry_out(command: CommissioningCommand, machine: ModeMachine, plant: Plant, now: Now) -> None:
+    """Carry out a command. Raises RefusedError, and PlantError where the plant has no such thing."""
+    match command:
+        case Zero():
+            _require_off(machine, "a zero is set")
+            set_zero(command, machine, plant)
+        case TryMotor(motor):
+            _require_free(machine, "a motor is tried")
+            if isinstance(plant, Proven):
+                plant.prove_directions(proven=False)  # until the step has come to its end
+            machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, now.m, motor), Cause.MOTOR_TRIAL, now)
+        case Home(position):
+            _home(position, machine, plant, now)
+        case TryModule():
+            machine.try_module(now)
+        case ProveDirections(proven):
+            if proven:
+                _require_off(machine, "directions are proven")
+            if isinstance(plant, Proven):
+                plant.prove_directions(proven=proven)
+        case SwitchDrives(on):
+            _switch_drives(machine, plant, now, on=on)
+        case ByHand(hand):
+            if not isinstance(plant, Handled):
+                raise PlantError("nothing here is moved by this program's hand: do it at the rig")
+            plant.by_hand(hand)
+        case _:
+            assert_never(command)
+
+
+def _switch_drives(machine: ModeMachine, plant: Plant, now: Now, *, on: bool) -> None:
+    """Off in any mode, and with it zero volts; on in off only. What the card does not obey leaves the loop locked."""
+    if not isinstance(plant, Switched):
+        raise PlantError("this plant has no drives that could be switched off")
+    if on:
+        _require_off(machine, "drives are switched on")
+    elif machine.mode not in (Mode.OFF, Mode.TRIPPED):
+        machine.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off", now)
+    machine.drives_off = True  # until the card has obeyed
+    plant.switch_drives(on=on)
+    if on:
+        machine.drives_off = False
+
+
+def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:
+    """Let the encoders count from where joint and motors are said to stand. Raises PlantError."""
+    plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
+    machine.zeros.begin_anew()  # pretension finds the motors' zeros
+
+
+def zero_where_homed(motion: Motion, machine: ModeMachine, plant: Plant, desk: TickDesk) -> None:
+    """Set the zero that a motion has found, if it was a homing that has. Raises PlantError."""
+    if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
+        found = Zero(motion.position_of(desk.m.q), 0.0, 0.0)
+        set_zero(found, machine, plant)
+        desk.stands_at(found.q)
+
+
+def _home(position: float, machine: ModeMachine, plant: Plant, now: Now) -> None:
+    _require_free(machine, "the joint is driven to its end switch")
+    if not isinstance(plant, EndSwitched):
+        raise PlantError("this plant has no end switch that its joint could be driven to")
+    if plant.unproven:
+        raise RefusedError(plant.unproven)
+    bounds, m = machine.bounds, now.m
+    require_within("position", abs(position), SHORTEST_RAD, bounds.q_trip, "rad", words="way to the end switch")
+    if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
+        raise RefusedError(
+            f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
+        )
+    ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
+    if not plant.zeroed:
+        machine.zeros.say_middle(m.q)  # that is what the person who started it has said
+    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), Cause.HOMING, now)
+
+
+def _require_off(machine: ModeMachine, what: str) -> None:
+    if machine.mode is not Mode.OFF:
+        raise RefusedError(f"{what} in off only; the mode is {machine.mode}", LEGAL[machine.mode])
+
+
+def _require_free(machine: ModeMachine, what: str) -> None:
+    _require_off(machine, what)
+    if machine.drives_off:
+        raise RefusedError(DRIVES_OFF)
+
+
+# Orders --------------------------------------------------------------------------------------------
+#
+# What the compiled tick is told of the mode machine before it is made.
+
+
+def orders_of(machine: ModeMachine) -> Orders:
+    """Return what the next tick is to know."""
+    zeros, lambdas, push, motion = machine.zeros, machine.tunings.lambdas, machine.push, machine.motion
+    trial = isinstance(motion, ModuleTrial)  # the trip that it provokes is heard when it is done, and then in any case
+    return Orders(
+        zeros.offset_A,
+        zeros.offset_B,
+        zeros.middle,
+        zeros.motors_known,
+        machine.keeps_taut,
+        machine.contact.felt_from(motion),
+        trial,
+        trial and motion is not None and motion.done,
+        machine.reached_told,
+        push.F_push,
+        push.load,
+        machine.tunings.number,
+        push.wall,
+        push.touch,
+        MODE_CODE[machine.mode],
+        machine.run,
+        lambdas.lam_q,
+        lambdas.lam_S,
+        FAULT_CODE[machine.fault],
+        Limit.CONTACT if machine.contact.felt else 0,
+    )
+
+
+# Plant watch ---------------------------------------------------------------------------------------
+#
+# Whether the plant can be read and written: told when that begins and when it is over, not in every
+# tick.
+
+
+ANSWERS_S = 1.0
+"""So long without a failure [s] and the plant answers again: one that fails now and then is told of once."""
+
+
+class PlantWatch:
+    """Counts ticks without a failure. ``failure`` is what went wrong in the present tick, empty when nothing did."""
+
+    def __init__(self) -> None:
+        self.failure = ""
+        self._told = False
+        self._good_ticks = 0
+
+    @property
+    def answers(self) -> bool:
+        """Whether nothing has to be told of the plant unless it fails."""
+        return not self._told
+
+    def begin(self) -> None:
+        """Begin a tick."""
+        self.failure = ""
+
+    def end(self, tick: int) -> list[Event]:
+        """End a tick; return what has changed."""
+        self._good_ticks = 0 if self.failure else self._good_ticks + 1
+        if self.failure and not self._told:
+            self._told = True
+            return [PlantFailing(tick, self.failure)]
+        if self._told and self._good_ticks * T_s >= ANSWERS_S:
+            self._told = False
+            return [PlantAnswers(tick)]
+        return []
+
+
+# Sensor checks -------------------------------------------------------------------------------------
+#
+# What is said of readings that cannot be true; ``backend.control.fault_detection`` finds them.
+
+
+_NAMES: Final = ("q", "theta_A", "theta_B", "F_A", "F_B")
+_UNITS: Final = ("rad", "rad", "rad", "N", "N")
+
+
+def told(found: Found, past: Measurement, raw: Measurement, m: Measurement, command: MotorCommand) -> tuple[Fault, str]:
+    """Fault and words of readings that cannot be true.
+
+    ``past`` and ``raw`` are as read, before and now; ``m`` has the zeros; ``command`` was written in between.
+    """
+    side, still = found.which, found.still
+    if found.doubt == fault_detection.JUMPED:
+        way = f"{past[side]:.3f} to {raw[side]:.3f} {_UNITS[side]}"
+        return Fault.SENSOR_JUMP, f"{_NAMES[side]} went from {way}"
+    theta, F = _NAMES[1 + side], _NAMES[3 + side]
+    if found.doubt == fault_detection.REVERSED:
+        return Fault.MOTOR_REVERSED, f"{theta} runs away from {command[side]:.1f} V, faster and faster"
+    if found.doubt == fault_detection.UNMOVED:
+        stands = f"{theta} stands at {raw[1 + side]:.3f} rad although its motor gets {command[side]:.1f} V"
+        return Fault.SENSOR_STUCK, stands
+    if found.doubt == fault_detection.STUCK:
+        turned = f"although its motor turned by {fault_detection.TURNED_RAD:g} rad"
+        return Fault.SENSOR_STUCK, f"{F} stands at {raw[3 + side]:.2f} N {turned}"
+    seen = f"{F} = {m[3 + side]:.1f} N, but the encoders stretch that spring to {m[3 + side] - found.excess:.1f} N"
+    if still >= 0:
+        return Fault.SENSOR_STUCK, f"{_NAMES[still]} stands still; {seen}"
+    return Fault.IMPLAUSIBLE, seen
+
+
+# Checks --------------------------------------------------------------------------------------------
+#
+# Names the fault that the control step has found, and says what was seen
+# (``backend.control.fault_detection``).
+
+
+class Checks:
+    """Names faults of one plant."""
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        self._bounds = bounds_for(parameters)
+
+    def told(
+        self,
+        found: Found,
+        seen: FaultDetectionState,
+        m: Measurement,
+        heard: Measurement,
+        command: MotorCommand,
+        at_card: RawReading,
+        missed: int,
+    ) -> tuple[Fault, str]:
+        """Return the fault and what was seen.
+
+        ``m`` has the motors' zeros, ``heard`` is that from the joint's middle; ``at_card`` is what they were made from,
+        ``missed`` the deadlines since the last tick.
+        """
+        match found.what:
+            case fault_detection.NO_NUMBER | fault_detection.OUT_OF_BOUNDS:
+                return self.standing(heard, at_card)
+            case fault_detection.TRIPPED:
+                read = _read("F_A", m.F_A, ".1f", "N"), _read("F_B", m.F_B, ".1f", "N"), _read("q", m.q, "", "rad")
+                return Fault.SAFETY_MODULE, f"the loop read {', '.join(read)} then"
+            case fault_detection.INCREDIBLE:
+                return told(found, seen.past, seen.newest, m, command)
+            case fault_detection.SLACK:
+                F_slack = self._bounds.F_slack
+                slack, taut = _parted(m, lambda F: F_slack > F)
+                return Fault.SLACK, f"{slack} below the bound of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"
+            case _:
+                return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
+
+    def standing(self, m: Measurement, at_card: RawReading = NO_RAW) -> tuple[Fault, str]:
+        """Return the fault that one measurement shows by itself, without what came before."""
+        bounds = self._bounds
+        if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
+            silent = [name for name, value in zip(m._fields[:5], m[:5], strict=True) if not math.isfinite(value)]
+            volts = {"F_A": at_card.V_A, "F_B": at_card.V_B}  # a number there, and yet no newtons
+            at_end = [
+                f"{name} reads {volts[name]:.2f} V" for name in silent if math.isfinite(volts.get(name, math.nan))
+            ]
+            if len(at_end) == len(silent):
+                return Fault.SENSOR_SATURATED, f"{', '.join(at_end)}: the end of its input, or of its calibration"
+            return Fault.SENSOR_INVALID, f"no number from {', '.join(silent)}"
+        if max(m.F_A, m.F_B) > bounds.F_max:
+            beyond, within = _parted(m, lambda F: bounds.F_max < F)
+            return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
+        if abs(m.q) > bounds.q_trip:
+            q, q_trip = in_digits(m.q), in_digits(bounds.q_trip)  # whoever reads degrees is to read 90
+            return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
+        return Fault.NONE, ""
+
+
+def _read(name: str, value: float, digits: str, unit: str) -> str:
+    """Return a reading in words; one that is no number has no unit."""
+    if not math.isfinite(value):
+        return f"no number from {name}"
+    return f"{name} = {format(value, digits) if digits else in_digits(value)} {unit}"
+
+
+def _parted(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:
+    """Return in words the tensions that are beyond a bound, and behind a semicolon the other one, if any."""
+    tensions = {"F_A": m.F_A, "F_B": m.F_B}
+    beyond = [f"{name} = {F:.2f} N" for name, F in tensions.items() if is_beyond(F)]
+    within = [f"; {_read(name, F, '.2f', 'N')}" for name, F in tensions.items() if not is_beyond(F)]
+    return " and ".join(beyond), "".join(within)
+
+
+# Loop ----------------------------------------------------------------------------------------------
+#
+# The control loop: one tick, the commands between two ticks, and zero volts at every way out.
+#
+# The same class runs live in the loop process and headless for the command line; what differs is
+# who calls ``tick``.
+
+
+_AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
+
+
+class Loop:
+    """Control of one plant. ``finished`` tells that a Shutdown has been asked for."""
+
+    def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
+        self._plant, self._ring, self.finished = plant, ring, False
+        self._known = known = knowledge(parameters)
+        self.bounds = known.bounds
+        self._checks, self._plant_watch = Checks(parameters), PlantWatch()
+        self._tick = self._newest_tick = self._overruns = 0
+        self._command = ZERO_VOLTS  # what was written last
+        self._changed = True  # whether the desk may not know yet what has become of the machine
+        self._hand, self._row = HandPush(plant), np.zeros(len(FIELDS))
+        self._events: list[Event] = []
+        gains = tuning_of(tuning, self._known)
+        self._desk = TickDesk(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
+        try:
+            plant.open()
+            self._desk.begin(plant.read())
+            self._machine = ModeMachine(
+                plant, parameters, self._desk, gains, Lambdas(tuning.lam_q, tuning.lam_S), self._events
+            )
+        except BaseException:  # the drives may be on already, and nobody else has this plant to close
+            self.close()
+            raise
+
+    @property
+    def mode(self) -> Mode:
+        """What the loop is doing."""
+        return self._machine.mode
+
+    @property
+    def fault(self) -> Fault:
+        """The latched fault, or NONE."""
+        return self._machine.fault
+
+    @property
+    def pretension_done(self) -> bool:
+        """Whether the moves out of pretension towards motion are granted now."""
+        return self._machine.pretension_done
+
+    @property
+    def readiness(self) -> tuple[str, bool]:
+        """What has to come before pretension, empty where nothing has; and whether the drives are locked off."""
+        return self._machine.unready, self._machine.drives_off
+
+    def drain_events(self) -> list[Event]:
+        """Events since the last call, oldest first."""
+        events, self._events[:] = list(self._events), []
+        return events
+
+    def handle(self, sequence: int, command: Command) -> None:
+        """Carry out a command between two ticks, or refuse it whole; the answer is queued as an event."""
+        events, tick = self._events, self._tick
+        self._changed = True
+        try:
+            self._carry_out(command)
+        except RefusedError as refused:
+            events.append(Refused(sequence, tick, str(refused), refused.legal))
+        except (ValueError, PlantError) as error:
+            events.append(Refused(sequence, tick, str(error)))
+        except AssertionError:  # of assert_never: a service of another version, which no type checker has seen
+            events.append(Refused(sequence, tick, f"this loop knows no command {type(command).__name__}"))
+        else:
+            events.append(Accepted(sequence, tick))
+
+    def _carry_out(self, command: Command) -> None:
+        if isinstance(command, CommissioningCommand):
+            carry_out(command, self._machine, self._plant, Now(self._newest_tick, self._desk.m))
+            if isinstance(command, Zero):
+                self._desk.stands_at(command.q)
+            return
+        match command:
+            case Stop():
+                self._machine.begin_stop(command, command.detail, Now(self._newest_tick, self._desk.m))
+            case SetMode():
+                self._machine.set_mode(command, Now(self._newest_tick, self._desk.m))
+            case SetReferences():
+                self._machine.set_references(command)
+            case SetTuning():
+                self._machine.set_tuning(tuning_of(command, self._known), Lambdas(command.lam_q, command.lam_S))
+            case SetTouch():
+                self._machine.contact.put(command)
+            case RunProgram():
+                self._machine.run_program(command, Now(self._newest_tick, self._desk.m))
+            case Push():
+                self._hand.begin(command, self._tick, self._machine.mode)
+            case Inject():
+                self._plant.inject(command.broken)
+            case Obstruct():
+                self._machine.push.obstruct(command.obstacle, self._tick)
+            case Reset():
+                self._reset()
+            case Shutdown():
+                self.finished = True
+            case Heartbeat():
+                pass
+            case PlayRecording():
+                raise RefusedError("no recording is played: there is nothing to play, pause or go to")
+            case _:
+                assert_never(command)
+
+    def _reset(self) -> None:
+        machine = self._machine
+        if machine.mode is not Mode.TRIPPED:
+            raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
+        fault, seen = self._checks.standing(machine.zeros.from_middle(self._desk.m), self._plant.raw)
+        seen = self._plant_watch.failure or seen
+        if fault is not Fault.NONE or self._plant_watch.failure:
+            raise RefusedError(f"the cause is still there: {seen}")
+        machine.reset(Now(self._newest_tick, self._desk.m))
+
+    def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
+        """One period: read, look, decide, write, keep the row. Zero volts on any way out by an error."""
+        self._make_tick(None, lateness_s, overruns)
+
+    def run(self, ticks: int) -> int:
+        """Make at most so many ticks, and at least one: in a batch where nobody has to be asked in between; how many.
+
+        A batch ends in the tick that something comes of, which is made by itself from there on.
+        """
+        plant, ring, machine, desk = self._plant, self._ring, self._machine, self._desk
+        told = self._plant_watch.answers and not machine.has_to_tell
+        undisturbed = told and self._hand.is_idle and machine.interpreted is None
+        alone = plant.alone_for(ticks) if undisturbed and isinstance(plant, Simulator) else 0
+        if not (alone and isinstance(plant, Simulator) and isinstance(ring, Ring)):
+            self.tick(overruns=self._overruns)
+            return 1
+        self._tell_desk()
+        stretch = Stretch(self._tick, plant.periods, alone, self._overruns)
+        made, came, u_A, u_B, m = desk.run(plant.simulated, plant.read(), stretch, ring.rows)
+        plant.has_gone(made, m)
+        ring.count_in(made)
+        machine.push.has_become(*desk.acting)
+        self._tick += made
+        self._newest_tick = self._tick - 1
+        self._command = desk.command
+        if came == QUIET:
+            return made
+        self._make_tick((came, u_A, u_B), 0.0, self._overruns)
+        return made + 1
+
+    def _make_tick(self, begun: tuple[int, float, float] | None, lateness_s: float, overruns: int) -> None:
+        """Make a tick, or the rest of one that a batch has ``begun``: what came of it so far, and voltages [V]."""
+        machine, missed = self._machine, overruns - self._overruns
+        self._newest_tick = self._tick
+        self._plant_watch.begin()
+        self._events += self._hand.step(self._tick, machine.mode)
+        command = ZERO_VOLTS
+        try:
+            came, u_A, u_B = begun or self._begin_tick(missed)
+            if came not in (QUIET, DECIDED) or machine.interpreted is not None:
+                u_A, u_B = self._attend(came, missed)
+                self._changed = True
+            if machine.mode not in (Mode.OFF, Mode.TRIPPED):
+                command = MotorCommand(u_A, u_B)
+        except PlantError as error:
+            self._desk.decision = AT_REST
+            self._plant_failed(error)
+        finally:
+            self._write(command)
+        self._events += self._plant_watch.end(self._tick)
+        self._overruns = overruns
+        self._tell_desk()
+        self._desk.write_row(self._row, self._tick, self._command, self._plant.raw, lateness_s, overruns)
+        self._ring.append(self._row)
+        self._tick += 1
+
+    def _begin_tick(self, missed: int) -> tuple[int, float, float]:
+        """Read, look, and let a compiled motion decide; what came of it, and voltages [V]."""
+        desk, raw = self._desk, self._plant.read()
+        self._tell_desk()
+        found = desk.look(raw, missed)
+        if found != QUIET or self._machine.interpreted is not None:
+            return found, 0.0, 0.0
+        return desk.decide()
+
+    def _tell_desk(self) -> None:
+        if self._changed:
+            self._desk.order(orders_of(self._machine))
+            self._changed = False
+
+    def _attend(self, came: int, missed: int) -> tuple[float, float]:
+        """See to what came of a tick that was looked at; return the voltages [V] that are decided then."""
+        machine, desk = self._machine, self._desk
+        if came & FOUND:
+            self._react(missed)
+        elif came & FELT:
+            machine.give_way(Now(self._newest_tick, desk.m))
+        desk.order(orders_of(machine))
+        if machine.interpreted is not None:
+            decision = desk.decision = machine.interpreted.step(machine.tunings.gains, desk.m)
+            came = DONE if machine.interpreted.done else QUIET
+        else:
+            if came & (FOUND | FELT):
+                came, _, _ = desk.decide()
+            decision = desk.decision
+        if came & PUSHES:
+            machine.push.act(decision.target, self._newest_tick)
+        if came & TUNES:
+            machine.tunings.use(decision.target.tuning, self._newest_tick)
+        motion, m = machine.motion, desk.m
+        if came & DONE and motion is not None:
+            motion.done = True
+            zero_where_homed(motion, machine, self._plant, desk)
+            desk.m = machine.end_motion(Now(self._newest_tick, m))
+        return decision.u_A, decision.u_B
+
+    def _react(self, missed: int) -> None:
+        """Stop for what the checks have found, where that is to be stopped for."""
+        machine, desk, m, command = self._machine, self._desk, self._desk.m, self._command
+        if machine.mode is Mode.TRIPPED:
+            return
+        heard = machine.zeros.from_middle(m)
+        fault, seen = self._checks.told(desk.found, desk.readings, m, heard, command, self._plant.raw, missed)
+        if machine.motion is not None or fault in _AT_REST_TOO:
+            machine.begin_stop(Stop(fault), seen, Now(self._newest_tick, m))
+
+    def _write(self, command: MotorCommand) -> None:
+        machine = self._machine
+        try:
+            self._plant.write(command)
+            self._command = command  # what cannot be written leaves the outputs as they were
+        except (WatchdogExpiredError, WatchdogDeadError) as error:
+            # The drives are off already: this is zero volts, and stays so until somebody resets.
+            self._command = ZERO_VOLTS
+            self._changed = True
+            if machine.mode is not Mode.TRIPPED:
+                fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
+                machine.begin_stop(Stop(fault), str(error), Now(self._newest_tick, self._desk.m))
+        except PlantError as error:
+            self._plant_failed(error)
+            return
+        machine.tell_stopped(self._tick)
+
+    def _plant_failed(self, error: PlantError) -> None:
+        self._plant_watch.failure = str(error)
+        self._changed = True
+        if self._machine.mode is not Mode.TRIPPED:
+            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), Now(self._newest_tick, self._desk.m))
+
+    def close(self) -> None:
+        """Zero volts and let go of the plant. Safe to call twice."""
+        try:
+            self._plant.write(ZERO_VOLTS)
+        except PlantError:
+            pass
+        finally:
+            self._plant.close()

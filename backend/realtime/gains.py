@@ -1,0 +1,152 @@
+"""The tuning of the loop: between the cascade's gains and the command that carries them."""
+
+from collections.abc import Sequence
+from dataclasses import astuple
+from typing import NamedTuple
+
+import numpy as np
+
+from backend.control import cascade, pid
+from backend.control.cascade import CascadeTuning
+from backend.errors import require_within
+from backend.realtime.commands import Event, TuningChanged
+from backend.realtime.motions import BASELINES
+from backend.realtime.program import IDENTIFYING, MAX_TUNINGS, EntryGains, MotorGains, Program, RefusedError, SetTuning
+from backend.realtime.shared_state import TickDesk
+from backend.tuning.gains import Knowledge, Lambdas, MotorModel, PointModel, cascade_tuning, require_share, tuning_with
+from plant.parameters import PlantParameters
+
+# Tuned ---------------------------------------------------------------------------------------------
+#
+# Between the cascade's tuning and the command that carries it to the loop process.
+
+
+def tuning_for(
+    parameters: PlantParameters,
+    lambdas: Lambdas,
+    points: Sequence[PointModel] = (),
+    motor: MotorModel | None = None,
+    interpolate: bool = False,
+    u_plan: float = 0.0,
+    k_ext: float = 0.0,
+) -> SetTuning:
+    """Command with the gains of ``backend.tuning.gains.cascade_tuning``. Raises TuningError."""
+    tuning = cascade_tuning(parameters, lambdas, points, motor, interpolate)
+    return SetTuning(
+        lam_q=lambdas.lam_q,
+        lam_S=lambdas.lam_S,
+        motor_A=MotorGains(*tuning.motors.A),
+        motor_B=MotorGains(*tuning.motors.B),
+        entries=tuple(EntryGains(*map(float, row)) for row in tuning.schedule.entries),
+        interpolate=interpolate,
+        u_plan=u_plan,
+        k_ext=k_ext,
+    )
+
+
+def tuning_of(command: SetTuning, known: Knowledge) -> cascade.CascadeTuning:
+    """Tuning that a command carries. Raises ValueError for a bank without entries or gains that are no numbers."""
+    if not command.entries:
+        raise ValueError("a bank needs at least one entry: no gain was changed")
+    rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
+    table = np.array(rows, dtype=np.float64)
+    inner = pid.MotorPairGains(
+        *(pid.IPDGains(*map(float, astuple(motor))) for motor in (command.motor_A, command.motor_B))
+    )
+    if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
+        raise ValueError("a gain is not a finite number: no gain was changed")
+    require_within("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
+    require_share(command.k_ext)
+    return tuning_with(known, inner, table, command.interpolate, command.u_plan, command.k_ext)
+
+
+# Tunings -------------------------------------------------------------------------------------------
+#
+# The tuning in force in the loop: the operator's, or the one that a program has put into use until
+# it ends.
+
+
+NOT_LEARNED = (
+    "the outside force cannot be rejected before it is learned what its estimate reads with nothing outside: hold the "
+    "joint at rest and learn it first, or set k_ext to 0"
+)
+
+
+class InForce(NamedTuple):
+    """Gains, and the λ that they are of."""
+
+    gains: CascadeTuning
+    lambdas: Lambdas
+
+
+class Tunings:
+    """Keeps the desk to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
+
+    def __init__(self, desk: TickDesk, events: list[Event], gains: CascadeTuning, lambdas: Lambdas) -> None:
+        self.gains, self.lambdas = _rejecting_nothing(gains), lambdas
+        self.number = 0
+        self._desk = desk
+        self._events = events
+        self._of_program: tuple[InForce, ...] = ()  # the operator's first
+        desk.retune(self.gains)  # as nothing is learned yet
+
+    def replace(self, gains: CascadeTuning, lambdas: Lambdas) -> None:
+        """Put an operator's tuning into use. Raises RefusedError while a program changes it."""
+        if self._of_program:
+            raise RefusedError("the program changes the tuning by itself: wait for its end or stop it")
+        self._require_learned(gains)
+        self._put(InForce(gains, lambdas))
+
+    def of(self, program: Program, known: Knowledge) -> tuple[InForce, ...]:
+        """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
+        found = tunings_of(program, known)
+        for tuning in found:
+            self._require_learned(tuning.gains)
+        return found
+
+    def _require_learned(self, gains: CascadeTuning) -> None:
+        """Raise RefusedError for a rejection of what is not known."""
+        if gains.rejection.k_ext > 0.0 and not self._desk.learned:
+            raise RefusedError(NOT_LEARNED)
+
+    def reject_nothing(self) -> None:
+        """Leave pushes to the position loop: what was learned of the outside force is gone."""
+        self._of_program = tuple(InForce(_rejecting_nothing(one.gains), one.lambdas) for one in self._of_program)
+        self._put(InForce(_rejecting_nothing(self.gains), self.lambdas))
+
+    def begin(self, changed: Sequence[InForce]) -> None:
+        """Be ready for a program that puts ``changed`` into use, numbered from 1 on."""
+        self._of_program = (InForce(self.gains, self.lambdas), *changed) if changed else ()
+
+    def use(self, number: int, tick: int) -> None:
+        """Put a tuning of the program into use."""
+        self.number = number
+        self._put(self._of_program[number])
+        self._events.append(TuningChanged(tick, number, self.lambdas.lam_q, self.lambdas.lam_S))
+
+    def end(self, tick: int) -> None:
+        """Put the operator's back into use, where a program has changed it."""
+        if self.number:
+            self.use(0, tick)
+        self._of_program = ()
+
+    def _put(self, tuning: InForce) -> None:
+        self.gains, self.lambdas = tuning
+        self._desk.retune(tuning.gains)
+
+
+def _rejecting_nothing(gains: CascadeTuning) -> CascadeTuning:
+    return gains._replace(rejection=gains.rejection._replace(k_ext=0.0))
+
+
+def tunings_of(program: Program, known: Knowledge) -> tuple[InForce, ...]:
+    """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
+    require_within("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
+    if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
+        raise RefusedError(f"gains are fixed while a {program.law} program plays: leave out the changes of the tuning")
+    for segment in program.segments:
+        if not 0 <= segment.tuning <= len(program.tunings):
+            raise RefusedError(f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}")
+    return tuple(
+        InForce(tuning_of(command, known), Lambdas(command.lam_q, command.lam_S)) for command in program.tunings
+    )

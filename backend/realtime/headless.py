@@ -1,0 +1,92 @@
+"""The loop stepped in this process as fast as it goes: experiments from the command line, dry runs, tests."""
+
+import asyncio
+from collections.abc import Callable
+
+from backend.realtime.commands import Accepted, Command, Event, Refused
+from backend.realtime.control_loop import Loop
+from backend.realtime.program import SetTouch, SetTuning, TouchForgotten
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import Listener
+from backend.realtime.timing import Granted
+from plant.interface import Plant, T_s
+from plant.parameters import PlantParameters
+
+_BATCH_TICKS = 1000
+
+
+class Headless:
+    """A ``LoopAccess`` without clock, process or heartbeat.
+
+    ``each_batch`` is called after at most 1000 ticks and at the end of each advance: to record, to show progress.
+    ``learned`` tells that the loop knows what the outside force reads with nothing outside.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        parameters: PlantParameters,
+        tuning: SetTuning,
+        each_batch: Callable[[Ring], None] = lambda _ring: None,
+    ) -> None:
+        self.ring = Ring.create()
+        self.granted: Granted | None = None
+        self._loop = Loop(plant, parameters, self.ring, tuning)
+        self._each_batch = each_batch
+        self._listeners: list[Listener] = []
+        self._sequence = 0
+        self.learned = False
+
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        """Call ``listener`` with each event from now on; return what to call to end that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    async def send(self, command: Command) -> Accepted | Refused:
+        """Hand over a command between two ticks and return the loop's answer."""
+        self._sequence += 1
+        self._loop.handle(self._sequence, command)
+        answer = next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
+        if isinstance(command, SetTouch) and isinstance(answer, Accepted):
+            self.learned = len(command.bias) > 0
+        return answer
+
+    async def advance(self, seconds: float) -> None:
+        """Step the loop for so many seconds of its time."""
+        left = round(seconds / T_s)
+        while left > 0:
+            batch = min(left, _BATCH_TICKS)
+            left -= batch
+            while batch > 0:
+                batch -= self._loop.run(batch)
+                self._deliver()
+            await self._end_batch()
+
+    async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
+        """Step the loop until ``reached()``, asked after every tick. Raises TimeoutError."""
+        for tick in range(1, round(timeout_s / T_s) + 1):
+            if reached():
+                break
+            self._loop.tick()
+            self._deliver()
+            if tick % _BATCH_TICKS == 0:
+                await self._end_batch()
+        await self._end_batch()
+        if not reached():
+            raise TimeoutError(f"not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}")
+
+    async def _end_batch(self) -> None:
+        self._each_batch(self.ring)
+        await asyncio.sleep(0)  # whoever else waits on this event loop gets its turn, however short the advance
+
+    def _deliver(self) -> list[Event]:
+        events = self._loop.drain_events()
+        for event in events:
+            self.learned = self.learned and not isinstance(event, TouchForgotten)
+            for listener in tuple(self._listeners):
+                listener(event)
+        return events
+
+    def close(self) -> None:
+        """Zero volts and let go of the plant."""
+        self._loop.close()

@@ -1,0 +1,270 @@
+"""The channel between service and loop process: JSON messages in packets over a local socket pair."""
+
+import re
+import select
+import socket
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal, Union, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
+
+from backend.realtime.commands import Command, Event, RunProgram
+from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, RefusedError, Segment, SetTuning, require_few
+from backend.realtime.timing import Granted
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp
+from plant.interface import PlantChoice
+
+# Channel ends --------------------------------------------------------------------------------------
+#
+# The two ends of the command road: packets over a local socket pair, each whole or not at all.
+
+
+MAX_BYTES = 16_384
+"""Longest packet: what is decoded within a third of a period."""
+
+_QUEUE_BYTES = 212_992  # what every kernel grants
+
+
+class ChannelClosedError(Exception):
+    """The other end is gone."""
+
+
+class Channel:
+    """One end of a SOCK_SEQPACKET pair; neither sending nor receiving ever waits."""
+
+    def __init__(self, end: socket.socket) -> None:
+        end.setblocking(False)
+        self._socket = end
+        self._buffer = bytearray(MAX_BYTES)
+        self._waiting = select.poll()
+        self._waiting.register(end, select.POLLIN)
+
+    def fileno(self) -> int:
+        """File descriptor, to wait on for packets."""
+        return self._socket.fileno()
+
+    def send(self, packet: bytes) -> bool:
+        """Send one packet; False when the other end does not read and its queue is full. Raises ChannelClosedError."""
+        try:
+            self._socket.send(packet)
+        except BlockingIOError:
+            return False
+        except (BrokenPipeError, ConnectionResetError) as error:
+            raise ChannelClosedError from error
+        return True
+
+    def receive(self) -> bytes | None:
+        """Take the next packet, None when there is none. Raises ChannelClosedError at the end of all packets."""
+        if not self._waiting.poll(0):  # as in nearly every tick: an exception would take longer
+            return None
+        try:
+            length = self._socket.recv_into(self._buffer)
+        except BlockingIOError:
+            return None
+        except ConnectionResetError as error:
+            raise ChannelClosedError from error
+        if length == 0:
+            raise ChannelClosedError
+        return bytes(memoryview(self._buffer)[:length])
+
+    def close(self) -> None:
+        """Close this end; the other one notices."""
+        self._socket.close()
+
+
+def channel_pair() -> tuple[Channel, socket.socket]:
+    """Return this side's channel and the socket to hand to the other process."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    # The longest program has to find room as a whole; the kernel grants twice its usual limit.
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _QUEUE_BYTES)
+    return Channel(ours), theirs
+
+
+# Channel -------------------------------------------------------------------------------------------
+#
+# The command road: one JSON message per packet of ``channel_ends``, decoded strictly.
+#
+# Unknown fields, wrong types, nan and infinities are refused, on both ends; a packet arrives whole
+# or not at all.
+
+
+PART_SEGMENTS = 24
+"""Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""
+
+Entry = str | float | list[float] | list[list[float]]
+"""What a parameter file says of an entry: its unit and source; its value, a polynomial or points."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """First message to the loop process: the plant to open, with what parameters, tuning and findings of a bring-up.
+
+    ``drives_off``: hands may be at the rig, so the drives stay off until somebody has them switched on. ``identified``
+    is put over the parameters: sections of what the controller knows, as a parameter file has them.
+    """
+
+    plant: PlantChoice
+    parameters: str
+    seed: int
+    tuning: SetTuning
+    brought_up: BroughtUp = NOT_BROUGHT_UP
+    drives_off: bool = False
+    identified: dict[str, dict[str, dict[str, Entry]]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """First message of the loop process: it ticks now and drives ``driven``, with what the machine granted.
+
+    ``wired`` is the fingerprint of the wiring file that it has read; empty where there is none.
+    """
+
+    granted: Granted
+    driven: str
+    wired: str = ""
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The loop process cannot work, for this reason, and ends."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class ProgramPart:
+    """Segments or tunings of a program that is too long for one packet; all its packets have the same number."""
+
+    segments: tuple[Segment, ...] = ()
+    tunings: tuple[SetTuning, ...] = ()
+
+
+@dataclass(frozen=True)
+class LongProgram:
+    """The rest of a program whose ``segments`` segments and ``tunings`` tunings came ahead in parts, in order."""
+
+    command: RunProgram
+    segments: int
+    tunings: int = 0
+
+
+ToLoop = Setup | Command | ProgramPart | LongProgram
+FromLoop = Ready | Failed | Event
+
+
+class ChannelError(Exception):
+    """A message that cannot be sent or understood; ``sequence`` is its number, 0 when even that is not legible."""
+
+    def __init__(self, reason: str, sequence: int = 0) -> None:
+        super().__init__(reason)
+        self.sequence = sequence
+
+
+def _envelope(member: type) -> type[BaseModel]:
+    kind: Any = Literal[member.__name__]
+    # Plain dataclasses inside an envelope take over its strictness. What is no number is written as such and refused:
+    # as null it would arrive as None where None is a value, too.
+    return create_model(
+        member.__name__,
+        __config__=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants"),
+        kind=(kind, member.__name__),
+        sequence=(int, ...),
+        body=(member, ...),
+    )
+
+
+_ENVELOPES = {member: _envelope(member) for member in get_args(ToLoop) + get_args(FromLoop)}
+
+
+def _adapter(union: Any) -> TypeAdapter[Any]:
+    envelopes = tuple(_ENVELOPES[member] for member in get_args(union))
+    one_of: Any = Union[envelopes]  # noqa: UP007  # the operator needs them spelled out
+    return TypeAdapter(Annotated[one_of, Field(discriminator="kind")])
+
+
+_TO_LOOP = _adapter(ToLoop)
+_FROM_LOOP = _adapter(FromLoop)
+
+
+def encode(message: ToLoop | FromLoop, sequence: int = 0) -> bytes:
+    """Write a message as one packet. Raises ChannelError when it is too long for one."""
+    packet = _ENVELOPES[type(message)].model_construct(sequence=sequence, body=message).model_dump_json().encode()
+    if len(packet) > MAX_BYTES:
+        raise ChannelError(
+            f"{type(message).__name__} takes {len(packet)} bytes, at most {MAX_BYTES} can be sent: shorten it",
+            sequence,
+        )
+    return packet
+
+
+def packets(command: Command, sequence: int) -> list[bytes]:
+    """Write a command as packets that follow each other. Raises OutOfRangeError, ChannelError."""
+    if not isinstance(command, RunProgram):
+        return [encode(command, sequence)]
+    segments, tunings = command.program.segments, command.program.tunings
+    if len(segments) <= PART_SEGMENTS and not tunings:
+        return [encode(command, sequence)]
+    require_few(segments)
+    starts = range(0, len(segments), PART_SEGMENTS)
+    parts = [ProgramPart(segments[start : start + PART_SEGMENTS]) for start in starts]
+    parts += [ProgramPart(tunings=(tuning,)) for tuning in tunings]
+    bare = replace(command.program, segments=(), tunings=())
+    rest = LongProgram(replace(command, program=bare), len(segments), len(tunings))
+    return [*(encode(part, sequence) for part in parts), encode(rest, sequence)]
+
+
+def decode_to_loop(packet: bytes) -> tuple[int, ToLoop]:
+    """Read what the service sent: (sequence, message). Raises ChannelError."""
+    return _decode(_TO_LOOP, packet)
+
+
+def decode_from_loop(packet: bytes) -> tuple[int, FromLoop]:
+    """Read what the loop process sent: (sequence, message). Raises ChannelError."""
+    return _decode(_FROM_LOOP, packet)
+
+
+def _decode(adapter: TypeAdapter[Any], packet: bytes) -> tuple[int, Any]:
+    try:
+        envelope = adapter.validate_json(packet)
+    except ValidationError as error:
+        # Without its number the sender would wait for an answer in vain.
+        number = re.search(rb'"sequence":\s*(\d{1,15})\b', packet)
+        problems = (f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
+        raise ChannelError("; ".join(problems), int(number.group(1)) if number else 0) from None
+    return envelope.sequence, envelope.body
+
+
+# Program parts -------------------------------------------------------------------------------------
+#
+# Puts a program together that came in parts.
+
+
+class ProgramParts:
+    """What has come ahead of one program. Parts of another one, whose rest never came, are dropped."""
+
+    def __init__(self) -> None:
+        self._sequence = 0
+        self._segments: list[Segment] = []
+        self._tunings: list[SetTuning] = []
+
+    def keep(self, sequence: int, part: ProgramPart) -> None:
+        """Keep a part until the rest comes; more than a program may have are not kept."""
+        if sequence != self._sequence:
+            self._sequence, self._segments, self._tunings = sequence, [], []
+        if len(self._segments) <= MAX_SEGMENTS:
+            self._segments += part.segments
+        if len(self._tunings) <= MAX_TUNINGS:
+            self._tunings += part.tunings
+
+    def whole(self, sequence: int, rest: LongProgram) -> RunProgram:
+        """Return the program with all its parts. Raises RefusedError where one is missing."""
+        self.keep(sequence, ProgramPart())
+        segments, tunings = tuple(self._segments), tuple(self._tunings)
+        self._segments, self._tunings = [], []
+        for arrived, expected, what in (
+            (len(segments), rest.segments, "segments"),
+            (len(tunings), rest.tunings, "tunings"),
+        ):
+            if arrived != expected:
+                raise RefusedError(f"{arrived} of the program's {expected} {what} arrived: send it again")
+        return replace(rest.command, program=replace(rest.command.program, segments=segments, tunings=tunings))

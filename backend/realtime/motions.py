@@ -1,0 +1,377 @@
+"""The motion of each mode, and the arrays from which the control step plays a program."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from backend.control import baselines as feedback_linearization
+from backend.control import baselines as single_loop
+from backend.control import cascade, motion_primitives, pid, setpoint_player, tracking
+from backend.control import tracking as baselines
+from backend.control.cascade import CascadeTuning
+from backend.control.decoupler import Bounds, bounds_for, decoupler_for
+from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
+from backend.control.motion_types import NO_REFERENCE, Carry, Decision, Target, follow
+from backend.control.step import Moving, Resting
+from backend.errors import require_within
+from backend.realtime.program import (
+    Cause,
+    Excitation,
+    Law,
+    Program,
+    RefusedError,
+    Segment,
+    Shape,
+    Why,
+    require_able,
+    require_few,
+)
+from backend.tuning.gains import Lambdas, feedback_linearization_tuning, single_loop_tuning
+from plant.compiled import Cell
+from plant.dynamics import elongation
+from plant.interface import Measurement, Plant, T_s
+from plant.parameters import PlantParameters
+
+# Program arrays ------------------------------------------------------------------------------------
+#
+# What a program plays, as the compiled tick reads it.
+
+
+_SHAPES = {
+    Shape.STEP: setpoint_player.STEP,
+    Shape.RAMP: setpoint_player.RAMP,
+    Shape.SINE: setpoint_player.SINE,
+    Shape.SWEEP: setpoint_player.SWEEP,
+    Shape.PRBS: setpoint_player.PRBS,
+    Shape.MULTISINE: setpoint_player.MULTISINE,
+}
+
+
+def player_of(segments: Sequence[Segment], start: Target) -> setpoint_player.Player:
+    """Play segments from a target on."""
+    rows = [
+        (
+            _SHAPES[segment.shape],
+            round(segment.duration_s / T_s),
+            segment.duration_s,
+            segment.q_ref,
+            segment.S_ref,
+            segment.F_push,
+            segment.period_s,
+            segment.load_A,
+            segment.load_B,
+            segment.period_end_s,
+            segment.count,
+            segment.peak,
+            segment.tuning,
+            segment.wall,
+            segment.touch,
+        )
+        for segment in segments
+    ]
+    return setpoint_player.Player(
+        np.array(rows, dtype=np.float64).reshape(-1, setpoint_player.COLUMNS), 0, 0, setpoint_player.FIRST, start
+    )
+
+
+def tension_hold_of(
+    program: Program, excitation: Excitation, carry: Carry, theta_A: float
+) -> motion_primitives.TensionHoldState:
+    """Hold the program's tension, which ``theta_A`` [rad] of motor A gives about, settle, and excite."""
+    amplitude = excitation.amplitude_rad
+    levels = np.array([amplitude if level == "+" else -amplitude for level in excitation.levels])
+    chip_ticks = max(round(excitation.chip_s / T_s), 1)
+    chips = motion_primitives.Chips(levels, chip_ticks, excitation.periods * len(levels) * chip_ticks)
+    base = carry.theta_A_ref, carry.theta_B_ref
+    settle_ticks = round(program.settle_s / T_s)
+    return motion_primitives.TensionHoldState(
+        program.tension_N, theta_A, *base, settle_ticks, chips, 0, pid.ForceHoldState(0.0)
+    )
+
+
+def tension_sweep_of(program: Program, goals: Sequence[tuple[float, float]]) -> motion_primitives.TensionSweepState:
+    """Sweep along ``goals``: theta_A and theta_B [rad] of the start and of each leg's end."""
+    ticks = np.array([max(round(leg.duration_s / T_s), 1) for leg in program.legs], dtype=np.int64)
+    return motion_primitives.TensionSweepState(np.array(goals), ticks, round(program.settle_s / T_s), -1, 0)
+
+
+def voltage_steps_of(program: Program, room: motion_primitives.VoltageMargin) -> motion_primitives.VoltageStepsState:
+    """Make the program's steps within ``room``."""
+    rows = [(step.theta_start, step.u, round(step.duration_s / T_s), step.travel_rad) for step in program.steps]
+    steps = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    still = motion_primitives.BrakeState(0.0, 0.0, 0.0, 0.0)
+    first = motion_primitives.CENTRED
+    return motion_primitives.VoltageStepsState(room, steps, round(program.settle_s / T_s), 0, first, 0, 0.0, 0.0, still)
+
+
+# Motion --------------------------------------------------------------------------------------------
+#
+# What the loop does with the motors in each mode: a motion, begun here and stepped by the compiled
+# tick.
+#
+# Every motion hands the state of the motor loops on to the next one, so that no change of mode
+# makes the voltages jump.
+
+
+class Motion:
+    """One way of moving. ``done`` tells that it has reached its end; it goes on holding there.
+
+    It begins with ``first`` and goes on in the cell where it is laid.
+    """
+
+    def __init__(self, carry: Carry, state: Any, target: Target = NO_REFERENCE) -> None:
+        self.done = False
+        self.first = Moving(carry, target, state)
+        self._cell: Cell[Moving] | None = None
+
+    def lie_in(self, cell: Cell[Moving]) -> None:
+        """Go on in a cell of its kind, in which nothing else moves any more."""
+        cell.put(self.first)
+        self._cell = cell
+
+    @property
+    def now(self) -> Moving:
+        """As it stands now."""
+        return self.first if self._cell is None else self._cell.get()
+
+    def carry(self) -> Carry:
+        """Return the motor loops for the next motion."""
+        return self.now.carry
+
+    def aim(self, target: Target) -> None:
+        """Go for another target from the next tick on."""
+        if self._cell is not None:
+            self._cell.field("target").put(target)
+
+
+def _held(carry: Carry, m: Measurement, u_max: float) -> tuple[float, float]:
+    """Voltages [V] that the motor loops would go on with."""
+    references = carry.theta_A_ref, carry.theta_B_ref
+    held, _ = pid.step_motor_pair(carry.gains, carry.state, *references, m.theta_A, m.theta_B, u_max)
+    return held.u_A, held.u_B
+
+
+class Rest(Motion):
+    """None: zero volts."""
+
+    def __init__(self, gains: pid.MotorPairGains) -> None:
+        super().__init__(Carry(pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0), gains, 0.0, 0.0), Resting(0.0))
+
+
+class Winding(Motion):
+    """Pretension from slack: both motors wind until both load cells read the pretension."""
+
+    def __init__(self, carry: Carry) -> None:
+        super().__init__(carry, motion_primitives.begin_winding(carry))
+
+    @property
+    def tensions(self) -> tuple[float, float]:
+        """Filtered load cell readings [N]."""
+        wound = self.now.state.winding
+        return wound.F_A, wound.F_B
+
+
+class Travel(Motion):
+    """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
+
+    def __init__(self, carry: Carry, theta_A: float, theta_B: float) -> None:
+        super().__init__(carry, motion_primitives.TravelState(theta_A, theta_B, 0.0))
+
+
+class Braking(Motion):
+    """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
+
+    def __init__(self, carry: Carry, m: Measurement, u_max: float) -> None:
+        super().__init__(carry, motion_primitives.begin_soft_stop(*_held(carry, m, u_max), m))
+
+
+class ForceHold(Motion):
+    """Actuator identification: tension held by motor A, the excitation on top (figure 5)."""
+
+
+class TensionSweep(Motion):
+    """Spring identification: both tensions wound evenly up and down."""
+
+
+class MotorSteps(Motion):
+    """Motor identification: voltage steps with slack tendons."""
+
+
+class Tracking(Motion):
+    """The cascade, following the operator's references or a program's segments."""
+
+    def __init__(
+        self,
+        tuning: cascade.CascadeTuning,
+        carry: Carry,
+        m: Measurement,
+        bounds: Bounds,
+        position_loop: bool,
+        program: Program | None = None,
+        *,
+        gives_way: bool = False,
+    ) -> None:
+        """Begin where nothing has to move; a joint that ``gives_way`` is to rest where it is now."""
+        here = tracking.here(tuning, m, bounds, position_loop=position_loop or gives_way)
+        player = player_of(() if program is None else program.segments, here)
+        references = carry.theta_A_ref, carry.theta_B_ref
+        law = cascade.take_over(tuning, carry.state, carry.gains, *references, m, here.q_ref)
+        super().__init__(carry, tracking.TrackingState(law, position_loop, program is not None, player), here)
+
+
+def _single_loop(parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement) -> Any:
+    tuning = single_loop_tuning(parameters, lambdas)
+    return baselines.SingleLoop, tuning, single_loop.take_over_single_loop(tuning, *u, m)
+
+
+def _feedback_linearization(
+    parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement
+) -> Any:
+    tuning = feedback_linearization_tuning(parameters, lambdas)
+    return (
+        baselines.FeedbackLinearization,
+        tuning,
+        feedback_linearization.take_over_feedback_linearization(tuning, *u, m),
+    )
+
+
+BASELINES: dict[Law, Callable[[PlantParameters, Lambdas, tuple[float, float], Measurement], Any]] = {
+    Law.SINGLE_LOOP: _single_loop,
+    Law.FEEDBACK_LINEARIZATION: _feedback_linearization,
+}
+"""Laws without cascade: kind, tuning from parameters and λ, and the state that takes over from voltages [V]."""
+
+
+class Baseline(Motion):
+    """A law without cascade playing a program's segments; its gains stay as they were at the start."""
+
+    def __init__(
+        self,
+        program: Program,
+        parameters: PlantParameters,
+        lambdas: Lambdas,
+        tuning: cascade.CascadeTuning,
+        carry: Carry,
+        m: Measurement,
+        bounds: Bounds,
+    ) -> None:
+        """Raise TuningError where the law has no gains for these λ."""
+        here = tracking.here(tuning, m, bounds)
+        kind, own, law = BASELINES[program.law](parameters, lambdas, _held(carry, m, tuning.u_max), m)
+        super().__init__(carry, kind(own, law, player_of(program.segments, here)), here)
+
+
+class Interpreted(Motion):
+    """What a bring-up plays: rare, short, and stepped by the interpreter."""
+
+    def __init__(self, carry: Carry, target: Target) -> None:
+        self.done = False
+        self.target = target
+        self._carry = carry
+
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+        """One tick: measurement to voltages."""
+        raise NotImplementedError
+
+    def carry(self) -> Carry:
+        """Return the motor loops for the next motion."""
+        return self._carry
+
+    def follow(self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
+        """One tick of both motor loops towards motor references [rad]."""
+        decision, self._carry = follow(tuning, self._carry, self.target, theta_A_ref, theta_B_ref, m, False)
+        return decision
+
+
+class Trial(Interpreted):
+    """What the bring-up plays, from OFF to OFF: never braked, as nothing is proven yet, but ended at zero volts.
+
+    ``cause`` says how it ended.
+    """
+
+    cause: Why = Cause.ASKED_FOR
+
+
+# Program motions -----------------------------------------------------------------------------------
+#
+# From a program to the motion that plays it: what it asks for is looked at whole before anything
+# moves.
+
+
+class ProgramMotions:
+    """Makes the motions of one plant's programs."""
+
+    def __init__(self, plant: Plant, parameters: PlantParameters) -> None:
+        self._plant = plant
+        self._parameters = parameters
+        self._bounds = bounds_for(parameters)
+        self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+        self._geometry = decoupler_for(parameters)
+
+    def motion_for(
+        self, program: Program, carry: Carry, m: Measurement, tuning: CascadeTuning, lambdas: Lambdas
+    ) -> Motion:
+        """Return what plays the program from here on. Raises RefusedError or OutOfRangeError."""
+        if program.law is Law.FORCE_HOLD:
+            if program.excitation is None:
+                raise ValueError("a force-hold program needs an excitation")
+            # Motor B stays at zero: what motor A winds stretches both springs.
+            theta_A = sum(self.wound(program.tension_N))
+            return ForceHold(carry, tension_hold_of(program, program.excitation, carry, theta_A))
+        if program.law is Law.MOTOR_STEPS:
+            return self._motor_steps(program, carry)
+        if program.law is Law.TENSION_SWEEP:
+            return self._tension_sweep(program, carry)
+        self._require_segments(program)
+        bounds = self._bounds
+        if program.law in BASELINES:
+            return Baseline(program, self._parameters, lambdas, tuning, carry, m, bounds)
+        return Tracking(tuning, carry, m, bounds, program.law is Law.CASCADE, program)
+
+    def off_by(self, tensions: tuple[float, float], m: Measurement) -> tuple[float, float]:
+        """How much less motors A and B read [rad] than they stand at, as the tensions [N] say."""
+        (F_A, F_B), r_m, turned = tensions, self._geometry.r_m, self._geometry.r_j * m.q
+        A, B = elongation(self._spring_A, F_A) + turned, elongation(self._spring_B, F_B) - turned
+        return A / r_m - m.theta_A, B / r_m - m.theta_B
+
+    def wound(self, F: float) -> tuple[float, float]:
+        """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
+        r_m = self._geometry.r_m
+        return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
+
+    def require_references(self, q_ref: float, S_ref: float) -> None:
+        """Raise OutOfRangeError unless the joint may be brought to q_ref [rad] and S_ref [N·m/rad]."""
+        require_within("q_ref", q_ref, self._bounds.q_min, self._bounds.q_max, "rad")
+        require_within("S_ref", S_ref, self._bounds.S_min, self._bounds.S_max, "N·m/rad")
+
+    def _require_segments(self, program: Program) -> None:
+        require_few(program.segments)
+        q_min, q_max, S_min, S_max = self._bounds.q_min, self._bounds.q_max, self._bounds.S_min, self._bounds.S_max
+        for segment in program.segments:
+            # Most are plain and good, and a thousand calls would take half a period.
+            good = q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max
+            if not good or segment.F_push or segment.load_A or segment.load_B:
+                self._require_segment(segment)
+
+    def _require_segment(self, segment: Segment) -> None:
+        self.require_references(segment.q_ref, segment.S_ref)
+        require_able(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
+
+    def _motor_steps(self, program: Program, carry: Carry) -> MotorSteps:
+        if not program.steps:
+            raise RefusedError("a program of voltage steps needs at least one step")
+        theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip  # what the joint's range winds up
+        for step in program.steps:
+            require_within("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
+            require_within("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
+        room = VoltageMargin(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
+        return MotorSteps(carry, voltage_steps_of(program, room))
+
+    def _tension_sweep(self, program: Program, carry: Carry) -> TensionSweep:
+        if not program.legs:
+            raise RefusedError("a sweep of the tension needs at least one leg")
+        tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
+        for tension_N in tensions:
+            require_within("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")
+        return TensionSweep(carry, tension_sweep_of(program, [self.wound(tension_N) for tension_N in tensions]))

@@ -1,0 +1,327 @@
+"""The loop process: its entry point, and the rehearsal of every mode before the first deadline."""
+
+import gc
+import select
+import signal
+import socket
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from backend.control.motion_types import NO_REFERENCE
+from backend.faults import Fault
+from backend.realtime.commands import (
+    Command,
+    Heartbeat,
+    ReadinessChanged,
+    Refused,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    Stop,
+    SwitchDrives,
+)
+from backend.realtime.commissioning_motions import Homing
+from backend.realtime.control_loop import Loop
+from backend.realtime.gains import tuning_of
+from backend.realtime.ipc import (
+    Channel,
+    ChannelClosedError,
+    ChannelError,
+    Failed,
+    FromLoop,
+    LongProgram,
+    ProgramPart,
+    ProgramParts,
+    Ready,
+    Setup,
+    decode_to_loop,
+    encode,
+)
+from backend.realtime.motions import BASELINES, Rest
+from backend.realtime.player import PlayerLoop
+from backend.realtime.program import (
+    Excitation,
+    Law,
+    Mode,
+    Program,
+    RefusedError,
+    Segment,
+    SetTuning,
+    TensionLeg,
+    VoltageStep,
+)
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.timing import Pacer, request_real_time
+from backend.tuning.gains import knowledge, motor_model
+from plant.factory import make_plant
+from plant.interface import Plant, PlantError, T_s, Wired
+from plant.parameters import ParameterError, PlantParameters, load_parameters
+from plant.replay import Replay
+from plant.safety_card import Card
+from plant.simulator import Simulator
+
+# Rehearsal -----------------------------------------------------------------------------------------
+#
+# Go through every mode once on a simulator, so that nothing is compiled or loaded after the first
+# real deadline.
+
+
+_PRETENSION_TICKS = 20_000
+_IDENTIFYING = (
+    Program(
+        Law.FORCE_HOLD,
+        tension_N=10.0,
+        settle_s=0.005,
+        excitation=Excitation(amplitude_rad=0.01, chip_s=0.001, levels="+-", periods=1),
+    ),
+    Program(Law.TENSION_SWEEP, tension_N=10.0, legs=(TensionLeg(tension_N=10.0, duration_s=0.005),)),
+    Program(Law.MOTOR_STEPS, steps=(VoltageStep(theta_start=0.0, u=0.1, duration_s=0.005, travel_rad=1.0),)),
+)
+
+
+class RehearsalError(Exception):
+    """The loop cannot even work on the simulator with these parameters and this tuning."""
+
+
+def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
+    """Run pretension, run, compliance, every kind of program, a soft stop and a homing. Raises RehearsalError."""
+    ring = Ring.create(capacity=16)
+    loop = Loop(Simulator(parameters), parameters, ring, tuning)
+    plain = replace(tuning, k_ext=0.0)  # nothing is learned here
+    S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
+    _order(loop, SetMode(Mode.PRETENSION))
+    _pretension(loop)
+    for program in _IDENTIFYING:
+        _order(loop, RunProgram(program))
+        _tick_while(loop, Mode.IDENTIFY)
+        _pretension(loop)
+    # The single loop does not take each λ of the cascade: any λ of its range calls the same compiled code.
+    short = 4.0 * min(motor_model(parameters, "A").T_m, motor_model(parameters, "B").T_m)
+    brisk = replace(plain, lam_q=min(tuning.lam_q, short), lam_S=min(tuning.lam_S, short))
+    for law in (Law.CASCADE, *BASELINES):
+        _order(loop, brisk if law in BASELINES else plain)
+        _order(loop, RunProgram(Program(law, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
+        _tick_while(loop, Mode.EXPERIMENT)
+        _pretension(loop)
+    for command in (SetMode(Mode.RUN), SetReferences(0.0, S_ref), plain, SetMode(Mode.COMPLIANCE), Stop(hard=False)):
+        _order(loop, command)
+        loop.tick()
+    loop.close()
+    ring.close()
+    _bring_up(parameters, tuning)
+
+
+def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
+    """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
+    plant = Simulator(parameters)
+    gains = tuning_of(tuning, knowledge(parameters))
+    homing = Homing(Rest(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
+    homing.step(gains, plant.read())
+
+
+def _order(loop: Loop, command: Command) -> None:
+    loop.handle(0, command)
+    for event in loop.drain_events():
+        if isinstance(event, Refused):
+            raise RehearsalError(f"{type(command).__name__} refused in rehearsal on the simulator: {event.reason}")
+
+
+def _pretension(loop: Loop) -> None:
+    for _ in range(_PRETENSION_TICKS):
+        if loop.pretension_done:
+            return
+        loop.tick()
+    raise RehearsalError(f"pretension was not reached within {_PRETENSION_TICKS} ticks; the mode is {loop.mode}")
+
+
+def _tick_while(loop: Loop, mode: Mode) -> None:
+    while loop.mode is mode:
+        loop.tick()
+
+
+# Worker --------------------------------------------------------------------------------------------
+#
+# The loop process: ``python -m backend.realtime.process RING_FD CHANNEL_FD CARD_FD PARAMETERS``,
+# see ``launching.py``.
+#
+# Nothing here waits for the service. Whatever ends this process, its last act is zero volts; when
+# the service falls silent the loop brings the joint to a soft stop by itself.
+
+
+SILENCE_S = 0.34
+"""Without a word from the service for so long [s], the loop stops softly.
+
+Braking takes 0.14 s: the joint stands within 0.5 s of the last word."""
+
+PAUSE_S = 0.02
+"""Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
+
+COMMANDS_PER_TICK = 4
+BYTES_PER_TICK = 4000
+"""More wait for the next tick, so that no burst of commands and no long program makes a tick late."""
+
+_STILL = (Mode.OFF, Mode.TRIPPED)
+
+
+class Worker:
+    """One loop and its road to the service; ``drives_off`` where hands may be at the rig already."""
+
+    def __init__(self, plant: Plant, loop: Loop | PlayerLoop, channel: Channel, *, drives_off: bool = False) -> None:
+        self._plant = plant
+        self._loop = loop
+        self._channel = channel
+        self._outbox: deque[bytes] = deque()
+        self._silence_s = 0.0
+        self._tick = 0
+        self._service_alive = True
+        self._terminated = False
+        self._readiness: tuple[str, bool] | None = None
+        self._parts = ProgramParts()
+        self._paused = False
+        if drives_off:  # a line that does not fall leaves the loop locked all the same
+            loop.handle(0, SwitchDrives(on=False))
+
+    def terminate(self) -> None:
+        """End after the current tick (SIGTERM)."""
+        self._terminated = True
+
+    def tell(self, message: FromLoop) -> None:
+        """Queue a message to the service; it leaves as soon as the service reads."""
+        self._outbox.append(encode(message))
+
+    def run(self, pacer: Pacer, now_s: Callable[[], float] = time.monotonic) -> None:
+        """Tick until told to end, or until the service is gone and the outputs are zero."""
+        before_s = now_s()
+        while not (self._terminated or self._loop.finished or self._abandoned()):
+            lateness_s = pacer.met() if self._plant.paces_loop else pacer.wait()
+            begun_s = now_s()
+            self._silence_s += min(begun_s - before_s, PAUSE_S)
+            before_s = begun_s
+            self._listen()
+            if self._paused:
+                pacer.resume()
+                self._paused = False
+            self._loop.tick(lateness_s, pacer.overruns)
+            self._tick += 1
+            if (readiness := self._loop.readiness) != self._readiness:
+                self._readiness = readiness
+                self.tell(ReadinessChanged(self._tick, *readiness))  # before the answer to what has changed it
+            for event in self._loop.drain_events():
+                self.tell(event)
+            if self._outbox:
+                self._send()
+
+    def _abandoned(self) -> bool:
+        return not self._service_alive and self._loop.mode in _STILL
+
+    def _listen(self) -> None:
+        try:
+            taken = 0
+            for _ in range(COMMANDS_PER_TICK):
+                packet = self._channel.receive() if taken < BYTES_PER_TICK else None
+                if packet is None:
+                    break
+                self._silence_s = 0.0
+                taken += len(packet)
+                self._obey(packet)
+        except ChannelClosedError:
+            self._service_alive = False
+        lost = self._silence_s > SILENCE_S or not self._service_alive
+        if lost and self._loop.mode not in (*_STILL, Mode.STOPPING):
+            self._loop.handle(0, Stop(Fault.SERVICE_LOST, hard=False))
+
+    def _obey(self, packet: bytes) -> None:
+        try:
+            sequence, message = decode_to_loop(packet)
+        except ChannelError as error:
+            self.tell(Refused(error.sequence, self._tick, str(error)))
+            return
+        match message:
+            case Heartbeat():
+                pass
+            case Setup():
+                self.tell(Refused(sequence, self._tick, "the loop is set up once, at its start"))
+            case ProgramPart():
+                self._parts.keep(sequence, message)
+            case LongProgram():
+                try:
+                    self._loop.handle(sequence, self._parts.whole(sequence, message))
+                except RefusedError as refused:
+                    self.tell(Refused(sequence, self._tick, str(refused)))
+            case command:
+                self._loop.handle(sequence, command)
+                # The card's watchdog may have been tried, at zero volts, which takes its time.
+                self._paused = self._paused or (isinstance(command, SwitchDrives) and command.on)
+
+    def _send(self) -> None:
+        try:
+            while self._outbox and self._channel.send(self._outbox[0]):
+                self._outbox.popleft()
+        except ChannelClosedError:
+            self._service_alive = False
+            self._outbox.clear()
+
+
+def _receive_setup(channel: Channel) -> Setup:
+    select.select([channel], [], [])
+    packet = channel.receive()
+    if packet is None:
+        raise ChannelError("woken without a message")
+    _, message = decode_to_loop(packet)
+    if not isinstance(message, Setup):
+        raise ChannelError(f"the first message has to be Setup, not {type(message).__name__}")
+    return message
+
+
+def _work(ring: Ring, channel: Channel, card: Card) -> None:
+    setup = _receive_setup(channel)
+    parameters = load_parameters(setup.parameters).with_identified(setup.identified)
+    plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
+    rehearse(parameters, setup.tuning)
+    # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    granted = request_real_time()
+    if isinstance(plant, Replay):
+        loop: Loop | PlayerLoop = PlayerLoop(plant.recording, ring)
+    else:
+        loop = Loop(plant, parameters, ring, setup.tuning)
+    try:
+        worker = Worker(plant, loop, channel, drives_off=setup.drives_off)
+        signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
+        worker.tell(Ready(granted, plant.description, plant.wired if isinstance(plant, Wired) else ""))
+        worker.run(Pacer(T_s))
+    finally:
+        loop.close()
+
+
+def main() -> int:
+    """Run the loop on the descriptors of the command line; return the exit status."""
+    # Ctrl-C in a terminal and its closing reach every process: the service decides, and tells this one.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    ring = Ring.attach(int(sys.argv[1]))
+    channel = Channel(socket.socket(fileno=int(sys.argv[2])))
+    with suppress(Exception):  # what is wrong with it is told when it is needed, if it is
+        Simulator(load_parameters(sys.argv[4]))  # loads what is compiled, while the service is not there yet
+    try:
+        _work(ring, channel, Card(int(sys.argv[3])))
+    except ChannelClosedError:
+        return 0
+    except (PlantError, ParameterError) as error:
+        # Not a mistake of the program: the service tells it in a sentence.
+        channel.send(encode(Failed(str(error))))
+        return 1
+    except Exception as error:
+        channel.send(encode(Failed(f"{type(error).__name__}: {error}")))
+        raise
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,175 @@
+"""The compiled tick as the loop calls it: its memory, and the machine code for what moves at the moment."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, step
+from backend.control.motion_types import AT_REST, Decision
+from backend.control.step import NO_ORDERS, Desk, Moving, Orders, Stretch
+from backend.realtime.motions import Motion
+from backend.sample import FIELDS
+from plant.compiled import Cell, Specialised
+from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
+from plant.parameters import PlantParameters
+from plant.simulator import Simulated
+
+_Made = tuple[int, int, float, float, Measurement]
+_Run = Callable[[Cell[Desk], Cell[Moving], Cell[Simulated], Measurement, Stretch, NDArray[np.float64]], _Made]
+_Look = Callable[[Measurement, int], int]
+_Decide = Callable[[], tuple[int, float, float]]
+_WriteRow = Callable[[NDArray[np.float64], int, MotorCommand, RawReading, float, int], None]
+
+
+class TickDesk:
+    """One loop's desk, and on it the motion that is under way.
+
+    ``unattended_max_s`` [s] is how long the plant may be left alone. ``look``, ``decide`` and ``write_row`` are of
+    ``backend.control.step``, for this desk and what lies on it.
+    """
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        unattended_max_s: float,
+        tuning: cascade.CascadeTuning,
+    ) -> None:
+        self.cell = cell = Cell(
+            Desk(
+                tuning,
+                fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
+                NO_ORDERS,
+                fault_detection.FaultDetectionState(
+                    0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.nothing_remembered()
+                ),
+                fault_detection.CLEAR,
+                motion_primitives.VelocityState(0.0, math.nan),
+                NOT_MEASURED,
+                ZERO_VOLTS,
+                AT_REST,
+                disturbance_observer.observer_for(parameters),
+                disturbance_observer.UNKNOWN,
+                np.zeros((0, 2)),
+                math.nan,
+            )
+        )
+        self._tuning, self._orders_cell, self._m = cell.field("tuning"), cell.field("orders"), cell.field("m")
+        self._command, self._decision, self._velocity = (
+            cell.field("command"), cell.field("decision"), cell.field("velocity"),
+        )  # fmt: skip
+        self._found, self._checks = cell.field("found"), cell.field("checks")
+        self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("touch", "bias", "F_ext_hat"))
+        self._orders = NO_ORDERS
+        self._places: dict[type, tuple[Cell[Moving], _Decide]] = {}
+        row = np.zeros(len(FIELDS))
+        self.look: _Look = partial(Specialised(step.look, cell, NOT_MEASURED, 0), cell)
+        self.write_row: _WriteRow = partial(Specialised(step.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell)
+
+    def begin(self, raw: Measurement) -> None:
+        """Take in what is measured before the first tick."""
+        self._m.put(raw)
+        self._velocity.put(motion_primitives.VelocityState(0.0, raw.q))
+
+    def lay(self, motion: Motion) -> None:
+        """Let a motion be the one that is under way."""
+        kind = type(motion.first.state)
+        if kind not in self._places:
+            place = Cell(motion.first)
+            self._places[kind] = place, partial(Specialised(step.decide, self.cell, place), self.cell, place)
+        self.moving, self.decide = self._places[kind]
+        motion.lie_in(self.moving)
+        self._run: _Run | None = None  # on a clock there are no batches
+
+    def run(self, simulated: Cell[Simulated], m: Measurement, stretch: Stretch, rows: NDArray[np.float64]) -> _Made:
+        """Make ticks in a batch (``backend.control.step``)."""
+        if self._run is None:
+            like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
+            self._run = Specialised(step.run_batch, self.cell, self.moving, simulated, m, stretch, like)
+        made = self._run(self.cell, self.moving, simulated, m, stretch, rows)
+        self._orders = self._orders_cell.get()
+        return made
+
+    @property
+    def acting(self) -> tuple[float, ShaftLoad]:
+        """Push [N] and loads [N·m] in force, as far as the tick knows."""
+        return self._orders.F_push, self._orders.load
+
+    def order(self, orders: Orders) -> None:
+        """Say what is to be known in the next tick."""
+        if orders != self._orders:
+            self._orders = orders
+            self._orders_cell.put(orders)
+
+    @property
+    def m(self) -> Measurement:
+        """What was measured, motors from their zeros."""
+        m: Measurement = self._m.get()
+        return m
+
+    @m.setter
+    def m(self, m: Measurement) -> None:
+        self._m.put(m)
+
+    @property
+    def decision(self) -> Decision:
+        """What was decided."""
+        decision: Decision = self._decision.get()
+        return decision
+
+    @decision.setter
+    def decision(self, decision: Decision) -> None:
+        self._decision.put(decision)
+
+    @property
+    def command(self) -> MotorCommand:
+        """What was written last."""
+        command: MotorCommand = self._command.get()
+        return command
+
+    @property
+    def found(self) -> fault_detection.Found:
+        """What the checks have found."""
+        found: fault_detection.Found = self._found.get()
+        return found
+
+    @property
+    def readings(self) -> fault_detection.FaultDetectionState:
+        """What the checks remember."""
+        readings: fault_detection.FaultDetectionState = self._checks.get()
+        return readings
+
+    def retune(self, tuning: cascade.CascadeTuning) -> None:
+        """Replace all gains of the cascade."""
+        self._tuning.put(tuning)
+
+    @property
+    def F_ext_hat(self) -> float:
+        """Outside force as estimated [N]; nan where it is not known where the motors stand."""
+        F_ext_hat: float = self._F_ext_hat.get()
+        return F_ext_hat
+
+    @property
+    def rested(self) -> tuple[float, float, float]:
+        """Stiffness [N·m/rad] now; mean and standard deviation [N] of the estimate over the last 0.3 s, no bias off."""
+        felt, m, tuning = self._touch.get(), self.m, self._tuning.get()
+        S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+        return S, felt.mean / tuning.decoupler.r_j, math.sqrt(felt.variance) / tuning.decoupler.r_j
+
+    def take_off(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force; the one before."""
+        before: NDArray[np.float64] = self._bias.get()
+        self._bias.put(bias)
+        return before
+
+    @property
+    def learned(self) -> bool:
+        """Whether anything is known of that bias."""
+        return len(self._bias.get()) > 0
+
+    def stands_at(self, q: float) -> None:
+        """Say where the joint stands now [rad]: it has not moved there."""
+        self._touch.put(disturbance_observer.UNKNOWN)
+        self._velocity.put(self._velocity.get()._replace(q_before=q))

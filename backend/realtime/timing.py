@@ -1,0 +1,168 @@
+"""Absolute deadlines of the loop, and how well it keeps them."""
+
+import ctypes
+import os
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from backend.realtime.ring_buffer import Ring
+from backend.sample import INDEX
+from plant.interface import T_s
+
+# Pacer ---------------------------------------------------------------------------------------------
+#
+# Keep the beat: absolute deadlines on the monotonic clock, and what the machine grants to hold
+# them.
+#
+# A deadline that was missed by a whole period is skipped and counted as an overrun; it is never
+# made up for by ticking faster, which on hardware would be a burst of commands.
+
+
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_PR_SET_TIMERSLACK = 29
+_PR_GET_TIMERSLACK = 30
+_MCL_CURRENT = 1
+_MCL_FUTURE = 2
+_MCL_ONFAULT = 4
+_NS = 1_000_000_000
+_TIMER_SLACK_NS = 1
+_PRIORITY = 60
+"""Of SCHED_FIFO: above the interrupt threads' default of 50, below the kernel's own watchdogs."""
+
+
+@dataclass(frozen=True)
+class Granted:
+    """What the machine granted to the loop; ``refusals`` say what it did not, why, and the remedy.
+
+    ``priority`` is that of SCHED_FIFO, 0 under ordinary scheduling.
+    """
+
+    priority: int
+    memory_locked: bool
+    timer_slack_ns: int
+    refusals: tuple[str, ...]
+
+
+def request_real_time() -> Granted:
+    """Ask for FIFO scheduling, locked memory and a timer slack of 1 ns for this process; go on with what is granted."""
+    refusals = []
+    _LIBC.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(_TIMER_SLACK_NS), 0, 0, 0)
+    priority = 0
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        priority = _PRIORITY
+    except OSError as error:
+        refusals.append(f"FIFO priority {_PRIORITY}: {error.strerror}; allow rtprio in limits.conf or CAP_SYS_NICE")
+    # Under a finite limit a later allocation would fail instead of merely being unlocked.
+    unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
+    future = _MCL_FUTURE if unlimited else 0
+    memory_locked = _LIBC.mlockall(_MCL_CURRENT | _MCL_ONFAULT | future) == 0
+    if not memory_locked:
+        reason = os.strerror(ctypes.get_errno())
+        refusals.append(f"locked memory: {reason}; raise memlock in limits.conf or grant CAP_IPC_LOCK")
+    slack_ns = _LIBC.prctl(_PR_GET_TIMERSLACK, 0, 0, 0, 0)
+    return Granted(priority, memory_locked, slack_ns, tuple(refusals))
+
+
+def _sleep_until(deadline_ns: int) -> None:
+    # To an absolute time within, and again after a signal; calling libc by ctypes would cost more.
+    time.sleep(max(deadline_ns - time.monotonic_ns(), 0) / _NS)
+
+
+class Pacer:
+    """Waits for one deadline after the other, ``period_s`` apart.
+
+    ``overruns`` counts the deadlines skipped so far. ``now_ns`` and ``sleep_until`` are the monotonic clock [ns].
+    """
+
+    def __init__(
+        self,
+        period_s: float,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+        sleep_until: Callable[[int], None] = _sleep_until,
+    ) -> None:
+        self._period_ns = round(period_s * _NS)
+        self._now_ns = now_ns
+        self._sleep_until = sleep_until
+        self._deadline_ns = now_ns()
+        self.overruns = 0
+
+    def resume(self) -> None:
+        """Go on from now after a pause that was meant: what it took is no overrun."""
+        self._deadline_ns = self._now_ns()
+
+    def met(self) -> float:
+        """Take note of a period that somebody else's clock has ended; return how late against the one before [s].
+
+        Periods that were missed are counted, by whole ones that went by beyond the one that was due.
+        """
+        now_ns = self._now_ns()
+        late_ns = max(now_ns - self._deadline_ns - self._period_ns, 0)
+        self.overruns += late_ns // self._period_ns
+        self._deadline_ns = now_ns
+        return late_ns / _NS
+
+    def wait(self) -> float:
+        """Sleep until the next deadline; return how late it was met [s], always less than a period plus the wake-up.
+
+        When the caller comes later than a whole period after the deadline, the deadlines that passed are skipped.
+        """
+        self._deadline_ns += self._period_ns
+        behind_ns = self._now_ns() - self._deadline_ns
+        if behind_ns >= self._period_ns:
+            skipped = behind_ns // self._period_ns
+            self.overruns += skipped
+            self._deadline_ns += skipped * self._period_ns
+        elif behind_ns < 0:
+            self._sleep_until(self._deadline_ns)
+        return (self._now_ns() - self._deadline_ns) / _NS
+
+
+# Timing --------------------------------------------------------------------------------------------
+#
+# How well the beat is kept, from the samples of the last seconds.
+
+
+WINDOW_TICKS = 5000
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Rate [Hz] and lateness [s] over the last ``WINDOW_TICKS`` samples; ``overruns`` since the loop started.
+
+    The rate is what is left of the nominal one after skipped deadlines; all but ``overruns`` are nan before the first
+    samples.
+    """
+
+    rate_Hz: float
+    lateness_p50_s: float
+    lateness_p99_s: float
+    overruns: int
+
+
+def timing(ring: Ring) -> Timing:
+    """Compute the timing of the loop that writes ``ring``."""
+    end = ring.count
+    _, rows, _ = ring.read(max(0, end - WINDOW_TICKS), WINDOW_TICKS)
+    if len(rows) < 2:
+        return Timing(np.nan, np.nan, np.nan, 0)
+    overruns = rows[:, INDEX["overruns"]]
+    periods = len(rows) - 1 + overruns[-1] - overruns[0]
+    p50, p99 = np.percentile(rows[:, INDEX["lateness_s"]], [50.0, 99.0])
+    return Timing(float((len(rows) - 1) / (periods * T_s)), float(p50), float(p99), int(overruns[-1]))
+
+
+LATENESS_EDGES_S = (0.0, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, np.inf)
+"""Bounds of the histogram's classes [s]; the last class has no upper one."""
+
+
+def lateness_histogram(ring: Ring) -> list[int]:
+    """Count the ticks that the ring still holds by how late they began, one number per class."""
+    end = ring.count
+    _, rows, _ = ring.read(max(0, end - ring.capacity), ring.capacity)
+    counts, _ = np.histogram(np.maximum(rows[:, INDEX["lateness_s"]], 0.0), LATENESS_EDGES_S)
+    return [int(count) for count in counts]

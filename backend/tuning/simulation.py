@@ -1,0 +1,740 @@
+"""The closed loop offline: compiled, linear, under a plan, under a push, and its forecasts."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control import cascade, decoupler, disturbance_observer, pid, trajectory
+from backend.control.decoupler import Decoupler, gains_at, select, stiffness_slope, tension_under
+from backend.control.disturbance_observer import Rejection
+from backend.control.trajectory import LANDING_S, References
+from backend.tuning.robustness import decoupling, linear_plant
+from plant.compiled import compiled, compiled_run
+from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tension
+from plant.interface import Measurement, MotorCommand, T_s
+from plant.parameters import SIDES, Asymmetry, PlantParameters
+from plant.simulator import DELAY_SLOTS, SafetyBounds, SensorModel, actuate, exceeded, sense, sensor_model
+
+# Closed loop ---------------------------------------------------------------------------------------
+#
+# The closed loop offline: the compiled functions of the live tick in one compiled loop over all
+# ticks.
+
+
+Array = NDArray[np.float64]
+
+COLUMNS = (
+    "q", "S", "S_true", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B",
+    "theta_A_ref", "theta_B_ref", "q_ref_gov", "S_ref_gov",
+)  # fmt: skip
+"""Columns of the array that ``simulate`` fills; SI units as in backend.sample."""
+
+
+class Rig(NamedTuple):
+    """The simulated plant with its sensors and bounds."""
+
+    plant: Dynamics
+    sensors: SensorModel
+    bounds: SafetyBounds
+    u_max: float
+
+
+class ClosedLoopInputs(NamedTuple):
+    """What acts on the closed loop in each tick.
+
+    ``q_ref`` [rad], ``S_ref`` [N·m/rad], ``F_push`` [N], each (ticks,); ``noise`` of the load cells (ticks, 2) [N].
+    """
+
+    q_ref: Array
+    S_ref: Array
+    F_push: Array
+    noise: Array
+
+
+@compiled
+def fill_delay_line(rig: Rig, x: PlantState, line: Array) -> None:
+    """Let the load cells have seen the state x for as long as they remember; the first tick is DELAY_SLOTS."""
+    for slot in range(DELAY_SLOTS):
+        sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def record(row: Array, m: Measurement, y: cascade.CascadeOutput) -> None:
+    """Put a tick into its row (len(COLUMNS),)."""
+    row[0], row[1], row[2] = m.q, y.S, m.S_true
+    row[3], row[4] = m.theta_A, m.theta_B
+    row[5], row[6] = m.F_A, m.F_B
+    row[7], row[8] = y.u_A, y.u_B
+    row[9], row[10] = y.theta_A_ref, y.theta_B_ref
+    row[11], row[12] = y.q_ref_gov, y.S_ref_gov
+
+
+@compiled_run
+def simulate(
+    rig: Rig,
+    tuning: cascade.CascadeTuning,
+    x: PlantState,
+    controller: cascade.CascadeState,
+    inputs: ClosedLoopInputs,
+    line: Array,
+    out: Array,
+) -> tuple[PlantState, cascade.CascadeState, int]:
+    """Run the cascade on the simulated plant for len(inputs.q_ref) ticks, filling ``out`` (ticks, len(COLUMNS)).
+
+    ``line`` (2, DELAY_SLOTS) is the load cells' memory. Returns the final states and the tick at which the safety
+    module tripped (−1: never), where the run ends.
+    """
+    fill_delay_line(rig, x, line)
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        y, controller = cascade.step(tuning, controller, r, True, m)
+        record(out[k], m, y)
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if exceeded(rig.plant, rig.bounds, x):
+            return x, controller, k
+    return x, controller, -1
+
+
+@compiled_run
+def simulate_feeling(
+    rig: Rig,
+    tuning: cascade.CascadeTuning,
+    observer: disturbance_observer.Observer,
+    learned_at: int,
+    x: PlantState,
+    controller: cascade.CascadeState,
+    inputs: ClosedLoopInputs,
+    line: Array,
+    out: Array,
+) -> int:
+    """Run as ``simulate`` with the outside torque of the observer, for the rejection of pushes; return the trip's tick.
+
+    At the tick ``learned_at`` its bias is learned: nothing is answered before.
+    """
+    fill_delay_line(rig, x, line)
+    felt, bias = disturbance_observer.UNKNOWN, math.nan
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
+        if k == learned_at:
+            bias = felt.mean
+        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        y, controller = cascade.step(tuning, controller, r, True, m, felt.tau_ext - bias)
+        record(out[k], m, y)
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if exceeded(rig.plant, rig.bounds, x):
+            return k
+    return -1
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Result of a simulated run: one array (ticks,) per column, SI units; ``tripped_at`` is a tick or −1."""
+
+    q: Array
+    S: Array
+    S_true: Array
+    theta_A: Array
+    theta_B: Array
+    F_A: Array
+    F_B: Array
+    u_A: Array
+    u_B: Array
+    theta_A_ref: Array
+    theta_B_ref: Array
+    q_ref_gov: Array
+    S_ref_gov: Array
+    tripped_at: int
+
+
+def trajectory_of(out: Array, tripped_at: int) -> Trajectory:
+    """Columns of a filled array (ticks, len(COLUMNS)) by name."""
+    return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
+
+
+def rig_of(parameters: PlantParameters) -> Rig:
+    """Compile-ready constants of a parameter set."""
+    return Rig(
+        parameters.dynamics(),
+        sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
+        SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max),
+        parameters.motor.u_max,
+    )
+
+
+def rest_state(rig: Rig, theta_A: float, theta_B: float) -> tuple[PlantState, float, float]:
+    """Plant standing with the motors at theta_A, theta_B [rad], and the voltages [V] that hold it there."""
+    plant = rig.plant
+    r_m = plant.joint.r_m
+
+    def forces(q: float) -> tuple[float, float]:
+        return (
+            tension(plant.spring_A, elongation_A(plant.joint, theta_A, q)),
+            tension(plant.spring_B, elongation_B(plant.joint, theta_B, q)),
+        )
+
+    low, high = -rig.bounds.q_max, rig.bounds.q_max
+    while low < (q := 0.5 * (low + high)) < high:
+        F_A, F_B = forces(q)
+        low, high = (q, high) if F_A > F_B else (low, q)
+    F_A, F_B = forces(q)
+    load_A, load_B = r_m * F_A, r_m * F_B
+    x = PlantState(q, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B, z_A=0.0, z_B=0.0)
+    return x, load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
+
+
+def run(
+    parameters: PlantParameters,
+    tuning: cascade.CascadeTuning,
+    q_ref: Array,
+    S_ref: Array,
+    F_push: Array | None = None,
+    seed: int = 0,
+    entry: float = -1.0,
+    learned_at: int | None = None,
+    rig: Rig | None = None,
+) -> Trajectory:
+    """Simulate the cascade from rest at (q_ref[0], S_ref[0]) under references (ticks,) [rad, N·m/rad].
+
+    ``F_push`` (ticks,) [N] defaults to none. ``entry``: bank entry in use at the start, −1 for the one nearest to S.
+    From the tick ``learned_at`` on the outside force is known and rejected as ``tuning`` says; None: it is not known.
+    ``rig``: that of ``parameters``, where it is at hand; making it takes as long as some seconds of simulation.
+    The same arguments give the same trajectory to the last bit.
+    """
+    rig = rig or rig_of(parameters)
+    x, controller = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
+    if entry >= 0.0:
+        controller = controller._replace(active=float(entry))
+    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
+    line, out = empty_arrays(q_ref.size)
+    if learned_at is not None:
+        observer = disturbance_observer.observer_for(parameters)
+        return trajectory_of(out, simulate_feeling(rig, tuning, observer, learned_at, x, controller, inputs, line, out))
+    _, _, tripped_at = simulate(rig, tuning, x, controller, inputs, line, out)
+    return trajectory_of(out, tripped_at)
+
+
+def at_rest(
+    rig: Rig, tuning: cascade.CascadeTuning, q_ref: float, S_ref: float
+) -> tuple[PlantState, cascade.CascadeState]:
+    """Plant and cascade standing where the decoupler puts (q_ref [rad], S_ref [N·m/rad])."""
+    theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, q_ref, S_ref)
+    x, u_A, u_B = rest_state(rig, theta_A, theta_B)
+    m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
+    inner = pid.at_rest_motor_pair(tuning.motors, theta_A, theta_B, u_A, u_B)
+    return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m, x.q)
+
+
+def empty_arrays(ticks: int) -> tuple[Array, Array]:
+    """Return the load cells' memory and the rows to fill, nan until they are."""
+    return np.zeros((2, DELAY_SLOTS)), np.full((ticks, len(COLUMNS)), np.nan)
+
+
+def inputs_of(
+    parameters: PlantParameters, q_ref: Array, S_ref: Array, F_push: Array | None = None, seed: int = 0
+) -> ClosedLoopInputs:
+    """Return references and push (ticks,) together with the load cell noise that the seed gives."""
+    noise = parameters.sensors.force_noise * np.random.default_rng(seed).standard_normal((q_ref.size, 2))
+    return ClosedLoopInputs(q_ref, S_ref, np.zeros(q_ref.size) if F_push is None else F_push, noise)
+
+
+# Sampled loop --------------------------------------------------------------------------------------
+#
+# The closed loop as it runs, linear and sampled: what becomes of a reference or a torque on the
+# joint, tick by tick.
+#
+# The plant between two ticks is exact (voltages are held), the laws are the tick's own functions
+# where nothing clips them: no lag of the sampling is left out, as the continuous models of
+# ``robustness`` do. Friction, encoder counts and dead zones are not in it.
+
+
+Rule = Callable[[Array, Array], tuple[Array, Array]]
+
+_PLANT, _LAWS = 8, 8
+_Q, _THETA_A, _THETA_B = 0, 2, 5
+"""Places of the angles in the plant's state."""
+
+
+class SampledLoopInputs(NamedTuple):
+    """Places of the inputs: references [rad, N·m/rad], a torque on the joint [N·m], and what a rejection adds.
+
+    ``q_e`` [rad] on top of the position loop's output, ``q_off`` [rad] that its measurement is expected to be off.
+    """
+
+    q_ref: int = 0
+    S_ref: int = 1
+    tau_ext: int = 2
+    q_e: int = 3
+    q_off: int = 4
+
+
+class Outputs(NamedTuple):
+    """Places of the outputs [rad, N·m/rad]."""
+
+    q: int = 0
+    S: int = 1
+
+
+Complex = NDArray[np.complex128]
+INPUTS, OUTPUTS = SampledLoopInputs(), Outputs()
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A linear system of ticks: x ← A x + B w, y = C x + D w, all counted from rest."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+    def response(self, f: Array) -> Complex:
+        """Frequency response at ``f`` (n,) [Hz], shape (n, outputs, inputs)."""
+        z = np.exp(2j * np.pi * np.asarray(f) * T_s)
+        resolvent = z[:, None, None] * np.eye(len(self.A)) - self.A
+        states = np.linalg.solve(resolvent, np.broadcast_to(self.B, (z.size, *self.B.shape)))
+        return np.asarray(self.C @ states + self.D)
+
+    def played(self, w: Array) -> Array:
+        """Return the outputs (ticks, outputs) under inputs (ticks, inputs), from rest."""
+        x = np.zeros(len(self.A))
+        y = np.empty((len(w), len(self.C)))
+        for k, now in enumerate(w):
+            y[k] = self.C @ x + self.D @ now
+            x = self.A @ x + self.B @ now
+        return y
+
+
+@dataclass(frozen=True)
+class SampledLoop:
+    """The loop and its parts, about rest.
+
+    ``plant``: voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad]. ``law``: q_ref, S_ref, q, θ_A, θ_B,
+    and what a rejection adds, to voltages. ``closed``: inputs as in ``INPUTS``, outputs as in ``OUTPUTS``. ``split``
+    (2, 2): motor references [rad] per q_c and S_c; ``slope``: stiffness per angle of either motor.
+    """
+
+    plant: Sampled
+    law: Sampled
+    closed: Sampled
+    split: Array
+    slope: float
+
+
+def sampled_loop(
+    parameters: PlantParameters,
+    tuning: cascade.CascadeTuning,
+    S: float,
+    *,
+    position_loop: bool = True,
+    plant: Sampled | None = None,
+) -> SampledLoop:
+    """Return the loop of ``tuning`` about rest at S [N·m/rad] and q = 0, as the plant's identified numbers let expect.
+
+    Without ``position_loop`` the decoupler's geometry alone positions the joint. Of a bank the entry for S is in use.
+    ``plant``: ``held_plant`` at S, where it is at hand.
+    """
+    d = tuning.decoupler
+    plant = plant or held_plant(parameters, d, S)
+    split, slope = decoupling(d, S), stiffness_slope(d, S)
+    gains_q, gains_S = gains_at(tuning.schedule, select(tuning.schedule, -1.0, S))
+    inner = tuning.motors
+
+    def law(x: Array, w: Array) -> tuple[Array, Array]:
+        q_ref, S_ref, q, theta_A, theta_B, q_e, q_off = w
+        q_c, position = pid.step_i_p(gains_q, pid.IPState(x[6]), q_ref, q - q_off, 0.0)
+        S_c, stiffness = pid.step_i_p(gains_S, pid.IPState(x[7]), S_ref, slope * (theta_A + theta_B), 0.0)
+        if not position_loop:
+            q_c, position, q_e = q_ref, pid.IPState(0.0), 0.0
+        ref_A, ref_B = split @ (q_c + q_e, S_c)
+        u_A, _, A = pid.step_i_pd(inner.A, pid.IPDState(*x[:3]), ref_A, theta_A, np.inf)
+        u_B, _, B = pid.step_i_pd(inner.B, pid.IPDState(*x[3:6]), ref_B, theta_B, np.inf)
+        return np.array([u_A, u_B]), np.concatenate([A, B, position, stiffness])
+
+    def tick(x: Array, w: Array) -> tuple[Array, Array]:
+        at = plant.C @ x[:_PLANT]
+        u, laws = law(x[_PLANT:], np.concatenate([w[:2], at, w[3:]]))
+        moved = plant.A @ x[:_PLANT] + plant.B @ np.append(u, w[INPUTS.tau_ext])
+        return np.array([at[0], slope * (at[1] + at[2])]), np.concatenate([moved, laws])
+
+    return SampledLoop(plant, _linear(law, _LAWS, 5 + 2), _linear(tick, _PLANT + _LAWS, len(INPUTS)), split, slope)
+
+
+def _linear(rule: Rule, states: int, inputs: int) -> Sampled:
+    """Return the matrices of a linear rule from state and input to output and next state."""
+    of_states = [rule(x, np.zeros(inputs)) for x in np.eye(states)]
+    of_inputs = [rule(np.zeros(states), w) for w in np.eye(inputs)]
+    C, A = (np.column_stack([pair[place] for pair in of_states]) for place in (0, 1))
+    D, B = (np.column_stack([pair[place] for pair in of_inputs]) for place in (0, 1))
+    return Sampled(A, B, C, D)
+
+
+def held_plant(parameters: PlantParameters, d: Decoupler, S: float) -> Sampled:
+    """Return the plant about rest at S [N·m/rad] under inputs that are held over a tick."""
+    from scipy.linalg import expm
+
+    plant = linear_plant(parameters, d, S)
+    states, inputs = plant.B.shape
+    both = np.zeros((states + inputs, states + inputs))
+    both[:states, :states], both[:states, states:] = plant.A, plant.B
+    held = expm(both * T_s)
+    C = np.eye(states)[[_Q, _THETA_A, _THETA_B]]
+    return Sampled(held[:states, :states], held[:states, states:], C, np.zeros((len(C), inputs)))
+
+
+# Followed plan -------------------------------------------------------------------------------------
+#
+# What small motions of the references become under a plan: its model, its voltages, and the loops
+# on what is left.
+#
+# The model answers by its landing, its averaging, the motors' electrical lag and the swing of its
+# joint: 1 but for some hundredths of a second, and neither λ nor gains are in it. They act on what
+# motors and joint have beside the model. All of it holds while the voltage that the references ask
+# for is within the budget (docs/decisions/0046).
+
+
+_STEP = 1e-6
+
+
+class AxisResponse(NamedTuple):
+    """Of an axis to its goal, each (n,): angle and speed [1/s] behind averaging and electrical lag.
+
+    ``driven`` and ``lagged`` [1/s] are K times the mean voltage before and behind the lag.
+    """
+
+    theta: Complex
+    omega: Complex
+    driven: Complex
+    lagged: Complex
+
+
+def axis_response(model: trajectory.Model, f: Array) -> AxisResponse:
+    """Response to a moving goal at ``f`` (n,) [Hz], in the last stretch before it (``axis.toward``).
+
+    ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S, and θ⁺ as the motor turns; its voltage, averaged over some ticks
+    and behind the electrical lag, moves the model's motors (``axis.turned_lagged``).
+    """
+    z = np.exp(2j * np.pi * np.asarray(f) * T_s)
+    T = max(model.T_A, model.T_B)
+    kept = np.exp(-T_s / T)
+    lost = T * (1.0 - kept)
+    turning = (T_s - lost) * (z - kept) / (1.0 - kept) + lost  # θ (z − 1) = ω turning
+    ahead = T_s / LANDING_S
+    asked = (1.0 - 1.0 / z) / T_s * (1.0 + ahead) + 1.0 / LANDING_S
+    reached = (z - 1.0) * (z + ahead) / turning + 1.0 / LANDING_S
+    averaged = sum(z**-ticks for ticks in range(trajectory.SMOOTHED)) / trajectory.SMOOTHED
+    driven = asked / reached * (z - 1.0) / turning * (z - kept) / (1.0 - kept) * averaged
+    tau_e = max(model.tau_e_A, model.tau_e_B)
+    behind = np.exp(-T_s / tau_e)
+    lagged = driven * (1.0 - behind) / (z - behind)
+    left = (lagged - driven) * tau_e / (tau_e - T)
+    omega = (driven * (1.0 - kept) + left * (behind - kept)) / (z - kept)
+    over = omega - driven - left
+    theta = (driven * T_s + left * tau_e * (1.0 - behind) + over * lost) / (z - 1.0)
+    return AxisResponse(theta, omega, driven, lagged)
+
+
+def joint_response(model: trajectory.Model, S: float, f: Array) -> Complex:
+    """Response of the model's joint to its equilibrium: J_j q'' + B_j q' + S q = S q_e, at S [N·m/rad]."""
+    s = 2j * np.pi * np.asarray(f)
+    return np.asarray(S / (model.J_j * s**2 + model.B_j * s + S))
+
+
+def planned_response(
+    parameters: PlantParameters, tuning: cascade.CascadeTuning, S: float, f: Array, *, position_loop: bool = True
+) -> Complex:
+    """Response from (q_ref, S_ref) to (q, S) at ``f`` (n,) [Hz] about S [N·m/rad], shape (n, 2, 2)."""
+    model = tuning.following.model
+    loop = sampled_loop(parameters, tuning, S, position_loop=position_loop)
+    axis, joint = axis_response(model, f), joint_response(model, S, f)
+    modelled = np.empty((axis.theta.size, 3, 2), dtype=np.complex128)
+    modelled[:, 0, :] = (axis.theta * joint)[:, None] * np.array([1.0, 0.0])
+    modelled[:, 1:, :] = axis.theta[:, None, None] * loop.split
+    forward = _forward(tuning, loop, S, f, axis, joint)
+
+    plant, law = loop.plant.response(f)[:, :, :2], loop.law.response(f)
+    # The loops see y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
+    beside = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:5], plant @ forward - modelled)
+    seen = np.array([[1.0, 0.0, 0.0], [0.0, loop.slope, loop.slope]])
+    return np.asarray(seen @ (modelled + beside))
+
+
+def _forward(
+    tuning: cascade.CascadeTuning, loop: SampledLoop, S: float, f: Array, axis: AxisResponse, joint: Complex
+) -> Complex:
+    """Voltages of the model per (q_ref, S_ref), shape (n, 2, 2), as ``plan.voltages`` computes them."""
+    model, d = tuning.following.model, tuning.decoupler
+    T, tau_e = max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
+    turning = (axis.lagged - axis.omega) / T
+    jerk = ((axis.driven - axis.lagged) / tau_e - turning) / T
+    stiffer = (tension_under(d, S + _STEP) - tension_under(d, S - _STEP)) / (2.0 * _STEP)
+    pull = 0.5 * S / d.r_j * axis.theta * (1.0 - joint)
+    tendon = 0.5 * S / d.r_j**2
+    swing = 2j * np.pi * np.asarray(f) * axis.theta * joint
+    forward = np.empty((axis.theta.size, 2, 2), dtype=np.complex128)
+    for motor, (K, T_own, tau_own, K_t, side) in enumerate(
+        (
+            (model.K_A, model.T_A, model.tau_e_A, model.K_t_A, 1.0),
+            (model.K_B, model.T_B, model.tau_e_B, model.K_t_B, -1.0),
+        )
+    ):
+        driven = (axis.omega + (T_own + tau_own) * turning + T_own * tau_own * jerk) / K
+        driven += d.r_m / K_t * tau_own * tendon * d.r_m * axis.omega
+        forward[:, motor, :] = driven[:, None] * loop.split[motor]
+        forward[:, motor, 0] += d.r_m / K_t * side * (pull - tau_own * tendon * d.r_j * swing)
+        forward[:, motor, 1] += d.r_m / K_t * stiffer * axis.theta
+    return forward
+
+
+# Expected plant ------------------------------------------------------------------------------------
+#
+# The plant that a preview simulates: what was identified, with the friction and the sensors of the
+# parameter file.
+#
+# A preview must not know more than the operator can: it has the identified motors and springs, not
+# the simulator's true ones, and no scatter between the two sides. Friction, electrical lag, encoder
+# counts and the delay of the load cells are those of the parameter set in use.
+
+
+_ALIKE = Asymmetry(spring_A=1.0, spring_B=1.0, motor_A=1.0, motor_B=1.0)
+
+
+def expected_plant(parameters: PlantParameters) -> PlantParameters:
+    """Return the set whose true motors and springs are the identified ones of ``parameters``, without asymmetry."""
+    sided: dict[str, dict[str, Any]] = dict(parameters.sided)
+    for side in SIDES:
+        known = parameters.identified_of(side)
+        motor, spring = (parameters.sided.get(f"{section}_{side}", {}) for section in ("motor", "spring"))
+        sided[f"motor_{side}"] = {**motor, "K_m": known.K_m, "T_m": known.T_m}
+        sided[f"spring_{side}"] = {**spring, "k": known.k, "points": known.points}
+    return replace(parameters, asymmetry=_ALIKE, sided=sided)
+
+
+# Step forecast -------------------------------------------------------------------------------------
+#
+# What a step of a reference will do: the compiled closed loop, simulated on the expected plant.
+
+
+BAND = 0.02
+"""A step has settled when it stays so near to the new reference, as a part of the step (method section 7)."""
+
+HELD_S = 1.0
+"""How long the loop holds before the step or the push [s]: friction, dead zones and load cells come to rest."""
+
+_POINTS = 160
+"""Points of the curve that the page draws."""
+
+
+@dataclass(frozen=True)
+class StepForecast:
+    """A step of q [rad] or S [N·m/rad] from ``start`` to ``end``: its times, its peaks and its curve.
+
+    ``t90_s``: from the step to 90 % of it; ``settling_s``: from when on it stays within BAND of the step; both nan
+    where that does not happen in the time simulated. ``overshoot_percent`` of the step. ``peak_voltage`` [V] and
+    ``least_tension`` [N] of both sides. ``y`` (n,): progress from 0 to 1 over ``t`` (n,) [s].
+    """
+
+    start: float
+    end: float
+    t90_s: float
+    settling_s: float
+    overshoot_percent: float
+    peak_voltage: float
+    least_tension: float
+    t: Array
+    y: Array
+
+
+def step_forecast(
+    plant: PlantParameters,
+    tuning: cascade.CascadeTuning,
+    q: tuple[float, float],
+    S: tuple[float, float],
+    seconds: float,
+    entry: float = -1.0,
+    rig: Rig | None = None,
+) -> StepForecast:
+    """Simulate one step and return what it does; of ``q`` and ``S`` the pair that differs is the step.
+
+    ``q`` [rad] and ``S`` [N·m/rad]: references before and after; ``seconds``: how long to simulate behind the step;
+    ``entry``: entry of the bank in use before it, −1 for the one nearest to S; ``rig``: that of ``plant``,
+    where it is at hand.
+    """
+    ticks = round(HELD_S / T_s), round(seconds / T_s)
+    trajectory = run(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks), entry=entry, rig=rig)
+    moves_q = q[0] != q[1]
+    (start, end), signal = (q, trajectory.q) if moves_q else (S, trajectory.S)
+    after = slice(ticks[0], None)
+    y = (signal[after] - start) / (end - start)
+    t90_s, settling_s, overshoot_percent = step_figures(y)
+    voltages, tensions = (trajectory.u_A, trajectory.u_B), (trajectory.F_A, trajectory.F_B)
+    if trajectory.tripped_at >= 0:
+        t90_s = settling_s = np.nan
+        y = y[: max(trajectory.tripped_at - ticks[0], 0) + 1]
+    shown = shown_ticks(y.size, settling_s)
+    return StepForecast(
+        start,
+        end,
+        t90_s,
+        settling_s,
+        overshoot_percent,
+        max(float(np.nanmax(np.abs(u[after]))) for u in voltages),
+        min(float(np.nanmin(F[after])) for F in tensions),
+        np.asarray(shown * T_s, dtype=np.float64),
+        y[shown],
+    )
+
+
+def step_figures(y: Array) -> tuple[float, float, float]:
+    """Return t90 [s], settling time [s] and overshoot [%] of the progress ``y`` (ticks,) of a step, 0 to 1.
+
+    Times are nan where 90 % is not reached, or where the end is not within BAND.
+    """
+    reached, outside = y >= 0.9, np.flatnonzero(~(np.abs(y - 1.0) <= BAND + 1e-9))
+    t90_s = float(np.argmax(reached)) * T_s if reached.any() else np.nan
+    settled = int(outside[-1]) + 1 if outside.size else 0
+    return t90_s, settled * T_s if settled < y.size else np.nan, 100.0 * max(float(np.nanmax(y)) - 1.0, 0.0)
+
+
+def shown_ticks(ticks: int, settling_s: float) -> NDArray[np.int64]:
+    """Return the ticks (n,) that a curve of ``ticks`` is drawn by: up to a quarter beyond where it has settled."""
+    last = ticks - 1 if np.isnan(settling_s) else min(ticks - 1, round((1.25 * settling_s + 0.1) / T_s))
+    return np.unique(np.linspace(0, last, _POINTS).round().astype(np.int64))
+
+
+# Push forecast -------------------------------------------------------------------------------------
+#
+# What a held push does to the joint, and how hard the joint feels.
+#
+# Deflection and recovery are those of the compiled closed loop on the expected plant, with
+# friction, encoder counts, dead zones and rejection; the stiffness that one feels is that of the
+# linear sampled loop. The spring gives way before any motor has moved, so the first deflection is
+# r_j F/S whatever the loops do; they decide how long it lasts.
+
+
+_LASTS = 9.0
+"""Of λ_q: how long a push is simulated, beside 2 s."""
+
+PUSH_N = 5.0
+"""The push of the forecast [N], held."""
+
+FELT_HZ = (0.1, 1.0)
+"""Where the stiffness that one feels is told [Hz]: to a hand that leans on the joint, and to one that shakes it."""
+
+NEAR_RAD = float(np.radians(0.3))
+"""The joint is back when it stays so near to its reference [rad]: 3.3 counts of the paper's encoder.
+
+One count is no measure of it: friction and the dead zone of the integrators may leave the joint a count off, and a
+reference between two counts shifts the band by half of one.
+"""
+
+LEARNED_S = 2.0
+"""How long the loop is at rest before the push where the outside force has to be learned first [s]."""
+
+
+@dataclass(frozen=True)
+class PushForecast:
+    """Under a held push of PUSH_N, and a sine of force beyond the dead zone.
+
+    ``give`` [rad]: largest deviation. ``back_s`` [s]: from when on it stays within NEAR_RAD, nan where it does not.
+    ``felt_slow``, ``felt_fast`` [N·m/rad]: outside torque over deviation, at FELT_HZ. ``off`` (n,): deviation [rad]
+    over ``t`` (n,) [s].
+    """
+
+    give: float
+    back_s: float
+    felt_slow: float
+    felt_fast: float
+    t: Array
+    off: Array
+
+
+def push_forecast(
+    parameters: PlantParameters,
+    tuning: cascade.CascadeTuning,
+    S: float,
+    lam_q: float,
+    F_push: float = PUSH_N,
+    q: float = 0.0,
+    entry: float = -1.0,
+    *,
+    rig: Rig | None = None,
+    held: Sampled | None = None,
+) -> PushForecast:
+    """Return what a held push of ``F_push`` [N] does at ``q`` [rad] and S [N·m/rad].
+
+    ``entry``: bank entry in use before it, −1 for the one nearest to S. ``lam_q`` [s] says for how long it is
+    simulated: the deviation has fallen to a hundredth by then. Where they are at hand, ``rig`` is that of the expected
+    plant, and ``held`` is ``held_plant`` at S.
+    """
+    rejects = tuning.rejection.k_ext > 0.0
+    rest, pushed = round((LEARNED_S if rejects else HELD_S) / T_s), round((2.0 + _LASTS * lam_q) / T_s)
+    force = np.repeat((0.0, F_push), (rest, pushed))
+    trajectory = run(
+        expected_plant(parameters),
+        tuning,
+        np.full(force.size, q),
+        np.full(force.size, S),
+        force,
+        entry=entry,
+        learned_at=rest - 1 if rejects else None,
+        rig=rig,
+    )
+    off = trajectory.q[rest:] - q
+    away = np.flatnonzero(~(np.abs(off) <= NEAR_RAD + 1e-9))
+    back = int(away[-1]) + 1 if away.size else 0
+    back_s = back * T_s if back < off.size else np.nan
+    shown = shown_ticks(off.size, back_s)
+    closed = sampled_loop(parameters, tuning, S, plant=held).closed
+    felt_slow, felt_fast = map(float, np.abs(felt_stiffness(closed, tuning.rejection, S, np.array(FELT_HZ))))
+    give = float(np.nanmax(np.abs(off)))
+    return PushForecast(give, back_s, felt_slow, felt_fast, np.asarray(shown * T_s, dtype=np.float64), off[shown])
+
+
+def answered(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
+    """Return what the rejection adds under a torque (n,) [N·m]: the loop's inputs ``q_e`` and ``q_off``, each (n,).
+
+    The torque is the observer's, three lags of its pole behind; what it sees comes at once, as in the tick.
+    """
+    q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
+    if r.k_ext == 0.0:
+        return q_e, q_off
+    state, estimate = disturbance_observer.changed(r, disturbance_observer.IDLE, 0.0), estimated(tau)
+    for k, seen in enumerate(estimate):
+        state = disturbance_observer.step_disturbance_feedforward(r, state, float(seen))
+        q_e[k], q_off[k] = disturbance_observer.answer(state, S)
+    return q_e, q_off
+
+
+def estimated(tau: Array) -> Array:
+    """Estimate (n,) of a torque (n,) [N·m]: that of a tick has what acted before it."""
+    from scipy.signal import lfilter
+
+    kept = np.exp(-disturbance_observer.POLE * T_s)
+    estimate = np.append(0.0, tau[:-1])
+    for _ in range(3):
+        estimate = lfilter([1.0 - kept], [1.0, -kept], estimate)
+    return np.asarray(estimate)
+
+
+def felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
+    """Outside torque over the deviation of q [N·m/rad] at ``f`` (n,) [Hz], of a push beyond the rejection's dead zone.
+
+    ``closed`` is the loop at S [N·m/rad].
+    """
+    z = np.exp(2j * np.pi * np.asarray(f) * T_s)
+    kept = np.exp(-disturbance_observer.POLE * T_s)
+    estimate = ((1.0 - kept) / (1.0 - kept / z)) ** 3 / z
+    behind = ((1.0 - r.kept) / (1.0 - r.kept / z)) ** 4
+    H = closed.response(f)[:, OUTPUTS.q, :]
+    share = r.k_ext * estimate / S
+    return np.asarray(
+        1.0 / (H[:, INPUTS.tau_ext] - share * H[:, INPUTS.q_e] + share * (1.0 - behind) * H[:, INPUTS.q_off])
+    )

@@ -1,0 +1,34 @@
+"""A service that starts the loop, winds it up, tells where to find its ring, and waits to be killed."""
+
+import asyncio
+import os
+from pathlib import Path
+
+from backend.realtime.commands import SetMode
+from backend.realtime.gains import tuning_for
+from backend.realtime.ipc import Setup
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import Supervisor
+from backend.sample import INDEX
+from backend.tuning.gains import Lambdas
+from plant.interface import SIMULATOR
+from plant.parameters import load_parameters
+
+
+async def serve() -> None:
+    tuning = tuning_for(load_parameters("ideal"), Lambdas())
+    supervisor = Supervisor(Setup(plant=SIMULATOR, parameters="ideal", seed=0, tuning=tuning))
+    await supervisor.start()
+    await supervisor.send(SetMode(Mode.PRETENSION))
+
+    def is_moving() -> bool:
+        newest = supervisor.ring.newest()
+        return newest is not None and newest[INDEX["u_A"]] != 0.0
+
+    await supervisor.advance_until(is_moving, timeout_s=5.0)
+    (worker,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
+    print(worker, supervisor.ring.fd, flush=True)
+    await asyncio.Event().wait()
+
+
+asyncio.run(serve())

@@ -1,0 +1,209 @@
+"""Whatever breaks of a card or its wires in run ends in zero volts, drives off, a named fault and a whole recording.
+
+The real client of NI-DAQmx talks to the virtual card, stepped as fast as it goes.
+"""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.control.decoupler import bounds_for
+from backend.faults import FAULT_CODE, Fault
+from backend.realtime.commands import (
+    Accepted,
+    Inject,
+    PlantFailing,
+    PretensionReached,
+    Push,
+    Reset,
+    SetMode,
+    SetReferences,
+    Stopped,
+)
+from backend.realtime.gains import tuning_for
+from backend.realtime.headless import Headless
+from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.ring_buffer import Ring
+from backend.recording.reader import read_samples
+from backend.recording.recorder import Recorder
+from backend.sample import INDEX
+from backend.storage import recordings
+from backend.storage.database import Database, open_database
+from backend.storage.runs import EndState
+from backend.tuning.gains import Lambdas
+from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, Sensor
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from plant.virtual_daq import VirtualRig
+from plant.wiring import load_wiring
+from tests.docs.faults_page import documented_ms
+from tests.recording.stand_in import new_run, stored_run
+
+LAB = load_parameters("lab")
+AT_ONCE = 2
+"""Ticks from what breaks to a reaction that needs no motion."""
+
+AFTER_TICKS = 600
+"""What follows is looked at for so long: more than the card's watchdog waits."""
+
+CASES = [
+    (Broken(Breakage.DEVICE_GONE), Fault.PLANT_ERROR, "-201003", AT_ONCE),
+    (Broken(Breakage.BUFFER_OVERRUN), Fault.PLANT_ERROR, "-200222", AT_ONCE),
+    (Broken(Breakage.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
+    (Broken(Breakage.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stands", 1000),
+    (Broken(Breakage.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
+    (Broken(Breakage.NO_NUMBER, Sensor.F_B), Fault.SENSOR_INVALID, "no number from F_B", AT_ONCE),
+    (Broken(Breakage.NO_NUMBER, Sensor.THETA_A), Fault.SENSOR_INVALID, "no number from theta_A", AT_ONCE),
+    (Broken(Breakage.SATURATION, Sensor.F_A), Fault.SENSOR_SATURATED, "F_A reads 10.00 V", AT_ONCE),
+    (Broken(Breakage.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
+    (Broken(Breakage.LOST_COUNTS, Sensor.THETA_A), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
+    (Broken(Breakage.SWAPPED_LOAD_CELLS), Fault.IMPLAUSIBLE, "F_B = ", 2000),
+    (Broken(Breakage.SWAPPED_ENCODERS), Fault.MOTOR_REVERSED, "runs away from", 1000),
+    (Broken(Breakage.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, "runs away from", 400),
+]
+
+
+class Session:
+    """A recorded run on the virtual card, in motion over most of the range."""
+
+    def __init__(self, database: Database) -> None:
+        self.simulator = Simulator(LAB, seed=3)
+        self.rig = VirtualRig(load_wiring("pcie-6323"), self.simulator)
+        self.loop = Headless(self.rig, LAB, tuning_for(LAB, Lambdas()), self._record)
+        self.recorder = Recorder(database, self.loop.ring)
+        self.loop.listen(self.recorder.hear)
+        self.stops: list[Stopped] = []
+        self.failing: list[PlantFailing] = []
+        self.reached: list[object] = []
+        self.loop.listen(self._hear)
+        self.run = new_run(database).id
+
+    def _record(self, _ring: Ring) -> None:
+        if hasattr(self, "recorder"):
+            self.recorder.drain()
+
+    def _hear(self, event: object) -> None:
+        if isinstance(event, Stopped):
+            self.stops.append(event)
+        if isinstance(event, PlantFailing):
+            self.failing.append(event)
+        if isinstance(event, PretensionReached):
+            self.reached.append(event)
+
+    async def begin(self) -> None:
+        await self.loop.send(SetMode(Mode.PRETENSION))
+        await self.loop.advance_until(lambda: bool(self.reached), timeout_s=20.0)
+        assert isinstance(await self.loop.send(SetMode(Mode.RUN, run=self.run)), Accepted)
+        await self.loop.advance(0.2)
+        await self.loop.send(SetReferences(0.9, 11.0))
+        await self.loop.advance(0.15)
+
+    def newest(self, name: str) -> float:
+        row = self.loop.ring.newest()
+        assert row is not None
+        return float(row[INDEX[name]])
+
+    def tripped(self) -> bool:
+        return self.newest("mode") == MODE_CODE[Mode.TRIPPED]
+
+    def close(self) -> None:
+        self.loop.close()
+        self.recorder.close()
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def test_everything_that_only_a_card_has_is_tried() -> None:
+    assert {case[0].kind for case in CASES} >= set(ONLY_OF_A_CARD)
+
+
+@pytest.mark.parametrize(("broken", "fault", "says", "within"), CASES, ids=lambda value: getattr(value, "words", None))
+def test_a_broken_card_ends_in_a_fault_and_zero_volts(
+    database: Database, broken: Broken, fault: Fault, says: str, within: int
+) -> None:
+    async def session() -> None:
+        bench = Session(database)
+        await bench.begin()
+        injected = bench.loop.ring.count
+        assert isinstance(await bench.loop.send(Inject(broken)), Accepted)
+        if broken.kind is Breakage.SWAPPED_LOAD_CELLS:  # seen once the tendons pull with different force
+            assert isinstance(await bench.loop.send(Push(20.0, 1.0)), Accepted)
+        await bench.loop.advance_until(bench.tripped, timeout_s=within * 1e-3)
+        latched = bench.loop.ring.count - 1
+        assert bench.newest("fault") == FAULT_CODE[fault]
+        # Where nothing can be written the card's own watchdog is what ends it.
+        await bench.loop.advance(AFTER_TICKS * 1e-3)
+        card = bench.rig.card_state()
+        assert (card.u_A, card.u_B) == (0.0, 0.0)
+        assert card.drive_enabled == (broken.kind is not Breakage.DEVICE_GONE)
+        # No stop is proven at a card that takes no word: what fails is told instead.
+        gone = broken.kind is Breakage.DEVICE_GONE
+        (told,) = [event.reason for event in bench.failing] if gone else [event.detail for event in bench.stops]
+        assert says in told
+        assert len(bench.stops) == (not gone)
+        assert abs(bench.simulator.x.q) < bounds_for(LAB).q_trip
+
+        _, rows, _ = bench.loop.ring.read(injected, latched + AFTER_TICKS - injected)
+        at_outputs = rows[latched - injected :, [INDEX["u_A"], INDEX["u_B"]]]
+        if broken.kind is Breakage.DEVICE_GONE:  # it took no zero volts: what it had is shown
+            assert np.all(at_outputs == rows[0, [INDEX["u_A"], INDEX["u_B"]]])
+            assert np.all(at_outputs != 0.0)
+        else:
+            assert np.all(at_outputs == 0.0)
+        bench.close()
+        assert not bench.rig.card_state().drive_enabled
+        ended = stored_run(database, bench.run)
+        assert (ended.end_state, ended.end_detail.split(":")[0]) == (EndState.TRIPPED, str(fault))
+        with database.reading() as reading:
+            kept = read_samples(reading, bench.run)
+            assert recordings.get(reading, bench.run).missed == 0
+        assert kept.first_tick + len(kept.t) >= latched
+        assert np.array_equal(np.diff(kept.t) > 0.0, np.ones(len(kept.t) - 1, bool))
+
+    asyncio.run(session())
+
+
+def test_swapped_motors_are_stopped_before_the_joint_runs_away(database: Database) -> None:
+    async def session() -> None:
+        bench = Session(database)
+        await bench.begin()
+        injected = bench.loop.ring.count
+        await bench.loop.send(Inject(Broken(Breakage.SWAPPED_MOTORS)))
+        await bench.loop.advance_until(bench.tripped, timeout_s=2.0)
+        _, rows, _ = bench.loop.ring.read(injected, bench.loop.ring.count - injected)
+        driven = np.abs(rows[:, INDEX["u_A"]]) > 2.8
+        assert len(rows) - int(np.argmax(driven)) <= documented_ms(Fault.MOTOR_REVERSED)
+        assert abs(bench.simulator.x.q) < 0.1
+        bench.close()
+
+    asyncio.run(session())
+
+
+def test_a_mended_card_goes_on_after_a_reset(database: Database) -> None:
+    """Also after its watchdog has cut the drives meanwhile."""
+
+    async def session() -> None:
+        bench = Session(database)
+        await bench.begin()
+        await bench.loop.send(Inject(Broken(Breakage.DEVICE_GONE)))
+        await bench.loop.advance(AFTER_TICKS * 1e-3)
+        assert bench.rig.card_state().expired
+        await bench.loop.send(Inject(None))
+        await bench.loop.advance(0.01)
+        assert isinstance(await bench.loop.send(Reset()), Accepted)
+        assert bench.newest("u_A") == 0.0
+        assert bench.rig.card_state().drive_enabled
+        bench.reached.clear()
+        await bench.loop.send(SetMode(Mode.PRETENSION))
+        await bench.loop.advance_until(lambda: bool(bench.reached), timeout_s=20.0)
+        bench.close()
+
+    asyncio.run(session())

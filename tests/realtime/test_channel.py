@@ -1,0 +1,223 @@
+"""What is sent arrives as it was; what is malformed is refused with its number and the reason."""
+
+import dataclasses
+import json
+import math
+from typing import Any, get_args
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from backend.errors import OutOfRangeError
+from backend.faults import Fault
+from backend.realtime import commands
+from backend.realtime.commands import Accepted, RunProgram, SetMode, Shutdown
+from backend.realtime.ipc import (
+    MAX_BYTES,
+    Channel,
+    ChannelClosedError,
+    ChannelError,
+    Failed,
+    LongProgram,
+    ProgramPart,
+    ProgramParts,
+    Ready,
+    Setup,
+    channel_pair,
+    decode_from_loop,
+    decode_to_loop,
+    encode,
+    packets,
+)
+from backend.realtime.program import (
+    MAX_SEGMENTS,
+    MAX_TUNINGS,
+    MAX_WALLS,
+    Cause,
+    EntryGains,
+    Excitation,
+    HomingEnd,
+    Law,
+    Mode,
+    MotorGains,
+    Program,
+    RefusedError,
+    Segment,
+    SetTuning,
+    Shape,
+)
+from plant.dynamics import Obstacle
+from plant.manual_input import Hand
+
+# As they are sent: a tuning is a packet of its own.
+st.register_type_strategy(Program, st.builds(Program, tunings=st.just(())))
+st.register_type_strategy(ProgramPart, st.builds(ProgramPart, tunings=st.tuples(st.from_type(SetTuning))))
+COMMANDS = st.one_of([st.from_type(one) for one in (Setup, ProgramPart, *get_args(commands.Command))])
+EVENTS = st.one_of([st.from_type(one) for one in (Ready, Failed, *get_args(commands.Event))])
+SEQUENCES = st.integers(0, 2**53)
+
+
+def is_finite(value: Any) -> bool:
+    if isinstance(value, dict):
+        return all(is_finite(part) for part in value.values())
+    if isinstance(value, list | tuple):
+        return all(is_finite(part) for part in value)
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+@given(message=COMMANDS, sequence=SEQUENCES)
+@example(message=commands.ByHand(Hand(F_limit=math.inf)), sequence=0)
+@settings(max_examples=200, deadline=None)
+def test_commands_arrive_as_they_were_or_are_refused(message: Any, sequence: int) -> None:
+    if is_finite(dataclasses.asdict(message)):
+        assert decode_to_loop(encode(message, sequence)) == (sequence, message)
+    else:
+        with pytest.raises(ChannelError, match="finite number"):
+            decode_to_loop(encode(message, sequence))
+
+
+@given(message=EVENTS, sequence=SEQUENCES)
+@settings(max_examples=200, deadline=None)
+def test_events_arrive_as_they_were(message: Any, sequence: int) -> None:
+    if is_finite(dataclasses.asdict(message)):
+        assert decode_from_loop(encode(message, sequence)) == (sequence, message)
+
+
+@pytest.mark.parametrize("cause", [*Cause, *HomingEnd, *Fault])
+def test_a_cause_arrives_as_what_it_was(cause: Cause | HomingEnd | Fault) -> None:
+    """Not as another enum's word, nor as text: what decides hangs on it."""
+    _, changed = decode_from_loop(encode(commands.ModeChanged(1, Mode.RUN, Mode.OFF, cause)))
+    assert isinstance(changed, commands.ModeChanged)
+    assert changed.cause is cause
+
+
+def packet(**changes: Any) -> bytes:
+    return json.dumps(
+        {"kind": "SetReferences", "sequence": 7, "body": {"q_ref": 0.1, "S_ref": 10.0}} | changes
+    ).encode()
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (packet(body={"q_ref": 0.1}), "S_ref: Field required"),
+        (packet(body={"q_ref": 0.1, "S_ref": 10.0, "s_ref": 9.0}), "s_ref: Unexpected"),
+        (packet(body={"q_ref": "0.1", "S_ref": 10.0}), "q_ref: Input should be a valid number"),
+        (packet(body={"q_ref": True, "S_ref": 10.0}), "q_ref: Input should be a valid number"),
+        (packet(body={"q_ref": float("nan"), "S_ref": 10.0}), "q_ref: Input should be a finite number"),
+        (packet(body={"q_ref": 0.1, "S_ref": float("inf")}), "S_ref: Input should be a finite number"),
+        (packet(extra=1), "extra: Extra inputs"),
+        (packet(kind="Accepted"), "does not match"),
+        (packet(kind="SetMode", body={"mode": "warp"}), "mode: Input should be 'off'"),
+    ],
+)
+def test_malformed_commands_are_refused_by_number(bad: bytes, reason: str) -> None:
+    with pytest.raises(ChannelError, match=reason) as refusal:
+        decode_to_loop(bad)
+    assert refusal.value.sequence == 7
+
+
+def test_noise_is_refused_without_a_number() -> None:
+    with pytest.raises(ChannelError) as refusal:
+        decode_to_loop(b"\xff\x00noise")
+    assert refusal.value.sequence == 0
+
+
+@pytest.fixture
+def ends() -> Any:
+    ours, theirs = channel_pair()
+    other = Channel(theirs)
+    yield ours, other
+    ours.close()
+    other.close()
+
+
+def test_packets_keep_order_and_borders_until_the_end(ends: tuple[Channel, Channel]) -> None:
+    ours, theirs = ends
+    assert theirs.receive() is None
+    for sequence in range(50):
+        assert ours.send(encode(SetMode(Mode.RUN, run=sequence), sequence))
+    ours.close()
+    for sequence in range(50):
+        received = theirs.receive()
+        assert received is not None
+        assert decode_to_loop(received) == (sequence, SetMode(Mode.RUN, run=sequence))
+    with pytest.raises(ChannelClosedError):
+        theirs.receive()
+    with pytest.raises(ChannelClosedError):
+        theirs.send(encode(Shutdown()))
+
+
+def test_sender_never_waits_for_a_reader_that_does_not_read(ends: tuple[Channel, Channel]) -> None:
+    ours, theirs = ends
+    sent = 0
+    while ours.send(encode(Accepted(sent, 0), sent)):
+        sent += 1
+    for sequence in range(sent):
+        received = theirs.receive()
+        assert received is not None
+        assert decode_from_loop(received)[0] == sequence
+    assert ours.send(encode(Shutdown()))
+
+
+def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Channel]) -> None:
+    ours, theirs = ends
+    segment = Segment(
+        -1.0471975511965976e-100,
+        -1.0471975511965976,
+        12.345678901234567,
+        -29.123456789012345,
+        Shape.MULTISINE,
+        load_A=-1.0471975511965976e-100,
+        load_B=-1.0471975511965976e-100,
+        period_s=-1.0471975511965976e-100,
+        period_end_s=-1.0471975511965976e-100,
+        count=1000,
+        peak=-1.0471975511965976e-100,
+        tuning=50,
+        wall=50,
+    )
+    gains = EntryGains(*(-1.0471975511965976e-100 for _ in range(7)))
+    motor = MotorGains(*(-1.0471975511965976e-100 for _ in range(4)))
+    tuning = SetTuning(0.5, 0.5, motor, motor, (gains,) * 40, interpolate=False)
+    walls = (Obstacle(-1.0, *(-1.0471975511965976e-100 for _ in range(3))),) * MAX_WALLS
+    program = Program(Law.CASCADE, (segment,) * MAX_SEGMENTS, tunings=(tuning,) * MAX_TUNINGS, walls=walls)
+    longest = RunProgram(program, 7)
+    sent = packets(longest, 3)
+    assert max(map(len, sent)) <= MAX_BYTES
+    parts = ProgramParts()
+    for packet in sent:
+        assert ours.send(packet), "the road takes no more"
+        received = theirs.receive()
+        assert received is not None
+        sequence, message = decode_to_loop(received)
+        assert sequence == 3
+        if isinstance(message, LongProgram):
+            break
+        assert isinstance(message, ProgramPart)
+        parts.keep(sequence, message)
+    assert isinstance(message, LongProgram)
+    assert parts.whole(3, message) == longest
+
+
+def test_a_program_of_which_a_part_never_came_is_refused() -> None:
+    segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
+    sent = packets(RunProgram(Program(Law.CASCADE, (segment,) * 30)), 2)
+    parts = ProgramParts()
+    _, first = decode_to_loop(sent[0])
+    _, rest = decode_to_loop(sent[-1])
+    assert isinstance(first, ProgramPart)
+    assert isinstance(rest, LongProgram)
+    parts.keep(2, first)
+    with pytest.raises(RefusedError, match="24 of the program's 30 segments arrived: send it again"):
+        parts.whole(2, rest)
+
+
+def test_too_many_segments_and_too_long_a_packet_are_refused_with_their_number() -> None:
+    segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
+    with pytest.raises(OutOfRangeError, match="number of segments: 1001 is more than 1000"):
+        packets(RunProgram(Program(Law.CASCADE, (segment,) * (MAX_SEGMENTS + 1))), 2)
+    excitation = Excitation(amplitude_rad=0.1, chip_s=0.01, levels="+" * MAX_BYTES, periods=1)
+    with pytest.raises(ChannelError, match=rf"at most {MAX_BYTES} can be sent"):
+        packets(RunProgram(Program(Law.FORCE_HOLD, excitation=excitation)), 2)

@@ -1,0 +1,300 @@
+"""Every fault that the loop or its plant finds, injected into the simulator: what docs/faults.md says happens, in time.
+
+Those that are found elsewhere are tested there: ``service_lost`` in test_worker.py, ``operator_lost`` in
+tests/api/test_control.py, and in test_card_faults.py what only a card has.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from backend.control.decoupler import F_SLACK
+from backend.control.fault_detection import CONTRADICTION_N
+from backend.faults import FAULT_CODE, FAULTS, Fault
+from backend.realtime.commands import (
+    Accepted,
+    Inject,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    Refused,
+    Reset,
+    SetMode,
+    SetReferences,
+    Stop,
+    Stopped,
+)
+from backend.realtime.program import Mode
+from backend.sample import INDEX
+from plant.interface import Breakage, Broken, Sensor
+from plant.parameters import PlantParameters, load_parameters
+from plant.safety_card import Card
+from plant.simulator import Simulator
+from tests.docs.faults_page import documented_ms
+from tests.realtime.bench_top import BenchTop
+
+ENCODERS, CELLS = (Sensor.Q, Sensor.THETA_A, Sensor.THETA_B), (Sensor.F_A, Sensor.F_B)
+FOUND_ELSEWHERE = {
+    Fault.NONE,
+    Fault.SERVICE_LOST,
+    Fault.OPERATOR_LOST,
+    Fault.SENSOR_SATURATED,
+    Fault.MOTOR_REVERSED,
+}
+
+
+@pytest.fixture(scope="module")
+def lab() -> PlantParameters:
+    return load_parameters("lab")
+
+
+@dataclass(frozen=True)
+class Case:
+    """``broken`` leads to ``fault``; ``began`` finds the tick of the cause in the samples, else it is the injection."""
+
+    fault: Fault
+    broken: Broken
+    began: Callable[[BenchTop, int], int] | None = None
+
+
+def first(column: str, reached: Callable[[np.ndarray], np.ndarray]) -> Callable[[BenchTop, int], int]:
+    return lambda bench, injected: injected + int(np.argmax(reached(bench.column(column)[injected:])))
+
+
+def contradicted(bench: BenchTop, injected: int) -> int:
+    """First tick after the injection in which tendon A contradicts its encoders, by the paper's spring."""
+    x = (7.5e-3 * bench.column("theta_A") - 75e-3 * bench.column("q"))[injected:]
+    excess = bench.column("F_A")[injected:] - (-2.498 + 331.49 * x + 8543.8 * x**2)
+    return injected + int(np.argmax(np.abs(excess) > CONTRADICTION_N))
+
+
+CASES = [
+    *(Case(Fault.SENSOR_INVALID, Broken(Breakage.NO_NUMBER, sensor)) for sensor in Sensor),
+    *(Case(Fault.SENSOR_STUCK, Broken(Breakage.STUCK, sensor)) for sensor in Sensor),
+    *(Case(Fault.SENSOR_JUMP, Broken(Breakage.JUMP, sensor)) for sensor in Sensor),
+    *(Case(Fault.FORCE_LIMIT, Broken(Breakage.DRIFT_UP, F), first(F, lambda x: x > 50.0)) for F in CELLS),
+    *(Case(Fault.SLACK, Broken(Breakage.DRIFT_DOWN, F), first(F, lambda x: x < F_SLACK)) for F in CELLS),
+    Case(Fault.JOINT_LIMIT, Broken(Breakage.DRIFT_UP, Sensor.Q), first("q", lambda x: np.abs(x) > np.pi / 2)),
+    Case(Fault.IMPLAUSIBLE, Broken(Breakage.DRIFT_DOWN, Sensor.THETA_A), contradicted),
+    Case(Fault.SAFETY_MODULE, Broken(Breakage.SAFETY_TRIP)),
+    Case(Fault.PLANT_ERROR, Broken(Breakage.READ_ERROR)),
+    Case(Fault.PLANT_ERROR, Broken(Breakage.WRITE_ERROR)),
+]
+STEPPED_OTHERWISE = {
+    Fault.STOP_PRESSED,
+    Fault.SERVICE_ENDED,
+    Fault.DEADLINES_MISSED,
+    Fault.WATCHDOG,
+    Fault.WATCHDOG_DEAD,
+}
+
+
+def moving(parameters: PlantParameters, card: Card | None = None) -> BenchTop:
+    """A joint on its way over most of its range, a tenth of a second after the step."""
+    bench = BenchTop(parameters, plant=Simulator(parameters, card=card))
+    bench.run()
+    bench.advance(0.2)
+    bench.send(SetReferences(0.9, 11.0))
+    bench.advance(0.15)
+    assert bench.loop.fault is Fault.NONE
+    return bench
+
+
+def until_tripped(bench: BenchTop, ticks: int) -> None:
+    for _ in range(ticks):
+        if bench.loop.mode is Mode.TRIPPED:
+            return
+        bench.advance(0.001)
+    assert bench.loop.mode is Mode.TRIPPED
+
+
+def test_every_fault_is_tried() -> None:
+    assert {case.fault for case in CASES} | STEPPED_OTHERWISE | FOUND_ELSEWHERE == set(FAULTS)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.fault}-{case.broken.kind}-{case.broken.sensor}")
+def test_an_injected_fault_stops_in_its_documented_time(lab: PlantParameters, case: Case) -> None:
+    bench = moving(lab)
+    injected = len(bench.samples.rows)
+    assert isinstance(bench.send(Inject(case.broken)), Accepted)
+    until_tripped(bench, 2000)
+    assert bench.loop.fault is case.fault
+    fault, u = bench.column("fault"), np.abs([bench.column("u_A"), bench.column("u_B")])
+    latched = int(np.argmax(fault == FAULT_CODE[case.fault]))
+    began = injected if case.began is None else case.began(bench, injected)
+    assert injected <= began <= latched
+    assert latched - began + 1 <= documented_ms(case.fault)
+    proofs = [event.zero_tick - event.arrived_tick for event in bench.events if isinstance(event, Stopped)]
+    if case.broken.kind is Breakage.WRITE_ERROR:  # nobody can prove what the outputs do then
+        assert not proofs
+    else:
+        assert u[:, latched:].max() == 0.0
+        assert [ticks <= 2 for ticks in proofs] == [True]
+
+
+@pytest.mark.parametrize("kind", [Breakage.READ_ERROR, Breakage.WRITE_ERROR, Breakage.NO_NUMBER])
+def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(lab: PlantParameters, kind: Breakage) -> None:
+    bench = moving(lab)
+    bench.events.clear()
+    bench.send(Inject(Broken(kind)))
+    bench.advance(3.0)
+    # A STOP in the middle of it has its proof at once, where the outputs can be written at all.
+    before = len(bench.events)
+    arrived = bench.send(Stop()).tick
+    bench.advance(0.1)
+    proofs = [event for event in bench.events[before:] if isinstance(event, Stopped)]
+    if kind is Breakage.WRITE_ERROR:
+        assert not proofs
+    else:
+        (proof,) = proofs
+        assert proof.fault is Fault.STOP_PRESSED
+        assert proof.zero_tick - arrived <= 2
+    bench.send(Inject(None))
+    bench.advance(2.0)
+    told = [event for event in bench.events if not isinstance(event, Accepted)]
+    stops = [event for event in told if isinstance(event, Stopped)]
+    assert len(stops) <= 2
+    assert len([event for event in told if isinstance(event, ModeChanged)]) == 1
+    always_read = kind is Breakage.NO_NUMBER
+    expected = [] if always_read else [PlantFailing, PlantAnswers]
+    assert [type(event) for event in told if isinstance(event, PlantFailing | PlantAnswers)] == expected
+
+
+def test_a_write_error_while_tripped_is_known(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    bench.send(Stop())
+    bench.advance(0.1)
+    bench.send(Inject(Broken(Breakage.WRITE_ERROR)))
+    bench.advance(0.1)
+    assert bench.loop.fault is Fault.STOP_PRESSED
+    (failing,) = (event for event in bench.events if isinstance(event, PlantFailing))
+    assert "cannot be written" in failing.reason
+    assert isinstance(bench.send(Reset()), Refused)
+
+
+def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    bench.send(Stop(Fault.OPERATOR_LOST, hard=False))
+    bench.advance(0.01)
+    before = bench.loop.mode
+    assert before is Mode.STOPPING
+    bench.send(Inject(Broken(Breakage.READ_ERROR)))
+    bench.advance(0.001)
+    assert bench.loop.mode is Mode.TRIPPED
+    assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0
+
+
+def test_a_plant_that_fails_now_and_then_is_told_of_once(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    for _ in range(200):
+        bench.send(Inject(Broken(Breakage.READ_ERROR)))
+        bench.advance(0.003)
+        bench.send(Inject(None))
+        bench.advance(0.003)
+    assert sum(isinstance(event, PlantFailing | PlantAnswers) for event in bench.events) == 1
+    assert sum(isinstance(event, Stopped) for event in bench.events) == 1
+
+
+def test_an_injection_that_lasts_keeps_the_fault_and_a_mended_plant_goes_on(lab: PlantParameters) -> None:
+    for kind in (Breakage.NO_NUMBER, Breakage.READ_ERROR):
+        bench = moving(lab)
+        bench.send(Inject(Broken(kind)))
+        bench.advance(0.3)
+        assert isinstance(bench.send(Reset()), Refused)
+        assert isinstance(bench.send(Inject(None)), Accepted)
+        bench.advance(0.01)
+        assert isinstance(bench.send(Reset()), Accepted)
+        bench.advance(0.5)
+        bench.run(run=2)
+        bench.advance(0.5)
+        assert bench.loop.mode is Mode.RUN
+
+
+def test_doubtful_encoders_are_zeroed_anew(lab: PlantParameters) -> None:
+    """A tendon that slipped for good: the next pretension finds the zeros where they are now."""
+    bench = moving(lab)
+    bench.send(Inject(Broken(Breakage.DRIFT_DOWN, Sensor.THETA_A)))
+    until_tripped(bench, 1000)
+    bench.send(Reset())
+    bench.run(run=2)
+    bench.advance(1.0)
+    assert bench.loop.mode is Mode.RUN
+    assert bench.column("S")[-1] == pytest.approx(bench.column("S_true")[-1], abs=0.1)
+
+
+def test_stop_is_zero_volts_in_at_most_two_ticks_from_any_motion(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    arrived = len(bench.samples.rows)
+    bench.send(Stop())
+    bench.advance(0.01)
+    u = np.abs([bench.column("u_A"), bench.column("u_B")])
+    assert u[:, arrived - 1].min() > 0.0
+    assert u[:, arrived + documented_ms(Fault.STOP_PRESSED) - 1 :].max() == 0.0
+
+
+def test_deadlines_missed_in_a_row_stop_in_the_next_tick_and_fewer_do_not(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    allowed = round(Simulator.unattended_max_s * 1000)
+    overruns = 0
+    for missed in (1, 20, allowed - 1):
+        overruns += missed
+        bench.loop.tick(overruns=overruns)
+        assert bench.loop.fault is Fault.NONE
+    bench.loop.tick(overruns=overruns + allowed)
+    assert bench.loop.fault is Fault.DEADLINES_MISSED
+    assert bench.column("u_A")[-1] == 0.0
+
+
+def test_an_expired_watchdog_cuts_the_drives_until_reset(lab: PlantParameters) -> None:
+    card = Card.create()
+    bench = moving(lab, card)
+    assert card.state().u_A == bench.column("u_A")[-1] != 0.0
+    card.expire()
+    bench.advance(0.001)
+    assert bench.loop.fault is Fault.WATCHDOG
+    bench.advance(0.5)
+    state = card.state()
+    assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
+    assert sum(isinstance(event, Stopped) for event in bench.events) == 1
+    assert isinstance(bench.send(SetMode(Mode.PRETENSION)), Refused)
+    assert isinstance(bench.send(Reset()), Accepted)
+    assert card.state().drive_enabled
+    bench.run(run=2)
+    bench.loop.close()
+    assert not card.state().drive_enabled
+
+
+def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters) -> None:
+    card = Card.create()
+    bench = moving(lab, card)
+    assert card.state().u_A != 0.0
+    looks = card.state().looks
+    bench.send(Inject(Broken(Breakage.WATCHDOG_DEATH)))
+    begun_s = time.monotonic()
+    while bench.loop.mode is not Mode.TRIPPED:
+        assert time.monotonic() - begun_s < 20.0, "nobody noticed that the watchdog is dead"
+        time.sleep(0.001)
+        bench.advance(0.001)
+    assert card.state().looks <= looks + 100
+    assert bench.loop.fault is Fault.WATCHDOG_DEAD
+    state = card.state()
+    assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
+    bench.advance(0.5)
+    assert sum(isinstance(event, Stopped) for event in bench.events) == 1
+    refused = bench.send(Reset())
+    assert isinstance(refused, Refused)
+    assert "new one" in refused.reason
+    assert isinstance(bench.send(SetMode(Mode.PRETENSION)), Refused)
+    bench.loop.close()
+
+
+def test_samples_stay_numbers_after_a_reading_that_was_none(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    bench.send(Inject(Broken(Breakage.NO_NUMBER, Sensor.Q)))
+    bench.advance(0.01)
+    bench.send(Inject(None))
+    bench.advance(0.01)
+    assert np.isfinite(bench.samples.rows[-1][INDEX["q_dot"]])

@@ -1,0 +1,112 @@
+"""The heartbeat goes on whatever Python's lock is kept for, and ends with what it stands for."""
+
+import select
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from backend.realtime import heartbeat
+from backend.realtime.commands import Heartbeat
+from backend.realtime.heartbeat import HEARTBEAT_S, Heart
+from backend.realtime.ipc import Channel, channel_pair, decode_to_loop
+
+pytestmark = pytest.mark.live
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Channel, Channel]]:
+    service, loop = channel_pair()
+    heartbeat.prepare()
+    other = Channel(loop)
+    yield service, other
+    service.close()
+    other.close()
+
+
+def beats(channel: Channel) -> int:
+    count = 0
+    while (packet := channel.receive()) is not None:
+        assert decode_to_loop(packet) == (0, Heartbeat())
+        count += 1
+    return count
+
+
+@contextmanager
+def beating(heart: Heart) -> Iterator[Heart]:
+    thread = threading.Thread(target=heart.run)
+    thread.start()
+    yield heart
+    heart.stop()
+    thread.join()
+
+
+def wait_for_a_beat(channel: Channel) -> None:
+    assert select.select([channel], [], [], 20.0)[0]
+    assert beats(channel) >= 1
+
+
+def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> None:
+    service, loop = ends
+    with beating(Heart(service)):
+        wait_for_a_beat(loop)
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(60.0)  # from here on nothing but waiting gives the lock away
+        try:
+            end = time.monotonic() + 20 * HEARTBEAT_S
+            while time.monotonic() < end:
+                pass
+            assert beats(loop) >= 2
+        finally:
+            sys.setswitchinterval(before)
+
+
+def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
+    """It sleeps between two beats at least as long: a machine that is busy makes fewer of them, never more."""
+    service, loop = ends
+    begun = time.monotonic()
+    with beating(Heart(service)):
+        wait_for_a_beat(loop)
+        time.sleep(10 * HEARTBEAT_S)
+        count, passed_s = beats(loop), time.monotonic() - begun
+    assert 1 <= count <= passed_s / HEARTBEAT_S
+
+
+def test_the_last_beat_is_no_older_than_the_wait_for_it(ends: tuple[Channel, Channel]) -> None:
+    """Beats at all parts of a second: what is taken of the clock is all of its time, not the second alone."""
+    service, loop = ends
+    with beating(Heart(service)) as heart:
+        for _ in range(5):
+            begun = time.monotonic()
+            beats(loop)
+            wait_for_a_beat(loop)
+            assert 0.0 <= heart.age_s <= HEARTBEAT_S + time.monotonic() - begun
+            time.sleep(0.17)
+
+
+def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
+    service, loop = ends
+    with beating(Heart(service)) as heart:
+        wait_for_a_beat(loop)
+        heart.pause(3600.0)
+        while heart.age_s < 4 * HEARTBEAT_S:
+            time.sleep(HEARTBEAT_S)
+        beats(loop)
+        assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
+
+
+def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
+    ends: tuple[Channel, Channel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, loop = ends
+    hours_ago = time.monotonic_ns() - 3600 * 10**9
+    with monkeypatch.context() as past:
+        past.setattr(time, "monotonic_ns", lambda: hours_ago)
+        heart = Heart(service)
+    with beating(heart):
+        assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
+        heart.shown()
+        wait_for_a_beat(loop)
