@@ -4,10 +4,7 @@ from alembic import context
 from sqlalchemy import Connection
 
 from backend.storage.database import connect
-from backend.storage.formula_schema import FormulaRow
-from backend.storage.index_schema import RunIndexRow
-from backend.storage.queue_schema import QueuedRow
-from backend.storage.study_schema import StudyRow
+from backend.storage.orm import FormulaRow, QueuedRow, RunIndexRow, StudyRow
 
 # Each module of tables has to be loaded for them to be known.
 METADATA = RunIndexRow.metadata

@@ -28,7 +28,7 @@ ONLY_COMPUTES = {
     "closed_loop",
     "control",
     "docs",
-    "documents",
+    "models",
     "experiments",
     "exports",
     "identification",

@@ -7,14 +7,12 @@ from typing import Any
 
 import pytest
 
+from backend.banks.builder import BankError, read_file, require_name
 from backend.documents.study import STUDY
 from backend.errors import RefusalError
-from backend.experiments.banks.bank_building import require_name
-from backend.experiments.banks.bank_consistency import BankError
-from backend.experiments.banks.bank_files import read_file
 from backend.experiments.composing import text
 from backend.experiments.composing.refused import ExperimentError
-from backend.exports.strict_json import read_strict
+from backend.exports.base import read_strict
 from backend.messages.bank import BankFile, BankRequest
 from backend.messages.identification import SpringTableRequest
 from backend.messages.layouts import ChartLayout
@@ -33,7 +31,7 @@ from backend.plain_text import (
     require_plain,
     require_plain_texts,
 )
-from backend.storage.fit import UnfitDocumentError, require_lines
+from backend.storage.identifications import UnfitDocumentError, require_lines
 from backend.web_server.bodies import require_writable
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]

@@ -12,7 +12,7 @@ from backend.errors import Because, OutOfRangeError, RefusalError, RefusedValueE
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.settings import SettingError
+from backend.models.settings import SettingError
 from backend.units import Angles
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS

@@ -7,7 +7,7 @@ from fastapi import Depends, Query, Request
 from starlette.requests import HTTPConnection
 
 from backend.api.service import service_of
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from backend.units import Angles
 from backend.web_server.cookies import authentication_of, shown_by
 

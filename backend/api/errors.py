@@ -11,27 +11,26 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from backend.documents.edge import UnreadableDocumentError
+from backend.banks.builder import BankError
 from backend.errors import Because, OutOfRangeError, RefusalError
-from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.results.again import NotEvaluableError
 from backend.experiments.results.unseen_prediction import NotComparableError
-from backend.experiments.settings import SettingError
-from backend.exports.errors import ExportError
+from backend.exports.base import ExportError
 from backend.identification.records import DataFileError, IdentificationError
 from backend.messages.base import Problem, Refusal
 from backend.messages.malformed import problem_of_form
 from backend.messages.problems import plain, printable, problem_of, problem_of_experiment, problem_of_setting
+from backend.models.document import UnreadableDocumentError
+from backend.models.settings import SettingError
 from backend.realtime.ipc import ChannelError
 from backend.realtime.program import LEGAL
 from backend.realtime.supervisor import LoopDiedError
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
-from backend.storage.errors import StorageError
-from backend.storage.maintenance import BackupError
-from backend.storage.records import UnknownRecordError
+from backend.storage.database import BackupError
+from backend.storage.orm import StorageError, UnknownRecordError
 from backend.tuning.gains import TuningError
 from backend.units import Angles, in_words
 from backend.web_server.deployment import no_such_page

@@ -39,7 +39,7 @@ from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
 from backend.operating.triggers import Triggers
 from backend.operating.work_places import WorkPlaces
-from backend.storage import Database
+from backend.storage.database import Database
 from backend.web_server.guard import SHEETS
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]

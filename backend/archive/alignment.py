@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 from backend.archive.history import marks_of
 from backend.messages.comparison import AlignBy, ComparisonAsked
-from backend.recording.jumps import nth_jump
-from backend.storage import Session, recordings, runs
-from backend.storage.records import UnknownRecordError
+from backend.recording.reader import nth_jump
+from backend.storage import recordings, runs
+from backend.storage.database import Session
+from backend.storage.orm import UnknownRecordError
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from pathlib import Path
 from backend.archive.imports import look_over
 from backend.experiments.results.again import catch_up
 from backend.exports import bundle
-from backend.exports.errors import ExportError, ImportRefusedError
+from backend.exports.base import ExportError, ImportRefusedError
 from backend.reports.rendering import render
 from backend.reports.source import load_source
-from backend.storage import Database, results, runs
+from backend.storage import results, runs
+from backend.storage.database import Database
 from backend.storage.runs import EndState, RunKind
 
 
@@ -31,4 +32,4 @@ def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[byt
         source = load_source(database, run_id)
         if source.run.kind != RunKind.SESSION and source.run.end_state != EndState.RUNNING:
             report = render(source, "html")
-    return bundle.write(database, run_id, report, folder)
+    return bundle.write_bundle(database, run_id, report, folder)

@@ -2,15 +2,15 @@
 
 from collections.abc import Callable
 
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.kept_tuning import SAVED, saved_for
+from backend.banks.tuning_settings import SAVED, saved_for
 from backend.messages.history import ChecklistState, ChecklistStep
-from backend.storage import Session, banks, identifications, origins, results, runs, settings
-from backend.storage.bank_entry import name_of_entry
-from backend.storage.banks import Bank
+from backend.models.document import UnreadableDocumentError
+from backend.storage import banks, identifications, origins, results, runs, settings
+from backend.storage.banks import Bank, name_of_entry
+from backend.storage.database import Session
 from backend.storage.identifications import Identification
+from backend.storage.orm import Document
 from backend.storage.runs import EndState, Run, RunKind
-from backend.storage.schema import Document
 
 NEAR = 0.5
 """Two identifications closer than this in S [N·m/rad] are of the same point."""

@@ -6,8 +6,6 @@ from contextlib import suppress
 from typing import Any
 
 from backend.archive.alignment import Aligned, aligned
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.result import Figure
 from backend.errors import Because, RefusalError, require_within
 from backend.messages.comparison import (
     ComparedMetric,
@@ -18,16 +16,16 @@ from backend.messages.comparison import (
     RunComparison,
 )
 from backend.messages.run_search import MetricHistory, MetricName, MetricPoint
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import Figure
 from backend.reports.set_to import set_to
 from backend.reports.verdict import verdict_of
-from backend.storage import banks, results, run_search, runs
+from backend.storage import banks, results, runs, search
 from backend.storage.database import Session
 from backend.storage.results import Result
-from backend.storage.run_index import ValueSource
-from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, parse
-from backend.storage.run_terms import NONE
-from backend.storage.run_title import title_of
-from backend.storage.runs import Run
+from backend.storage.runs import Run, title_of
+from backend.storage.search import NONE, All, Compare, Op, Query, QueryError, Value, parse
+from backend.storage.search_index import ValueSource
 
 MOST_RUNS = 20
 MOST_POINTS = 5000
@@ -165,7 +163,7 @@ def metric_history(session: Session, kind: str, metric: str, where: str, *, ever
         if metric:
             raise QueryError(0, f"runs of kind {kind} have no metric {metric!r}", [one.name for one in known], metric)
         return MetricHistory(kind=kind, metric=None, metrics=[], points=[], without=0, left_out=0)
-    found = run_search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MOST_POINTS)
+    found = search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MOST_POINTS)
     return MetricHistory(
         kind=kind,
         metric=chosen,
@@ -183,12 +181,12 @@ _LOOKED_AT = 20
 
 def _known_metrics(session: Session, asked: Query, wanted: str, *, everywhere: bool) -> list[MetricName]:
     """Return the metrics of the newest runs, and the one that is wanted where an older run alone has it."""
-    newest = run_search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids
+    newest = search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids
     known = _named_metrics(session, newest)
     if wanted and wanted not in known:
         measured = Compare(Value(f"{ValueSource.METRIC}.{wanted}", 0), Op.UNLIKE, (Value(NONE, 0),))
         with suppress(QueryError):  # no run at all has one of this name
-            older = run_search.search(session, All((asked, measured)), everywhere=everywhere, limit=1).run_ids
+            older = search.search(session, All((asked, measured)), everywhere=everywhere, limit=1).run_ids
             known |= {name: item for name, item in _named_metrics(session, older).items() if name == wanted}
     return list(known.values())
 

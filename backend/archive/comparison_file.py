@@ -14,7 +14,7 @@ from backend.archive.differences import beside
 from backend.messages.comparison import AlignBy, ComparisonAsked, DifferencesAsked, RunComparison
 from backend.plain_text import as_cell, as_comment
 from backend.sample import FIELDS
-from backend.storage import Database
+from backend.storage.database import Database
 
 _ROWS = 20_000
 """Lines that are written at once."""

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from backend.archive.alignment import aligned
 from backend.archive.comparison import chosen_runs
 from backend.messages.comparison import Differences, DifferencesAsked, RunDifference
-from backend.recording.following import following
+from backend.recording.derived_signals import following
 from backend.recording.reader import read_samples
 from backend.sample import UNIT_OF
-from backend.storage import Database, Session, recordings
-from backend.storage.records import UnknownRecordError
+from backend.storage import recordings
+from backend.storage.database import Database, Session
+from backend.storage.orm import UnknownRecordError
 
 Array = NDArray[np.float64]
 

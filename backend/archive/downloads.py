@@ -13,11 +13,11 @@ from backend.archive.comparison_file import curves_file, table_file
 from backend.archive.differences import differences, samples_of
 from backend.errors import Because, RefusalError
 from backend.experiments.results.again import left_behind
+from backend.exports.base import of_columns, of_run
 from backend.exports.formats import DataFormat, pieces
-from backend.exports.source import of_columns, of_run
 from backend.messages.comparison import Differences, DifferencesAsked
-from backend.recording.combined import AT_HAND_SAMPLES
 from backend.recording.flight import flight_columns
+from backend.recording.reader import AT_HAND_SAMPLES
 from backend.reports.rendering import render, render_series
 from backend.reports.series_source import load_series
 from backend.reports.source import Source, load_source

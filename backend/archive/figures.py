@@ -23,12 +23,20 @@ from backend.messages.figures import (
     StatisticsLine,
 )
 from backend.plain_text import as_cell, as_comment
-from backend.recording.combined import AT_HAND_SAMPLES
-from backend.recording.following import Following, told_of
-from backend.recording.reader import read_samples
-from backend.recording.spectrum import LEAST_SAMPLES, Spectrum, welch
-from backend.recording.statistics import Extreme, Statistics, add_slab
-from backend.recording.stretch import Slab, Stretch, slabs, stretch_of
+from backend.recording.derived_signals import Following, told_of
+from backend.recording.ranges import (
+    LEAST_SAMPLES,
+    Extreme,
+    Slab,
+    Spectrum,
+    Statistics,
+    Stretch,
+    add_slab,
+    slabs,
+    stretch_of,
+    welch,
+)
+from backend.recording.reader import AT_HAND_SAMPLES, read_samples
 from backend.sample import COMBINED_BY_NAME, FIELDS, Field
 from backend.storage import recordings
 from backend.storage.database import Database

@@ -7,7 +7,7 @@ from backend.errors import Because, RefusalError
 from backend.experiments.composing.expressions import ExpressionError
 from backend.experiments.composing.formula import derived_of
 from backend.messages.formula import FormulaList, FormulaText, FormulaView, StepView
-from backend.recording.following import derived_from
+from backend.recording.derived_signals import derived_from
 from backend.storage import formulas
 from backend.storage.database import Database
 from backend.storage.formulas import Formula

@@ -7,11 +7,10 @@ from backend.archive import checklist
 from backend.archive.lineage import READ_AT_ONCE_BYTES, LineageGraph, SampleDigests
 from backend.messages.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
 from backend.storage import banks, events, identifications, recordings, runs
-from backend.storage.bank_entry import name_of_entry
-from backend.storage.banks import Bank
+from backend.storage.banks import Bank, name_of_entry
 from backend.storage.database import Database, Session
 from backend.storage.events import Event, EventKind
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.parameters import PlantParameters
 
 _RUNS_SHOWN = 20

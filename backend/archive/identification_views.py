@@ -3,11 +3,6 @@
 from dataclasses import asdict
 
 from backend.archive.views import message_of
-from backend.documents.actuator import ChannelName
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.motor import Fitted, Pair
-from backend.documents.motor_grade import grade_of
-from backend.documents.spring import TableReading
 from backend.messages.experiment import SettingValue
 from backend.messages.identification import (
     ColumnNotRead,
@@ -20,6 +15,8 @@ from backend.messages.identification import (
     SpringTableView,
     SpringView,
 )
+from backend.models.document import UnreadableDocumentError
+from backend.models.identification import ChannelName, Fitted, Pair, TableReading, grade_of
 from backend.plain_text import as_line
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run

@@ -3,16 +3,16 @@
 import json
 from pathlib import Path
 
-from backend.documents.edge import UnreadableDocumentError
 from backend.errors import OutOfRangeError
 from backend.experiments.composing import text
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import stored_plan
-from backend.experiments.settings import SettingError
-from backend.exports import bundle_import, taking_in
-from backend.exports.errors import ImportRefusedError
-from backend.exports.taking_in import TakenIn
+from backend.exports import importer
+from backend.exports.base import ImportRefusedError
+from backend.exports.importer import TakenIn
+from backend.models.document import UnreadableDocumentError
+from backend.models.settings import SettingError
 from backend.plain_text import as_line
 from backend.storage.database import Database
 from backend.storage.runs import Run
@@ -28,8 +28,8 @@ def take_in(database: Database, file: Path, who: str, folder: Path, name: str = 
     """
     called = as_line(name or file.name)
     if file.suffix.lower() == ".zip":
-        return bundle_import.take_in(database, file, who, folder, called, look_over)
-    return taking_in.take_in(database, file, who, called, look_over)
+        return importer.import_bundle(database, file, who, folder, called, look_over)
+    return importer.import_export(database, file, who, called, look_over)
 
 
 def look_over(run: Run) -> None:

@@ -9,22 +9,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from backend.archive.checklist import replaces
-from backend.documents.digest import digest_of
-from backend.documents.edge import UnreadableDocumentError
 from backend.messages.history import LineageKind, LineageNode
-from backend.recording.codec import CodecError
-from backend.recording.digest import digest_of_recording
-from backend.storage import banks, bring_up, identifications, origins, recordings, runs
-from backend.storage.bank_entry import name_of_entry
-from backend.storage.banks import Bank
+from backend.models.document import UnreadableDocumentError, digest_of
+from backend.recording.codec import CodecError, digest_of_recording
+from backend.storage import banks, commissioning, identifications, origins, recordings, runs
+from backend.storage.banks import Bank, name_of_entry
 from backend.storage.database import Session
 from backend.storage.identifications import Identification
 from backend.storage.origins import Origin
-from backend.storage.records import UnknownRecordError
-from backend.storage.run_index import numbers_of
-from backend.storage.run_title import title_of
-from backend.storage.runs import EndState, Run
-from backend.storage.schema import Document
+from backend.storage.orm import Document, UnknownRecordError
+from backend.storage.runs import EndState, Run, title_of
+from backend.storage.search_index import numbers_of
 from backend.storage.stations import station_of
 from plant.interface import PlantChoice, PlantKind
 
@@ -228,7 +223,7 @@ class LineageGraph:
         origin = origins.of_runs(self._session, [run.id]).get(run.id)
         if origin is not None:
             return self._carried_calibration(origin)
-        kept = bring_up.calibrations(self._session, run.station)
+        kept = commissioning.calibrations(self._session, run.station)
         then = {one.step: one for one in kept if one.at <= run.started_at}
         later = sorted({one.step for one in kept if one.at > run.started_at})
         if not then:
@@ -236,7 +231,7 @@ class LineageGraph:
             return [
                 self._node(LineageKind.CALIBRATION, "calibration-none", "Calibration", "from the wiring file", none, [])
             ]
-        content = [bring_up.told(one) for one in then.values()]
+        content = [commissioning.told(one) for one in then.values()]
         detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
         mark = f"done again since: {', '.join(later)}" if later else ""
         digest = digest_of(content)

@@ -15,11 +15,9 @@ from backend.messages.system import BackupView, DatabaseCheck, DatabaseView, Gra
 from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import LATENESS_EDGES_S, lateness_histogram
 from backend.storage import events
-from backend.storage.database import Database
-from backend.storage.errors import StorageError
+from backend.storage.database import Database, backup, check, next_copy, revision
 from backend.storage.events import EventKind
-from backend.storage.maintenance import backup, check, next_copy
-from backend.storage.migrate import revision
+from backend.storage.orm import StorageError
 
 _PACKAGES = ("numpy", "scipy", "numba", "fastapi", "sqlalchemy", "viser")
 

@@ -5,8 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from backend.archive.recorded_experiment import recorded_experiment
-from backend.documents.run_settings import with_motion
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.composing import ready_made, text
 from backend.experiments.composing.refused import ExperimentError, line_of
 from backend.experiments.composing.told import Played, played_parts
@@ -16,7 +15,6 @@ from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
 from backend.experiments.playing.playable import banks_in, playable
-from backend.experiments.settings import SettingError
 from backend.messages.experiment import DryRunView
 from backend.messages.own_experiment import (
     CheckedExperiment,
@@ -25,11 +23,13 @@ from backend.messages.own_experiment import (
     RecordedExperiment,
     WrittenExperiment,
 )
+from backend.models.run import with_motion
+from backend.models.settings import SettingError
 from backend.plain_text import as_folded
 from backend.storage import experiments as stored
 from backend.storage.database import Database
 from backend.storage.experiments import StoredExperiment
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.parameters import PlantParameters
 
 

@@ -5,17 +5,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.forecasts.timetable import timetable
 from backend.experiments.plans.plan import IdentificationPlan
 from backend.experiments.plans.profile import profile
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.messages.history import Planned, PlannedLine, PlannedPart
+from backend.models.document import UnreadableDocumentError
 from backend.recording.reader import read_samples
 from backend.sample import FIELDS
 from backend.storage import runs
 from backend.storage.database import Database, Session
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.interface import T_s
 from plant.parameters import ParameterError, parameters_of
 

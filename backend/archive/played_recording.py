@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from backend.archive.history import marks_of
-from backend.exports import csv_file, parquet_file
-from backend.exports.errors import ImportRefusedError
-from backend.exports.facts import Facts
+from backend.exports import writers
+from backend.exports.base import Facts, ImportRefusedError
 from backend.faults import EXPLAINED, FAULTS
 from backend.messages.history import RunMark
 from backend.messages.player import PlayedRecording
@@ -17,7 +16,7 @@ from backend.realtime.program import MODES
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.events import EventKind
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.interface import T_s
 from plant.replay import Recording, Signal, load_recording
 
@@ -44,7 +43,7 @@ def played_recording(path: str | Path, database: Database) -> PlayedRecording:
 
 def _facts(path: Path) -> Facts | None:
     try:
-        return parquet_file.read(path)[0] if path.suffix == ".parquet" else csv_file.read(path)[0]
+        return writers.read_parquet(path)[0] if path.suffix == ".parquet" else writers.read_csv(path)[0]
     except (ImportRefusedError, UnicodeDecodeError):
         return None  # a file that another program wrote, or one cut to a part: it says of itself nothing that holds
 

@@ -7,7 +7,8 @@ from backend.messages.layouts import look_over
 from backend.messages.preferences import NEW_HERE, Preferences
 from backend.messages.session import Role
 from backend.plain_text import STORED
-from backend.storage import Database, formulas, settings
+from backend.storage import formulas, settings
+from backend.storage.database import Database
 from backend.storage.settings import StoredSetting
 
 

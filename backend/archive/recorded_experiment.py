@@ -7,22 +7,21 @@ from typing import Any
 import numpy as np
 
 from backend.archive.history import marks_of
-from backend.documents.edge import UnreadableDocumentError
+from backend.banks.tuning_settings import changes_told
 from backend.documents.experiment import FORMAT
-from backend.documents.kept_wall import KeptWall
-from backend.documents.run_settings import LAMBDA, KeptLoop
-from backend.experiments.banks.tuning_choice import changes_told
 from backend.experiments.composing.recorded import LEAST, Change, Column, Followed, commanded, followed
 from backend.experiments.plans.composed_plan import LAWS, ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.messages.history import RunMark
 from backend.messages.own_experiment import RecordedExperiment
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import LAMBDA, KeptLoop, KeptWall
 from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law, Mode
 from backend.recording.reader import read_samples
 from backend.storage import banks, runs
 from backend.storage.database import Database, Session
 from backend.storage.events import EventKind
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import Run
 from plant.interface import T_s
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.kept_wall import standing
+from backend.models.run import standing
 from backend.recording.flight import flight_columns
 from backend.recording.reader import read_samples
 from backend.sample import INDEX, NAMES

@@ -4,7 +4,8 @@ import asyncio
 
 from backend.messages.system import HeldView, RecordingsView
 from backend.recording.retention import Overview, Rule, overview, remove
-from backend.storage import Database, StorageError
+from backend.storage.database import Database
+from backend.storage.orm import StorageError
 from backend.supervision import Part
 
 PART = Part("The look at the room that recordings take", "Recordings may pass their limit unseen.")

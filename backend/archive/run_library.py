@@ -15,11 +15,10 @@ from backend.messages.run_search import (
     TagList,
 )
 from backend.plain_text import PlainTextError, require_line
-from backend.storage import run_search, settings, tags
+from backend.storage import search, settings, tags
 from backend.storage.database import Database
-from backend.storage.records import UnknownRecordError, require_distinct
-from backend.storage.run_query import parse
-from backend.storage.run_terms import ENDS, VERDICTS
+from backend.storage.orm import UnknownRecordError, require_distinct
+from backend.storage.search import ENDS, VERDICTS, parse
 
 _SEARCH = "search/"
 
@@ -100,7 +99,7 @@ class RunLibrary:
         require_distinct("a saved search", called, (one.name for one in self.saved_searches().searches))
         query = parse(where)
         with self._database.session() as session:
-            run_search.search(session, query, everywhere=False, limit=1)
+            search.search(session, query, everywhere=False, limit=1)
             settings.put(session, f"{_SEARCH}{called}", {"where": where}, who)
         return self.saved_searches()
 
@@ -137,11 +136,11 @@ class RunLibrary:
 
     def _words(self) -> SearchWords:
         with self._database.reading() as session:
-            known = run_search.known_words(session)
+            known = search.known_words(session)
         return SearchWords(
             station=self._database.station,
             stations=list(known.stations),
-            fields=list(run_search.FIELDS),
+            fields=list(search.FIELDS),
             kinds=list(known.kinds),
             ends=list(ENDS),
             verdicts=list(VERDICTS),

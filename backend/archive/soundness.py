@@ -6,8 +6,8 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
-from backend.storage import DamagedError, Database, StorageError, require_whole
-from backend.storage.soundness import is_small
+from backend.storage.database import Database, is_small, require_whole
+from backend.storage.orm import DamagedError, StorageError
 
 NICENESS = 10
 _log = logging.getLogger(__name__)

@@ -6,10 +6,8 @@ from dataclasses import asdict, replace
 from typing import Protocol
 
 from backend.archive import views
-from backend.documents.edge import UnreadableDocumentError
-from backend.experiments.banks import bank_building, bank_files
-from backend.experiments.banks.bank_consistency import MODEL_NAMES
-from backend.experiments.banks.bank_difference import difference, figures_of_all, with_entries
+from backend.banks import builder
+from backend.banks.builder import MODEL_NAMES, difference, figures_of_all, with_entries
 from backend.messages.bank import (
     BankDetail,
     BankDifference,
@@ -21,9 +19,9 @@ from backend.messages.bank import (
     EntryFigures,
     EntryLineage,
 )
+from backend.models.document import UnreadableDocumentError
 from backend.storage import banks, identifications, runs
-from backend.storage.bank_entry import fits_of, method_of
-from backend.storage.banks import Bank, BankEntry
+from backend.storage.banks import Bank, BankEntry, fits_of, method_of
 from backend.storage.database import Database, Session
 from backend.tuning.gains import Lambdas
 from backend.tuning.preview import Previewer
@@ -118,13 +116,13 @@ class StoredBanks:
 
     async def file(self, bank_id: int) -> BankFile:
         """Return a bank as a file. Raises UnknownRecordError."""
-        return BankFile.model_validate(bank_files.to_document(await self.stored_bank(bank_id)))
+        return BankFile.model_validate(builder.to_document(await self.stored_bank(bank_id)))
 
     async def bring_in(self, file: BankFile, who: str) -> BankView:
         """Store a bank from its file as the next version of its name. Raises BankError."""
         document = file.model_dump(exclude_none=True)
         parameters = self._tuning().parameters
-        bank = await asyncio.to_thread(bank_files.import_bank, self._database, parameters, document, who)
+        bank = await asyncio.to_thread(builder.import_bank, self._database, parameters, document, who)
         return await self.bank(bank.id)
 
     # In a thread --------------------------------------------------------------------------------------------
@@ -155,7 +153,7 @@ class StoredBanks:
 
     def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
         parameters = self._tuning().parameters
-        return self._bank_view(bank_building.build_bank(self._database, parameters, name, run_ids, who).id)
+        return self._bank_view(builder.build_bank(self._database, parameters, name, run_ids, who).id)
 
     def _with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
         with self._database.reading() as session:
@@ -169,7 +167,7 @@ class StoredBanks:
             before = self._from_geometry() if bank_id is None else banks.get(session, bank_id).entries
             if other is not None:
                 return before, banks.get(session, other).entries
-            again = [bank_building.entry_of(identifications.of_run(session, run_id)) for run_id in run_ids]
+            again = [builder.entry_of(identifications.of_run(session, run_id)) for run_id in run_ids]
             return before, with_entries(before, again)
 
     def _from_geometry(self) -> tuple[BankEntry, ...]:

@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 from backend.archive import identification_views
 from backend.archive.stored_banks import TuningInForce
-from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
 from backend.experiments.results.over_stiffness import trend_of
 from backend.experiments.results.unseen_prediction import unseen_of
 from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import IdentificationView, SpringTableView
+from backend.models.document import UnreadableDocumentError
 from backend.storage import identifications, results, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import Run, RunKind
 from backend.workers import Offload
 

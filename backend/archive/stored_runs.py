@@ -12,14 +12,14 @@ from backend.messages.experiment import ExperimentView
 from backend.messages.flight import FlightList
 from backend.messages.run import Evaluation, RunList, RunView, SamplesView
 from backend.messages.state import TaskView
-from backend.recording.combined import AT_HAND_SAMPLES
-from backend.recording.reader import Envelope, read_envelope
+from backend.recording.reader import AT_HAND_SAMPLES, SampleEnvelope, read_envelope
 from backend.sample import STORED_NAMES
-from backend.storage import flights, identifications, origins, recordings, results, run_search, runs, tags
+from backend.storage import flights, identifications, origins, recordings, results, runs, tags
+from backend.storage import search as run_search
 from backend.storage.database import Database, Session
 from backend.storage.recordings import Extent, Recording
-from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.storage.runs import EndState, Run, RunKind
+from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.workers import Offload
 
 
@@ -107,7 +107,7 @@ class StoredRuns:
         envelope, raw = await self._envelope(asked)
         return await asyncio.to_thread(_packed, envelope, raw, asked.signals)
 
-    async def _envelope(self, asked: Excerpt) -> tuple[Envelope, bool]:
+    async def _envelope(self, asked: Excerpt) -> tuple[SampleEnvelope, bool]:
         if self._offload is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
             return await self._offload.run(envelope_of, self._database, asked)
         return await asyncio.to_thread(envelope_of, self._database, asked)
@@ -187,7 +187,7 @@ class StoredRuns:
         return min(0.99, task.elapsed_s / task.duration_s)
 
 
-def envelope_of(database: Database, asked: Excerpt) -> tuple[Envelope, bool]:
+def envelope_of(database: Database, asked: Excerpt) -> tuple[SampleEnvelope, bool]:
     """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
     with database.reading() as session:
         period_s = recordings.get(session, asked.run).period_s
@@ -195,7 +195,7 @@ def envelope_of(database: Database, asked: Excerpt) -> tuple[Envelope, bool]:
     return envelope, envelope.width_s <= 1.5 * period_s
 
 
-def _packed(envelope: Envelope, raw: bool, signals: Sequence[str]) -> bytes:
+def _packed(envelope: SampleEnvelope, raw: bool, signals: Sequence[str]) -> bytes:
     first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
     extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
     return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in signals])

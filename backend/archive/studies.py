@@ -5,12 +5,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from backend.archive.own_experiments import OwnExperiments
-from backend.documents.run_settings import Value
 from backend.errors import RefusedValueError
 from backend.experiments.composing import text
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
-from backend.experiments.settings import describe
 from backend.messages.study import (
     CheckedStudy,
     StudyAxis,
@@ -21,6 +19,8 @@ from backend.messages.study import (
     StudyShare,
     StudyView,
 )
+from backend.models.run import Value
+from backend.models.settings import describe
 from backend.plain_text import as_line
 from backend.storage import studies
 from backend.storage.database import Database

@@ -4,7 +4,8 @@ import asyncio
 from collections.abc import Sequence
 
 from backend.messages.timeline import Remark, Timeline, TimelineEntry
-from backend.storage import Database, timeline
+from backend.storage import timeline
+from backend.storage.database import Database
 from backend.storage.timeline import Asked, Happening
 
 

@@ -9,23 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.headline import headline_of
-from backend.documents.outcome import outcome_of
-from backend.documents.result import Criterion as Judged
-from backend.experiments.banks.bank_consistency import MODEL_NAMES, point_of
+from backend.banks.builder import MODEL_NAMES, point_of
 from backend.experiments.results.used_settings import used_settings
 from backend.messages.bank import BankEntryView, BankView
 from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
 from backend.messages.flight import FlightView
 from backend.messages.run import Envelope, Evaluation, Headline, RunView, SamplesView, UsedSetting
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import Criterion as Judged
+from backend.models.run import headline_of, outcome_of
 from backend.recording import reader
 from backend.reports.verdict import verdict_of
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
-from backend.storage.run_title import experiment_of, title_of
-from backend.storage.runs import EndState, Run, RunKind
+from backend.storage.runs import EndState, Run, RunKind, experiment_of, title_of
 from plant.interface import T_s
 
 
@@ -81,7 +79,7 @@ def run_view(
     )
 
 
-def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> SamplesView:
+def samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> SamplesView:
     """Return an envelope of samples; nan is null."""
     return SamplesView(
         run=run_id,
@@ -142,7 +140,7 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
 def dry_run_view(
     run: Run,
     result: Result | None,
-    curves: reader.Envelope | None,
+    curves: reader.SampleEnvelope | None,
     duration_s: float,
     settings: dict[str, SettingValue],
 ) -> DryRunView:

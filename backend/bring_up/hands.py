@@ -8,7 +8,7 @@ from backend.realtime.commands import Accepted, Refused, SwitchDrives
 from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.storage import settings
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from backend.storage.settings import StoredSetting
 from plant.interface import PlantChoice, PlantKind
 

@@ -13,7 +13,7 @@ from backend.bring_up.steps import STEP, StepId
 from backend.bring_up.work import Confirmed, Finding, Work
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import LoopDiedError, Supervisor
-from backend.storage.bring_up import StepResult
+from backend.storage.commissioning import StepResult
 from backend.storage.database import Database
 from backend.supervision import Supervision
 from plant.calibration import calibrated, fingerprint

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from backend.bring_up.steps import INSTEAD, STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding
-from backend.storage import bring_up
-from backend.storage.bring_up import NewStepResult, StepResult
+from backend.storage import commissioning
+from backend.storage.commissioning import NewStepResult, StepResult
 from backend.storage.database import Database
 from backend.units import counted
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
@@ -136,16 +136,16 @@ def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who
         ],
     )
     with database.session() as session:
-        return bring_up.add(session, new)
+        return commissioning.add(session, new)
 
 
 def newest(database: Database) -> dict[str, StepResult]:
     """Return the newest result of each step; of load cells calibrated one by one both, and the older date."""
     with database.reading() as session:
-        results = bring_up.newest(session)
+        results = commissioning.newest(session)
         last = results.get(StepId.CALIBRATE)
         if last is not None and (other := _missing_cell(last)):
-            for before in reversed(bring_up.passed_with(session, last.fingerprint)):
+            for before in reversed(commissioning.passed_with(session, last.fingerprint)):
                 of_other = [found for found in before.calibrations if found["tendon"] == other]
                 if before.step == StepId.CALIBRATE and of_other:
                     both = [*of_other, *last.calibrations]
@@ -162,7 +162,7 @@ def _missing_cell(result: StepResult) -> str:
 def kept(database: Database) -> Kept:
     """Return what is kept of all steps."""
     with database.reading() as session:
-        test_failed = bring_up.last_failure(session, StepId.WIRING_TEST)
+        test_failed = commissioning.last_failure(session, StepId.WIRING_TEST)
     return Kept(newest(database), test_failed)
 
 
@@ -174,7 +174,7 @@ def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     """
     wired = fingerprint(wiring)
     with database.reading() as session:
-        passed = bring_up.passed_with(session, wired)
+        passed = commissioning.passed_with(session, wired)
     cells = {found["tendon"]: CellCalibration(**found) for result in passed for found in result.calibrations}
     by_step = {
         step: {found["tendon"] for result in passed if result.step == step for found in result.calibrations}

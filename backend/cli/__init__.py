@@ -88,20 +88,18 @@ def main() -> None:
 def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
     from backend.access.tokens import TokenError
+    from backend.banks.builder import BankError
     from backend.data_folder import AlreadyRunningError, DataFolderError
-    from backend.documents.edge import UnreadableDocumentError
     from backend.errors import OutOfRangeError, RefusalError
-    from backend.experiments.banks.bank_consistency import BankError
     from backend.experiments.composing.refused import ExperimentError
     from backend.experiments.results.again import NotEvaluableError
-    from backend.experiments.settings import SettingError
+    from backend.models.document import UnreadableDocumentError
+    from backend.models.settings import SettingError
     from backend.realtime.supervisor import LoopDiedError
     from backend.recording.recorder import RecordingError
     from backend.settings import UnusableSettingError
-    from backend.storage.errors import StorageError
-    from backend.storage.maintenance import BackupError
-    from backend.storage.migrate import SchemaError
-    from backend.storage.records import UnknownRecordError
+    from backend.storage.database import BackupError, SchemaError
+    from backend.storage.orm import StorageError, UnknownRecordError
     from backend.studies.crew import CrewGoneError
     from backend.tuning.gains import TuningError
     from backend.web_server.listening import CannotListenError

@@ -13,10 +13,9 @@ from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
 from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 
 if TYPE_CHECKING:
-    from backend.experiments.banks.bank_difference import EntryDifference, LoopFigures
-    from backend.storage import Database
-    from backend.storage.bank_entry import ChannelFit
-    from backend.storage.banks import Bank
+    from backend.banks.builder import EntryDifference, LoopFigures
+    from backend.storage.banks import Bank, ChannelFit
+    from backend.storage.database import Database
 
     Fits = Mapping[int, Mapping[str, ChannelFit]]
 
@@ -57,7 +56,7 @@ def show(
 ) -> None:
     """Show the entries of a bank and the identifications they came from."""
     from backend.storage import banks, identifications
-    from backend.storage.bank_entry import fits_in
+    from backend.storage.banks import fits_in
 
     with (
         database_of(settings_with(data=data, station=station), reading=True) as database,
@@ -77,9 +76,9 @@ def build(
     as_json: AsJson = False,
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
-    from backend.experiments.banks.bank_building import build_bank
+    from backend.banks.builder import build_bank
     from backend.storage import identifications as identifications_
-    from backend.storage.bank_entry import fits_in
+    from backend.storage.banks import fits_in
 
     settings = settings_with(data=data, station=station)
     with database_of(settings) as database:
@@ -110,10 +109,9 @@ def diff(
 
     Settings: lam_q, lam_S, lam_motor [s].
     """
-    from backend.experiments.banks.bank_building import entry_of
-    from backend.experiments.banks.bank_difference import difference, with_entries
+    from backend.banks.builder import difference, entry_of, with_entries
     from backend.experiments.plans.loop_settings import LoopSettings
-    from backend.experiments.settings import from_values
+    from backend.models.settings import from_values
     from backend.storage import banks, identifications
 
     if (after is None) == (not again):
@@ -142,8 +140,8 @@ def export(
     station: StationName = None,
 ) -> None:
     """Write a bank to a file, to take it to another data folder."""
-    from backend.experiments.banks.bank_files import to_document
-    from backend.exports.files import write_whole
+    from backend.banks.builder import to_document
+    from backend.exports.formats import write_whole
     from backend.storage import banks
 
     with (
@@ -165,7 +163,7 @@ def import_file(
     as_json: AsJson = False,
 ) -> None:
     """Store an exported bank as the next version of its name, after checking it."""
-    from backend.experiments.banks.bank_files import import_bank, read_file
+    from backend.banks.builder import import_bank, read_file
 
     settings = settings_with(data=data, params=params, station=station)
     document = read_file(file.read_text(encoding="utf-8", errors="replace"))
@@ -183,7 +181,7 @@ def _parameters_name(database: "Database", chosen: list[int]) -> str:
 
 
 def _print_changes(changes: "Sequence[EntryDifference]") -> None:
-    from backend.storage.bank_entry import entry_name
+    from backend.storage.banks import entry_name
 
     columns = ("entry", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
     rows = []
@@ -206,8 +204,8 @@ def _change(old: float | str | None, new: float | str | None) -> str:
 
 
 def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
-    from backend.documents.actuator import CHANNELS
-    from backend.storage.bank_entry import name_of_entry
+    from backend.models.identification import CHANNELS
+    from backend.storage.banks import name_of_entry
 
     if as_json:
         document = asdict(bank)

@@ -22,7 +22,7 @@ app.command()(recordings)
 @app.command()
 def upgrade(data: DataFolder = None) -> None:
     """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
-    from backend.storage.migrate import revision
+    from backend.storage.database import revision
 
     with database_of(settings_with(data=data)) as database:
         out.print(f"schema {revision(database.engine)}", highlight=False)
@@ -36,8 +36,8 @@ def backup(
     """Copy the database while it may be in use; the log says so."""
     from backend.cli.ordering import current_user
     from backend.storage import events
-    from backend.storage.maintenance import backup as copy
-    from backend.storage.maintenance import next_copy
+    from backend.storage.database import backup as copy
+    from backend.storage.database import next_copy
 
     settings = settings_with(data=data)
     wanted = file or next_copy(settings.data)
@@ -55,9 +55,8 @@ def restore(
 ) -> None:
     """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
     from backend.data_folder import only_service_on
-    from backend.storage.database import FILE_NAME
-    from backend.storage.maintenance import BackupError
-    from backend.storage.maintenance import restore as bring_back
+    from backend.storage.database import FILE_NAME, BackupError
+    from backend.storage.database import restore as bring_back
 
     settings = settings_with(data=data)
     if settings.database_url is not None:
@@ -74,7 +73,7 @@ def _claimed_by(settings: "Settings") -> str:
     """Say which service works on the database; "" where none does, or where the file cannot be read."""
     from backend.storage.claims import claimed_by
     from backend.storage.database import connect, sqlite_url
-    from backend.storage.errors import StorageError
+    from backend.storage.orm import StorageError
 
     engine = connect(sqlite_url(settings.data))
     try:
@@ -94,8 +93,7 @@ def name_station(
     from backend.data_folder import only_service_on
     from backend.errors import require_station_name
     from backend.storage.claims import HeldClaim
-    from backend.storage.station_names import give_all
-    from backend.storage.stations import HeldStation
+    from backend.storage.stations import HeldStation, give_all
 
     if not require_station_name(station):
         fail("say what the station is to be called", status=2)
@@ -119,8 +117,8 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
 
     Every sample is read: it takes some seconds for an hour of recordings.
     """
-    from backend.recording.soundness import Checked, check_recordings
-    from backend.storage.maintenance import check as problems_of
+    from backend.recording.verification import Checked, check_recordings
+    from backend.storage.database import check as problems_of
 
     with database_of(settings_with(data=data), reading=True) as database:
         problems = problems_of(database.engine)

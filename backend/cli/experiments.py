@@ -17,7 +17,7 @@ from backend.units import counted
 
 if TYPE_CHECKING:
     from backend.archive.own_experiments import Checked
-    from backend.experiments.banks.tuning_choice import TuningChoice
+    from backend.banks.tuning_settings import TuningChoice
     from backend.storage.database import Database
     from plant.parameters import PlantParameters
 
@@ -139,6 +139,6 @@ def _peaks(
 
 
 def _tuning(settings: Settings) -> "TuningChoice":
-    from backend.experiments.banks.tuning_choice import TuningChoice
+    from backend.banks.tuning_settings import TuningChoice
 
     return TuningChoice.of(in_force(settings).parts)

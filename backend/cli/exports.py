@@ -20,10 +20,9 @@ def export(
     station: StationName = None,
 ) -> None:
     """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
-    from backend.exports.errors import ExportError
+    from backend.exports.base import ExportError, of_run
     from backend.exports.formats import DataFormat, write_file
-    from backend.exports.source import of_run
-    from backend.storage.records import UnknownRecordError
+    from backend.storage.orm import UnknownRecordError
 
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
@@ -38,10 +37,10 @@ def export(
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
     """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
-    from backend.exports import foxglove_layout
-    from backend.exports.files import write_whole
+    from backend.exports import mcap
+    from backend.exports.formats import write_whole
 
-    write_whole((foxglove_layout.layout().encode(),), file)
+    write_whole((mcap.layout().encode(),), file)
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 
@@ -53,7 +52,7 @@ def take_in(
 ) -> None:
     """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
     from backend.archive.imports import take_in as store
-    from backend.exports.errors import ImportRefusedError
+    from backend.exports.base import ImportRefusedError
 
     settings = settings_with(data=data, station=station)
     with database_of(settings) as database:
@@ -80,9 +79,9 @@ def bundle(
 ) -> None:
     """Write a run with all that it came from to a file that another installation takes in."""
     from backend.archive.bundling import bundle_pieces
-    from backend.exports.errors import ExportError
-    from backend.exports.files import write_whole
-    from backend.storage.records import UnknownRecordError
+    from backend.exports.base import ExportError
+    from backend.exports.formats import write_whole
+    from backend.storage.orm import UnknownRecordError
 
     settings = settings_with(data=data, station=station)
     with database_of(settings, reading=True) as database:

@@ -186,7 +186,7 @@ def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing
     from functools import partial
 
     from backend.experiments.playing.runner import Order
-    from backend.experiments.settings import describe, from_values
+    from backend.models.settings import describe, from_values
 
     chosen, loop_settings, tuning = ordered(describe(plan), partial(from_values, plan), values, standing)
     return Order(chosen, loop_settings, current_user()), tuning

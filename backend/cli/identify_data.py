@@ -91,10 +91,10 @@ def data(
     A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
     a record that identifies nothing.
     """
-    from backend.documents.edge import json_ready
     from backend.identification.estimation import estimate
     from backend.identification.importer import Selection, TimeChoice, import_record
     from backend.identification.records import IdentificationError
+    from backend.models.document import json_ready
 
     try:
         record, reading = import_record(
@@ -247,8 +247,8 @@ def _steps(reading: "Reading") -> str:
 
 
 def _show_motor(record: "Record", reading: "Reading", resolution: float | None, *, as_json: bool) -> None:
-    from backend.documents.edge import json_ready
     from backend.identification.motor import NAMES, identify_motor_record
+    from backend.models.document import json_ready
 
     found = identify_motor_record(record, resolution)
     if as_json:

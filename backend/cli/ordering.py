@@ -18,7 +18,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.experiments.plans.loop_settings import LoopSettings
     from backend.experiments.playing.runner import Order, Outcome
-    from backend.experiments.settings import Setting
+    from backend.models.settings import Setting
     from backend.operating.kept_figures import KeptFigures
     from backend.reports.source import Source
     from plant.parameters import PlantParameters
@@ -74,8 +74,8 @@ def ordered(
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
-    from backend.documents.run_settings import with_motion
     from backend.experiments.plans.loop_settings import split_values
+    from backend.models.run import with_motion
 
     values = with_motion(values)
     chosen, loop = split_values(settings, make, {**standing.parts, **values})
@@ -85,16 +85,16 @@ def ordered(
 
 def in_force(settings: Settings) -> Standing:
     """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
-    from backend.documents.edge import UnreadableDocumentError
+    from backend.banks import tuning_settings
     from backend.errors import OutOfRangeError
-    from backend.experiments.banks import kept_choice
-    from backend.experiments.settings import SettingError
+    from backend.models.document import UnreadableDocumentError
+    from backend.models.settings import SettingError
 
     _figures().restore()
     with database_of(settings, reading=True) as database:
         parameters = parameters_in_force(settings, database)
         try:
-            kept = kept_choice.newest(database, parameters)
+            kept = tuning_settings.newest_tuning(database, parameters)
         except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
             errors.print(f"defaults: the tuning in force is refused, {error}", highlight=False, markup=False)
             return _defaults(parameters)
@@ -107,7 +107,7 @@ def in_force(settings: Settings) -> Standing:
 
 
 def _defaults(parameters: "PlantParameters") -> Standing:
-    from backend.experiments.banks.default_choice import default_choice
+    from backend.banks.tuning_settings import default_choice
 
     default = default_choice(parameters)
     if default.moved:

@@ -63,8 +63,7 @@ def database_of(settings: Settings, *, reading: bool = False, held: bool = False
     A writer migrates a database of an earlier schema, unless a service works on it. A reader never does: it reads the
     database as it is, where it can. Raises SchemaError.
     """
-    from backend.storage.database import open_database
-    from backend.storage.migrate import OutdatedError, is_outdated
+    from backend.storage.database import OutdatedError, is_outdated, open_database
 
     _complete_restore(settings, held=held)
     where = settings.data, settings.database_url, settings.database_password(), settings.station
@@ -86,8 +85,7 @@ def _complete_restore(settings: Settings, *, held: bool) -> None:
     """Complete or take back a restore that was killed, unless somebody works in the folder; say so."""
     from backend.cli.output import errors
     from backend.data_folder import held_by_nobody
-    from backend.storage.database import database_file
-    from backend.storage.maintenance import is_cut_short, recover
+    from backend.storage.database import database_file, is_cut_short, recover
 
     file = database_file(settings.data, settings.database_url)
     if file is None or not is_cut_short(file):
@@ -100,8 +98,7 @@ def _complete_restore(settings: Settings, *, held: bool) -> None:
 def _migrated(settings: Settings, *, held: bool) -> "Database":
     """Migrate the database and open it, unless somebody works in its folder: that may be a service of before claims."""
     from backend.data_folder import held_by_nobody
-    from backend.storage.database import open_database
-    from backend.storage.migrate import SchemaError
+    from backend.storage.database import SchemaError, open_database
 
     with nullcontext(True) if held or settings.database_url else held_by_nobody(settings.data) as free:
         if not free:
@@ -124,9 +121,7 @@ def parameters_in_force(settings: Settings, database: "Database") -> "PlantParam
 
 def has_database(settings: Settings) -> bool:
     """Whether there is, or was, something to read: to open it would make a folder that is not there."""
-    from backend.storage.database import FILE_NAME
-    from backend.storage.maintenance import is_cut_short
-    from backend.storage.soundness import traces_of
+    from backend.storage.database import FILE_NAME, is_cut_short, traces_of
 
     file = settings.data / FILE_NAME
     was_there = is_cut_short(file) or bool(traces_of(file, settings.data / "backups"))
@@ -138,7 +133,7 @@ def _close_interrupted(settings: Settings, database: "Database") -> None:
     from backend.data_folder import held_by_nobody
     from backend.storage import runs
     from backend.storage.claims import claimed_by
-    from backend.storage.errors import StorageError
+    from backend.storage.orm import StorageError
 
     if settings.database_url is not None:
         return

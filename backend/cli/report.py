@@ -12,7 +12,7 @@ from backend.cli.place import DataFolder, StationName, database_of, has_database
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.recording.columns import Columns
+    from backend.recording.reader import Columns
     from backend.reports.differences import Difference, Verified
     from backend.reports.evidence import Evidence
     from backend.reports.signature import SignedPage
@@ -33,7 +33,7 @@ def series(
     as_json: AsJson = False,
 ) -> None:
     """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
-    from backend.exports.files import write_all
+    from backend.exports.formats import write_all
     from backend.reports.rendering import render_series
     from backend.reports.series_source import load_series
 
@@ -82,7 +82,7 @@ def sign(
     Only a page whose runs are stored here, and which holds by their samples, is signed. Ends with 1 where it differs, 2
     where it cannot be verified; the file is then left as it is.
     """
-    from backend.exports.files import write_whole
+    from backend.exports.formats import write_whole
     from backend.reports.signature import UnsignableError, read_signature, sign_page
     from backend.reports.signing_key import SigningKeyError, load_or_make_signing_key, public_half
 
@@ -194,8 +194,8 @@ def _unverifiable() -> tuple[type[Exception], ...]:
     from backend.recording.codec import CodecError
     from backend.reports.evidence import EvidenceError
     from backend.reports.samples_file import SamplesFileError
-    from backend.storage import StorageError
-    from backend.storage.migrate import SchemaError
+    from backend.storage.database import SchemaError
+    from backend.storage.orm import StorageError
 
     return OSError, UnicodeDecodeError, EvidenceError, SamplesFileError, CodecError, SchemaError, StorageError
 
@@ -329,8 +329,8 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Ev
     from backend.recording.codec import CodecError
     from backend.reports.differences import Difference
     from backend.reports.samples_file import SUFFIXES, read_samples_file
-    from backend.storage import StorageError
-    from backend.storage.migrate import SchemaError
+    from backend.storage.database import SchemaError
+    from backend.storage.orm import StorageError
 
     beside = (file.with_name(f"data{suffix}") for suffix in SUFFIXES)
     named = samples or next((one for one in beside if one.is_file()), None)

@@ -18,7 +18,7 @@ from backend.units import in_words, read, reading_of, with_unit
 if TYPE_CHECKING:
     from backend.bring_up.session import Session
     from backend.bring_up.standing import Standing
-    from backend.storage.bring_up import StepResult
+    from backend.storage.commissioning import StepResult
     from backend.storage.database import Database
 
 _STANDS = {"never": "to do", "current": "done", "out_of_date": "out of date", "failed": "failed"}
@@ -106,10 +106,10 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ord
 
 
 async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> "_BringUp":
+    from backend.banks.builder import tuning_command
+    from backend.banks.tuning_settings import default_choice
     from backend.bring_up.session import BlockedError, Person, session
     from backend.bring_up.standing import brought_up_of
-    from backend.experiments.banks.bank_building import tuning_command
-    from backend.experiments.banks.default_choice import default_choice
     from backend.realtime.ipc import Setup
     from plant.parameters import load_parameters
 

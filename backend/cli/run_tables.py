@@ -8,7 +8,7 @@ from backend.cli.output import angles, out, print_table
 from backend.units import in_words, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.documents.result import Criterion, Figure
+    from backend.models.run import Criterion, Figure
     from backend.reports.source import Source
 
 _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass as validated
 
 from backend.documents.experiment import Experiment, Name, Title, Words
-from backend.documents.run_settings import Value
+from backend.models.run import Value
 
 FORMAT = 1
 """Version of this form; another one is refused."""

@@ -9,9 +9,9 @@ from datetime import datetime
 from itertools import zip_longest
 from typing import Any
 
-from backend.documents.applied_parameters import APPLIED, AppliedParameters
-from backend.documents.digest import digest_of
-from backend.experiments.banks import kept_choice
+from backend.banks import tuning_settings
+from backend.models.document import digest_of
+from backend.models.run import APPLIED, AppliedParameters
 from backend.storage import settings
 from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
@@ -58,7 +58,7 @@ def versions(database: Database, base: PlantParameters) -> list[Version]:
     """
     with database.reading() as session:
         stored = [(APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, NAME)]
-    mine = kept_choice.digest(base)
+    mine = tuning_settings.tuning_digest(base)
     made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
     found = [
         Version(number, _over(base, applied), applied, one.who, one.at)
@@ -98,7 +98,7 @@ def proposal(base: PlantParameters, now: PlantParameters, found: Identification)
             own.pop("points", None)
         own |= {name: {"value": value, "unit": unit, "source": source} for name, (value, unit) in entries.items()}
     document = {
-        "base": kept_choice.digest(base),
+        "base": tuning_settings.tuning_digest(base),
         "identified": sections,
         "estimate": found.id,
         "run": found.run_id or 0,
@@ -117,7 +117,7 @@ def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
     former = found[1].applied
     sections = {} if former is None else former.identified
     return AppliedParameters(
-        base=kept_choice.digest(base),
+        base=tuning_settings.tuning_digest(base),
         identified=sections,
         estimate=0 if former is None else former.estimate,
         run=0 if former is None else former.run,

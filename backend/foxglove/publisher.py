@@ -16,9 +16,9 @@ from foxglove import messages
 from foxglove.websocket import StatusLevel
 
 from backend import wire
-from backend.exports import json_samples
-from backend.exports.facts import ORDER, described
-from backend.exports.foxglove_layout import TOPIC
+from backend.exports import writers
+from backend.exports.base import ORDER, described
+from backend.exports.mcap import TOPIC
 from backend.foxglove.tickets import Tickets
 from backend.messages.live import EventMessage, LayoutMessage, MarkKind, StateMessage
 from backend.sample import STORED_NAMES
@@ -55,7 +55,7 @@ class Publisher:
         self._samples = foxglove.Channel(
             TOPIC,
             schema=foxglove.Schema(
-                name=json_samples.NAME, encoding="jsonschema", data=json_samples.schema(described(ORDER), NOTATION)
+                name=writers.NAME, encoding="jsonschema", data=writers.json_schema(described(ORDER), NOTATION)
             ),
             message_encoding="json",
             context=context,
@@ -127,7 +127,7 @@ class Publisher:
             self._tell(words, messages.LogLevel.Warning, "stream", frame.first_tick)
         ticks = np.arange(frame.first_tick, frame.first_tick + frame.columns.shape[1])
         batch = {"t": ticks * T_s, **dict(zip(STORED_NAMES, frame.columns, strict=True))}
-        for tick, line in zip(ticks.tolist(), json_samples.lines(ORDER, batch), strict=True):
+        for tick, line in zip(ticks.tolist(), writers.lines(ORDER, batch), strict=True):
             self._samples.log(self._tickets.ticket_for(line), log_time=self._began_ns + tick * _PERIOD_NS)
 
     def _tell(self, words: str, level: messages.LogLevel, name: str, tick: int) -> None:

@@ -8,13 +8,13 @@ from enum import StrEnum
 from typing import get_args
 
 from backend.bring_up.standing import StepState
-from backend.documents.outcome import Outcome
 from backend.experiments.results.rest import SETTLING_BAND
 from backend.glossary.entry import Entry, Kind
 from backend.identification import validation as rule
 from backend.identification.models import Grade
 from backend.messages.history import ChecklistState
 from backend.messages.state import ChainLinkView, TimingView
+from backend.models.run import Outcome
 from backend.realtime.program import Cause, HomingEnd, Mode
 from backend.storage.runs import EndState
 

@@ -8,7 +8,7 @@ from pydantic import Field
 from backend.experiments.playing.progress import Doing
 from backend.messages.base import Finite, Schema, quantity
 from backend.messages.run import SamplesView
-from backend.reports.verdict import Outcome
+from backend.models.run import Outcome
 
 SettingName = Annotated[str, Field(max_length=40)]
 SettingValue = bool | Finite | Annotated[str, Field(max_length=100_000)]

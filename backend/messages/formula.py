@@ -8,7 +8,7 @@ from pydantic import Field
 from backend.experiments.composing.expressions import MAX_LENGTH
 from backend.messages.base import Schema
 from backend.plain_text import ONE_LINE
-from backend.recording.formula import Operation
+from backend.recording.derived_signals import Operation
 
 FormulaName = Annotated[str, Field(min_length=1, max_length=20, pattern="^[A-Za-z][A-Za-z0-9_]*$")]
 

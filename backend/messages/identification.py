@@ -7,11 +7,11 @@ from pydantic import Discriminator, Field, Tag
 
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.experiments.settings import describe
 from backend.identification.fitting import Method
 from backend.identification.models import Grade
 from backend.messages.base import Finite, Schema, quantity
 from backend.messages.experiment import Metric, SettingValue, SettingView
+from backend.models.settings import describe
 from backend.plain_text import ONE_LINE
 
 

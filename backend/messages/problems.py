@@ -2,9 +2,9 @@
 
 from backend.errors import OutOfRangeError
 from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.settings import SettingError
 from backend.messages.base import Problem
 from backend.messages.malformed import SHOWN
+from backend.models.settings import SettingError
 from backend.units import Angles
 
 _LARGEST = 2**53

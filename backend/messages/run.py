@@ -5,8 +5,8 @@ from enum import StrEnum
 
 from pydantic import Field
 
-from backend.documents.outcome import Outcome
 from backend.messages.base import Schema, quantity
+from backend.models.run import Outcome
 
 
 class Evaluation(StrEnum):

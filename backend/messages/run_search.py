@@ -5,8 +5,8 @@ from datetime import datetime
 from pydantic import Field
 
 from backend.messages.base import Schema
-from backend.storage.index_schema import TAG_MAX
-from backend.storage.run_query import LONGEST
+from backend.storage.orm import TAG_MAX
+from backend.storage.search import LONGEST
 
 SEARCH_NAME_MAX = 60
 

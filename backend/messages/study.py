@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from backend.documents.run_settings import Value
 from backend.experiments.composing.text import MAX_CHARACTERS
 from backend.messages.base import Schema, quantity
+from backend.models.run import Value
 
 MapPick = Annotated[
     Literal["worst", "mean", "least", "largest", "deviation", "p5", "median", "p95"],

@@ -7,7 +7,7 @@ from pydantic import AwareDatetime, Field
 
 from backend.messages.base import Schema, quantity
 from backend.storage.events import EventKind
-from backend.storage.index_schema import TAG_MAX
+from backend.storage.orm import TAG_MAX
 
 Instant = Annotated[AwareDatetime, Field(json_schema_extra={"maxLength": 40})]
 """A time with its zone; what is longer than that is none."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.messages.base import HUGE, Schema, quantity
-from backend.recording.condition import ConditionKind
+from backend.recording.trigger import ConditionKind
 
 LONGEST_S = 60.0
 """Longest time before a trigger, which the ring still holds, and longest time after it."""

@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 from backend.faults import FAULTS, Limit
 from backend.realtime.program import MODES
-from backend.recording.combined import AT_HAND_SAMPLES
+from backend.recording.reader import AT_HAND_SAMPLES
 from backend.sample import COMBINED, STORED
 from backend.tuning.gains import DEVIATIONS, LAM_MOTOR, LAM_Q, LAM_S, UNSEEN_F
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES

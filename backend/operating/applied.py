@@ -9,11 +9,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-from backend.documents.applied_parameters import AppliedParameters
 from backend.errors import Because, RefusalError
 from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import Change, NotApplicableError, Version, differences
 from backend.messages.parameters import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
+from backend.models.run import AppliedParameters
 from backend.operating.actuator import Actuator
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse

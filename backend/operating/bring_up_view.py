@@ -3,7 +3,7 @@
 from backend.bring_up.standing import Standing, StepState
 from backend.bring_up.steps import STEPS, Step
 from backend.messages.bring_up import BringUpStep, BringUpView, RunningStep, StepFigure, StepInput, StepResult
-from backend.storage.bring_up import StepResult as Stored
+from backend.storage.commissioning import StepResult as Stored
 
 
 def nothing_to_do(why_not: str) -> BringUpView:

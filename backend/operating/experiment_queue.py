@@ -8,7 +8,7 @@ from backend.errors import Because, RefusalError, require_within
 from backend.messages.experiment import ExperimentRequest, QueuedView, QueueView
 from backend.storage import queue
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from backend.storage.runs import EndState
 from backend.supervision import Part, Supervision
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from backend.archive.soundness import Soundness
 from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import brought_up_of
-from backend.documents.edge import UnreadableDocumentError
 from backend.experiments import applied_parameters
+from backend.models.document import UnreadableDocumentError
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
@@ -17,8 +17,7 @@ from backend.realtime.supervisor import Launched, Supervisor
 from backend.settings import Settings
 from backend.storage import runs
 from backend.storage.claims import HeldClaim
-from backend.storage.database import Database, database_file, open_database
-from backend.storage.maintenance import recover
+from backend.storage.database import Database, database_file, open_database, recover
 from backend.storage.stations import HeldStation
 from backend.supervision import Part, Supervision
 from plant.parameters import ParameterError, PlantParameters, load_parameters

@@ -10,7 +10,6 @@ from backend.experiments.forecasts.unloaded_prediction import PredictedRun, pred
 from backend.experiments.forecasts.way import Start
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
-from backend.experiments.settings import from_values
 from backend.messages.experiment import Metric
 from backend.messages.identification import (
     ActuatorRequest,
@@ -20,6 +19,7 @@ from backend.messages.identification import (
     Prediction,
     SpringRequest,
 )
+from backend.models.settings import from_values
 from plant.parameters import PlantParameters
 
 

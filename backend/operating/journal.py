@@ -9,8 +9,10 @@ from datetime import UTC, datetime
 from itertools import islice
 
 from backend.messages.live import EventMessage, MarkKind
-from backend.storage import Database, UnfitError, events
+from backend.storage import events
+from backend.storage.database import Database
 from backend.storage.events import EventKind
+from backend.storage.orm import UnfitError
 from backend.supervision import Part
 
 PART = Part("The journal", "Events wait in memory meanwhile.")

@@ -3,16 +3,15 @@
 import logging
 from dataclasses import replace
 
-from backend.documents.edge import UnreadableDocumentError
+from backend.banks import tuning_settings
+from backend.banks.tuning_settings import KeptChoice
 from backend.errors import OutOfRangeError
-from backend.experiments.banks import kept_choice
-from backend.experiments.banks.kept_choice import KeptChoice
-from backend.experiments.settings import SettingError
+from backend.models.document import UnreadableDocumentError
+from backend.models.settings import SettingError
 from backend.operating.tuning_in_use import Chosen, TuningInUse, by_default, initial
 from backend.storage import banks
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import StorageError, UnknownRecordError
 from backend.tuning.gains import TuningError
 from plant.parameters import PlantParameters
 
@@ -28,7 +27,7 @@ class KeptTuning:
     def put(self, tuning: TuningInUse, who: str) -> None:
         """Keep a tuning that has come into force; where the disk refuses, the loop goes on and the log says so."""
         try:
-            kept_choice.put(self._database, tuning.choice, tuning.parameters, who)
+            tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("the tuning in force was not kept for the next start")
 
@@ -36,7 +35,7 @@ class KeptTuning:
         """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
         try:
             with self._database.reading() as session:
-                choice = kept_choice.earlier(session, tuning.choice, tuning.parameters)
+                choice = tuning_settings.earlier_tuning(session, tuning.choice, tuning.parameters)
                 if choice is None:
                     return None
                 return Chosen(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
@@ -60,7 +59,7 @@ class KeptTuning:
     def _left_with(self, parameters: PlantParameters) -> Chosen | None:
         try:
             with self._database.reading() as session:
-                choice = kept_choice.left_with(session, parameters)
+                choice = tuning_settings.left_with(session, parameters)
                 if choice is None:
                     return None
                 return Chosen(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
@@ -74,7 +73,7 @@ class KeptTuning:
         What was kept for other parameters, or cannot be used any more, gives way to the defaults.
         """
         try:
-            kept = kept_choice.newest(self._database, parameters)
+            kept = tuning_settings.newest_tuning(self._database, parameters)
             if kept is None:
                 return by_default(parameters)
             if not kept.same_plant:

@@ -9,9 +9,9 @@ from functools import partial
 from backend.access.people import Person
 from backend.archive.own_experiments import Checked, OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
+from backend.banks.tuning_settings import TuningChoice
 from backend.departure import HasLeft
 from backend.errors import Because, RefusalError, RefusedValueError
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.forecasts.forecast import expected, forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.catalogue import experiments
@@ -22,12 +22,12 @@ from backend.experiments.playing.play import NotReadyError, require_ready
 from backend.experiments.playing.playable import banks_in, banks_of, choices_of, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
-from backend.experiments.settings import SettingError
 from backend.faults import Fault
 from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
 from backend.messages.identification import IdentificationRequest, Prediction
 from backend.messages.own_experiment import CheckedExperiment, ExperimentToCheck, OwnExperiment
 from backend.messages.tuning import TuningView
+from backend.models.settings import SettingError
 from backend.operating import run_kinds
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns

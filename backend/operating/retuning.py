@@ -9,8 +9,8 @@ import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
+from backend.banks.tuning_settings import TuningChoice
 from backend.errors import Because, RefusalError, require_within
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.live import MarkKind
 from backend.messages.state import State
 from backend.messages.tuning import (

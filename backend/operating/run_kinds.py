@@ -6,10 +6,10 @@ from dataclasses import asdict, replace
 from backend.experiments.plans.catalogue import IDENTIFICATIONS, Entry
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.settings import Setting, describe
 from backend.messages.experiment import ExperimentKind, SettingView
 from backend.messages.identification import IdentificationKind
 from backend.messages.tuning import TuningView
+from backend.models.settings import Setting, describe
 from backend.realtime.program import NO_WALL, RefusedError, require_able
 from plant.interface import PlantKind
 

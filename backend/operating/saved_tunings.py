@@ -2,11 +2,11 @@
 
 import asyncio
 
-from backend.documents.kept_tuning import SAVED, SavedParts, saved_for
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import SAVED, SavedParts, TuningChoice, saved_for
 from backend.messages.tuning import SavedTuning
 from backend.operating.tuning_in_use import TuningInUse, parts_of
-from backend.storage import Database, settings
+from backend.storage import settings
+from backend.storage.database import Database
 from backend.storage.settings import StoredSetting
 
 

@@ -3,7 +3,7 @@
 import asyncio
 
 from backend import __version__
-from backend.documents.run_settings import SETTINGS, KeptLoop, RunSettings
+from backend.models.run import SETTINGS, KeptLoop, RunSettings
 from backend.operating.tuning_in_use import TuningInUse
 from backend.realtime.program import Mode
 from backend.storage import runs

@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 from backend.access.people import Person
 from backend.archive.studies import Studies
+from backend.banks.tuning_settings import TuningChoice
 from backend.departure import HasLeft
 from backend.errors import Because, RefusalError
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.study import CheckedStudy, PlantNumber, PlantNumbers, StudyDetail, StudyList, StudyView
 from backend.operating.text_work import TextWork
 from backend.storage.database import Database

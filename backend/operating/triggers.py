@@ -8,15 +8,13 @@ from backend.messages.live import MarkKind
 from backend.messages.trigger import TriggerOrder, TriggerView
 from backend.operating.actuator import Actuator
 from backend.operating.journal import Journal
-from backend.recording.condition import WINDOWS, Condition
-from backend.recording.following import derived_from
-from backend.recording.formula import Derived
-from backend.recording.trigger import Armed, Trigger, left_armed
+from backend.recording.derived_signals import Derived, derived_from
+from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, left_armed
 from backend.sample import UNIT_OF, nearest
 from backend.storage import formulas
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
+from backend.storage.orm import StorageError
 from plant.interface import T_s
 
 

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from math import degrees, isfinite
 from typing import Any
 
+from backend.banks.builder import points_of, tuning_command
+from backend.banks.tuning_settings import DefaultChoice, TuningChoice, default_choice
 from backend.errors import require_within
-from backend.experiments.banks.bank_building import points_of, tuning_command
-from backend.experiments.banks.default_choice import DefaultChoice, default_choice
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import (
     BankReference,
     ChosenTuning,
@@ -27,8 +26,7 @@ from backend.messages.tuning import (
     TuningView,
 )
 from backend.realtime.program import SetTuning
-from backend.storage.bank_entry import entry_in_use
-from backend.storage.banks import Bank
+from backend.storage.banks import Bank, entry_in_use
 from backend.tuning import preview
 from backend.tuning.gains import LAM_MAX, Lambdas, TuningError, require_share
 from backend.tuning.preview import Previewer, Steps, require_budget

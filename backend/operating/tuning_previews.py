@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from threading import Lock
 
-from backend.experiments.banks.bank_building import points_of
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.builder import points_of
+from backend.banks.tuning_settings import TuningChoice
 from backend.messages.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
 from backend.operating.tuning_in_use import TuningInUse
 from backend.storage.banks import Bank

@@ -19,13 +19,13 @@ from backend.realtime.commands import Event, Stopped
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopDied
 from backend.recording.codec import pack, unpack
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import events, flights
 from backend.storage.database import Database, Session
-from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
 from backend.storage.flights import NewFlight
+from backend.storage.orm import StorageError
 from backend.supervision import Part
 from plant.interface import T_s
 

@@ -1,19 +1,85 @@
-"""Read recordings back: raw samples, or the envelope of smallest and largest values for drawing."""
+"""Reads recordings: samples, envelopes for drawing, combined signals, jumps."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
-from backend.recording.combined import combined_envelope, in_precision
-from backend.recording.following import columns_of, computed, following, lengths_of
-from backend.recording.formula import Derived
-from backend.sample import ADDED_LATER, UNIT_OF
-from backend.storage import Session, recordings
-from backend.storage.recordings import Recording, Span
+from backend.recording.derived_signals import Derived, Following, columns_of, computed, following, lengths_of
+from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_OF
+from backend.storage import recordings
+from backend.storage.database import Database, Session
+from backend.storage.orm import UnknownRecordError
+from backend.storage.recordings import Chunk, Recording, Span
+from plant.interface import T_s
+
+# Combined ------------------------------------------------------------------------------------------
+#
+# Envelopes of signals that are not stored: they follow from the columns, sample by sample.
+
+
+AT_HAND_SAMPLES = 1_000_000
+"""So many samples at most are read one by one beside the live stream without making it stutter; more are read in a
+process of its own, which takes longer to begin."""
+
+_AT_ONCE = 64
+"""Chunks that are unpacked together: fewer take longer, more take more memory."""
+
+
+def combined_envelope(
+    session: Session,
+    recording: Recording,
+    wanted: Sequence[Following],
+    ticks: tuple[int, int],
+    buckets: NDArray[np.int64],
+) -> tuple[Table, Table]:
+    """Return smallest and largest value per bucket, [buckets, wanted] each, over the ticks from .. up to ..
+
+    ``buckets`` holds the first tick of each, and where the last one ends. nan where the recording lacks a column or
+    the run's parameters a length. The extremes of a sum are not those of its terms: every sample is read, of an hour in
+    about a second.
+    """
+    count = len(buckets) - 1
+    low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
+    lengths = lengths_of(session, recording.run_id, wanted)
+    kept = [name for name in columns_of(wanted) if name in recording.fields]
+    indices = [recording.fields.index(name) for name in kept]
+    for alike in _alike(recordings.chunks(session, recording.run_id, *ticks)):
+        at_ticks = np.array([chunk.first_tick for chunk in alike])[:, None] + np.arange(alike[0].count)
+        inside = (at_ticks >= ticks[0]) & (at_ticks < ticks[1])
+        table = unpack_alike([chunk.samples for chunk in alike], len(recording.fields), indices)[inside]
+        columns = dict(zip(kept, table.astype(np.float64).T, strict=True))
+        values = in_precision(np.column_stack([computed(one, columns, lengths, len(table)) for one in wanted]))
+        at = np.searchsorted(buckets, at_ticks[inside], side="right") - 1
+        starts = np.flatnonzero(np.diff(at, prepend=-1))
+        low[at[starts]] = np.fmin(low[at[starts]], np.fmin.reduceat(values, starts, axis=0))
+        high[at[starts]] = np.fmax(high[at[starts]], np.fmax.reduceat(values, starts, axis=0))
+    return low, high
+
+
+def _alike(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
+    """Yield chunks that follow each other and are of one length together, some at once."""
+    for _, alike in groupby(chunks, key=lambda chunk: chunk.count):
+        while some := list(islice(alike, _AT_ONCE)):
+            yield some
+
+
+def in_precision(values: NDArray[np.float64]) -> Table:
+    """Return computed values as columns are stored; nan for what is beyond that."""
+    with np.errstate(over="ignore"):
+        kept = values.astype(np.float32)
+    kept[np.isinf(kept)] = np.nan
+    return kept
+
+
+# Reader --------------------------------------------------------------------------------------------
+#
+# Read recordings back: raw samples, or the envelope of smallest and largest values for drawing.
+
 
 Column = NDArray[np.float32]
 
@@ -35,7 +101,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Envelope:
+class SampleEnvelope:
     """Smallest and largest value per bucket of ``width_s``, which begin at ``t`` [n] since the run's first sample.
 
     Buckets stand at fixed places whatever the slice, so that a moving window does not wiggle; one without any number
@@ -95,7 +161,7 @@ def read_envelope(
     names: Sequence[str] = (),
     from_s: float = 0.0,
     to_s: float = np.inf,
-) -> Envelope:
+) -> SampleEnvelope:
     """Return at most about ``points`` buckets over from_s <= t < to_s; short slices have one bucket per sample.
 
     Buckets longer than the stored summaries' are made of these, without reading the samples. Signals that follow from
@@ -129,7 +195,7 @@ def read_envelope(
         extremes = combined_envelope(session, recording, combined, (from_tick, to_tick), edges)
         for of_all, table in zip((minimum, maximum), extremes, strict=True):
             of_all.update({one.name: table[:, i] for i, one in enumerate(combined)})
-    return Envelope(
+    return SampleEnvelope(
         first_tick=span.first_tick,
         width_s=width * recording.period_s,
         t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
@@ -198,3 +264,129 @@ def _gathered(extreme: np.ufunc, table: Table, buckets: NDArray[np.int64], count
         starts = np.flatnonzero(np.diff(buckets, prepend=-1))
         gathered[buckets[starts]] = extreme.reduceat(table, starts, axis=0)
     return gathered
+
+
+# Columns -------------------------------------------------------------------------------------------
+#
+# All signals of a run as arrays to compute with.
+
+
+Columns = dict[str, NDArray[np.float64]]
+"""Samples by column name in double precision, shape (N,) each, and ``t`` [s] from the run's first sample."""
+
+
+def recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
+    """Return the samples of a run and how many are missing; empty columns for a run of which nothing was recorded."""
+    try:
+        with database.reading() as session:
+            samples = read_samples(session, run_id)
+            missed = recordings.get(session, run_id).missed
+    except UnknownRecordError:
+        return _empty(), 0
+    return {"t": samples.t} | {name: column.astype(np.float64) for name, column in samples.columns.items()}, missed
+
+
+def drawn_columns(database: Database, run_id: int, points: int = 2000) -> Columns:
+    """Return what a drawing of a whole run needs, however long: each bucket's smallest and largest value in turn.
+
+    Shape (M,) with M at most about 2 ``points``; empty columns for a run of which nothing was recorded.
+    """
+    try:
+        with database.reading() as session:
+            envelope = read_envelope(session, run_id, points)
+    except UnknownRecordError:
+        return _empty()
+    columns: Columns = {"t": np.repeat(envelope.t, 2) + np.tile([0.0, 0.5 * envelope.width_s], envelope.t.size)}
+    for name, low in envelope.minimum.items():
+        columns[name] = np.column_stack((low, envelope.maximum[name])).ravel().astype(np.float64)
+    return columns
+
+
+def missing_between(columns: Columns) -> int:
+    """Return how many ticks are lacking between the first sample and the last."""
+    t = columns["t"]
+    return round((t[-1] - t[0]) / T_s) + 1 - t.size if t.size else 0
+
+
+def _empty() -> Columns:
+    return {name: np.empty(0) for name in ("t", *STORED_NAMES)}
+
+
+# Jumps ---------------------------------------------------------------------------------------------
+#
+# Where a recorded signal jumps: a change from one sample to the next before and after which it
+# stands still.
+#
+# So the begin of a ramp is none, and nor is any part of a sine. Only stretches whose summaries move
+# are read.
+
+
+_MOST_BUCKETS = 1200
+"""Of which all samples are read at once: a minute."""
+
+_MOST_SUMMARIES = 12_000
+"""Read at once: ten minutes. Whoever asks for the first jumps does not wait for those of the eighth hour."""
+
+
+def jumps(session: Session, run_id: int, name: str) -> Iterator[float]:
+    """Yield the times [s] of the first samples after each jump, from the run's first sample.
+
+    Raises UnknownRecordError, UnknownSignalError.
+    """
+    period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
+    whole_s = (span.end_tick - span.first_tick) * period_s
+    piece_s, bucket_s = _MOST_SUMMARIES * BUCKET_TICKS * period_s, BUCKET_TICKS * period_s
+    for begin_s in np.arange(0.0, whole_s, piece_s):
+        end_s = begin_s + piece_s
+        # what is stored of a bucket may reach into the next one, and is compared with the one before
+        around = max(0.0, begin_s - 2.0 * bucket_s), end_s + bucket_s
+        stretches = _moving(session, run_id, name, around, period_s)
+        earlier = begin_s - 0.5 * period_s
+        reads = [(max(0.0, from_s - 3.0 * period_s), to_s + 2.0 * period_s) for from_s, to_s in stretches]
+        for (from_s, to_s), samples in zip(stretches, read_stretches(session, run_id, [name], reads), strict=True):
+            found = samples.t[_jumped(samples.t, samples.columns[name], period_s)]
+            inside = (found > max(earlier, from_s - 0.5 * period_s)) & (found < min(end_s, to_s) - 0.5 * period_s)
+            yield from found[inside].tolist()
+
+
+def _moving(
+    session: Session, run_id: int, name: str, around: tuple[float, float], period_s: float
+) -> list[tuple[float, float]]:
+    """Return the stretches [from_s, to_s) of which the summaries say that the signal may change."""
+    points = max(1, math.ceil((around[1] - around[0]) / (BUCKET_TICKS * period_s)))
+    envelope = read_envelope(session, run_id, points, [name], *around)
+    low, high = envelope.minimum[name], envelope.maximum[name]
+    moving = low != high
+    moving[1:] |= low[1:] != high[:-1]
+    stretches = _stretches(np.flatnonzero(moving), reach=1)
+    start_s = float(envelope.t[0]) if envelope.t.size else 0.0
+    return [(start_s + begin * envelope.width_s, start_s + end * envelope.width_s) for begin, end in stretches]
+
+
+def nth_jump(session: Session, run_id: int, name: str, number: int) -> tuple[float | None, int]:
+    """Return when a signal jumps for the ``number``-th time [s], None where it does not; and how many were found."""
+    found = list(islice(jumps(session, run_id, name), number))
+    return (found[-1] if len(found) == number else None), len(found)
+
+
+def _stretches(buckets: NDArray[np.int64], reach: int) -> Iterator[tuple[int, int]]:
+    """Join buckets that follow each other, and ``reach`` behind them, to stretches [begin, end) of bounded length."""
+    begin = end = -1
+    for bucket in buckets.tolist():
+        if bucket > end or bucket - begin >= _MOST_BUCKETS:
+            if end > begin:
+                yield begin, end
+            begin = max(bucket, end)
+        end = max(end, bucket + 1 + reach)
+    if end > begin:
+        yield begin, end
+
+
+def _jumped(t: NDArray[np.float64], y: NDArray[np.float32], period_s: float) -> Sequence[int] | NDArray[np.int64]:
+    if t.size < 4:
+        return []
+    step, next_to = np.diff(y), np.diff(t) < 1.5 * period_s
+    still = (step == 0.0) & next_to
+    moved = (step != 0.0) & np.isfinite(step) & next_to
+    found: NDArray[np.int64] = np.flatnonzero(moved[1:-1] & still[:-2] & still[2:]) + 2
+    return found

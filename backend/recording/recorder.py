@@ -1,11 +1,4 @@
-"""Move every sample of a run from the ring to the database; nothing is kept here that a crash could lose.
-
-A position in the ring advances only after its samples were committed. When the database cannot take them, the loop goes
-on, the ring keeps the last minute, and what is overwritten meanwhile is counted as missed.
-
-How a run ended is what the loop says of it, or that the loop is gone; its samples only tell where. It is written here
-and nowhere else, once the last of them is stored.
-"""
+"""Records every sample of a run from the ring to the database, with the walls that were present."""
 
 import logging
 import threading
@@ -17,21 +10,88 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault
+from backend.models.run import KeptWall, kept_wall
 from backend.realtime.commands import Event, RunEnded, WallChanged
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopDied
 from backend.recording.codec import Table, pack, summarise
-from backend.recording.walls import Walls
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import events, recordings, runs
 from backend.storage.database import Database, Session
-from backend.storage.errors import GoneError, StorageError
 from backend.storage.events import EventKind
+from backend.storage.orm import GoneError, StorageError, UnknownRecordError
 from backend.storage.recordings import Chunk, NotRecordableError
-from backend.storage.records import UnknownRecordError
 from backend.storage.runs import EndState
 from backend.supervision import Part
+from plant.dynamics import Obstacle
 from plant.interface import T_s
+
+# Walls ---------------------------------------------------------------------------------------------
+#
+# Which walls stood in the joint's way in the samples that are stored, from what the loop tells of
+# them.
+
+
+_MOST_WAITING = 10_000
+
+
+class Walls:
+    """Changes that were told, until the samples in which they happened are stored. Belongs to the recorder.
+
+    Both come by roads of their own: a change may be told before its sample is read, or a little after.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: list[WallChanged] = []
+        self._standing: Obstacle | None = None
+        self._first_tick = 0
+        self._begins = False
+
+    def tell(self, change: WallChanged) -> None:
+        """Take note of a change."""
+        self._waiting.append(change)
+        if len(self._waiting) > _MOST_WAITING:  # of those before a run only the last counts
+            self._standing = self._waiting.pop(0).wall
+
+    def forget(self) -> None:
+        """Begin anew with a loop in whose plant's way nothing stands."""
+        self._waiting, self._standing = [], None
+
+    def begin(self, tick: int) -> None:
+        """Take note that the samples from ``tick`` on belong to another run."""
+        self._first_tick, self._begins = tick, True
+
+    def until(self, tick: int) -> list[KeptWall]:
+        """Return what is to be kept of the run, whose samples up to ``tick`` are being stored."""
+        due = [change for change in self._waiting if change.tick <= tick]
+        kept = []
+        if self._begins:
+            before = [change.wall for change in due if change.tick <= self._first_tick]
+            stands = before[-1] if before else self._standing
+            kept = [] if stands is None else [kept_wall(0.0, stands)]
+            due = due[len(before) :]
+        return kept + [kept_wall(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
+
+    def stored(self, tick: int) -> None:
+        """Take note that all up to ``tick`` is stored."""
+        due = [change for change in self._waiting if change.tick <= tick]
+        self._standing = due[-1].wall if due else self._standing
+        self._waiting = self._waiting[len(due) :]
+        self._begins = False
+
+
+# Recorder ------------------------------------------------------------------------------------------
+#
+# Move every sample of a run from the ring to the database; nothing is kept here that a crash could
+# lose.
+#
+# A position in the ring advances only after its samples were committed. When the database cannot
+# take them, the loop goes on, the ring keeps the last minute, and what is overwritten meanwhile is
+# counted as missed.
+#
+# How a run ended is what the loop says of it, or that the loop is gone; its samples only tell
+# where. It is written here and nowhere else, once the last of them is stored.
+
 
 CHUNK_TICKS = 1000
 CHUNKS_AT_ONCE = 20

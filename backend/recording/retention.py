@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from backend.storage import events, retention
+from backend.storage import events, recordings
 from backend.storage.database import Database
 from backend.storage.events import EventKind
-from backend.storage.retention import Held
+from backend.storage.recordings import Held
 from backend.units import counted
 
 _CHUNKS_AT_ONCE = 200
@@ -61,7 +61,7 @@ class Overview:
 def overview(database: Database, rule: Rule) -> Overview:
     """Return what recordings take, and which may go: the oldest that nothing came from, until the rest fits."""
     with database.reading() as session:
-        runs = retention.held(session)
+        runs = recordings.held(session)
     total = sum(run.size_bytes for run in runs)
     before = datetime.now(UTC) - timedelta(days=rule.keep_days)
     may_go, left = [], total
@@ -90,15 +90,15 @@ def remove(database: Database, rule: Rule, run_ids: Sequence[int], who: str) -> 
 def _remove(database: Database, run: Held, who: str) -> None:
     day = datetime.now(UTC).date().isoformat()
     with database.session() as session:
-        if next((held.in_use for held in retention.held(session) if held.run_id == run.run_id), True):
+        if next((held.in_use for held in recordings.held(session) if held.run_id == run.run_id), True):
             raise NotRemovableError(f"run {run.run_id} has come into use meanwhile; its samples stay")
-        retention.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
+        recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
         text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"
         events.add(session, EventKind.RETENTION, text, who=who, run_id=run.run_id)
     more = True
     while more:
         with database.session() as session:
-            more = retention.remove_chunks(session, run.run_id, _CHUNKS_AT_ONCE)
+            more = recordings.remove_chunks(session, run.run_id, _CHUNKS_AT_ONCE)
 
 
 def _gigabytes(size_bytes: int) -> str:

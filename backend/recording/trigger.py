@@ -1,8 +1,4 @@
-"""The trigger: samples before and after a condition on a signal, kept as a flight record.
-
-It reads the ring behind the loop and looks at every sample that the loop makes. Samples that were overwritten before
-they could be read are nan in the capture, and its text counts them.
-"""
+"""Trigger capture: samples before and after a condition on a signal, kept as a flight record."""
 
 import asyncio
 import logging
@@ -10,23 +6,114 @@ import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.realtime.ring_buffer import Ring
 from backend.recording.codec import pack
-from backend.recording.condition import Condition
+from backend.recording.derived_signals import Derived, columns_of, computed
 from backend.recording.flight import Quota, make_room, run_of, time_of
-from backend.sample import STORED_COLUMNS, STORED_NAMES
+from backend.sample import COMBINED_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_OF
 from backend.storage import events, flights, settings
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
 from backend.storage.events import EventKind
 from backend.storage.flights import TRIGGER, NewFlight
-from backend.storage.schema import Document
+from backend.storage.orm import Document, StorageError
 from backend.supervision import Part
 from plant.interface import T_s
+
+# Condition -----------------------------------------------------------------------------------------
+#
+# The condition that a signal meets: a level, an edge through a level, or a window. Pure; nan meets
+# nothing.
+
+
+class ConditionKind(StrEnum):
+    """What the signal does when the condition is met."""
+
+    ABOVE = "above"
+    BELOW = "below"
+    RISING = "rising"
+    FALLING = "falling"
+    INSIDE = "inside"
+    OUTSIDE = "outside"
+
+
+WINDOWS = (ConditionKind.INSIDE, ConditionKind.OUTSIDE)
+EDGES = (ConditionKind.RISING, ConditionKind.FALLING)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A signal against ``level``; a window reaches from ``level`` to ``upper``.
+
+    The signal is one of the sample, a combined one, or ``derived``: a formula as it was when the condition was made. An
+    edge is a sample beyond the level after one that is not: it takes two neighbouring samples that are numbers.
+    """
+
+    signal: str
+    kind: ConditionKind
+    level: float
+    upper: float | None = None
+    derived: Derived | None = None
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the signal."""
+        return UNIT_OF[self.signal] if self.derived is None else self.derived.unit
+
+    def values(self, rows: NDArray[np.float64], lengths: dict[str, float]) -> NDArray[np.float64]:
+        """Return the signal of rows of the ring [n, WIDTH]; ``lengths`` are those of the geometry [m], by name."""
+        following = COMBINED_BY_NAME.get(self.signal) if self.derived is None else self.derived
+        if following is None:
+            return rows[:, INDEX[self.signal]]
+        columns = {name: rows[:, INDEX[name]] for name in columns_of([following])}
+        return computed(following, columns, lengths, len(rows))
+
+    def met(self, values: NDArray[np.float64], previous: float) -> NDArray[np.bool_]:
+        """Tell for each of ``values`` whether it meets the condition; ``previous`` is the sample before the first."""
+        before = np.concatenate(([previous], values[:-1]))
+        match self.kind:
+            case ConditionKind.ABOVE:
+                return values > self.level
+            case ConditionKind.BELOW:
+                return values < self.level
+            case ConditionKind.RISING:
+                return (before <= self.level) & (values > self.level)
+            case ConditionKind.FALLING:
+                return (before >= self.level) & (values < self.level)
+            case ConditionKind.INSIDE:
+                return (values >= self.level) & (values <= self._upper)
+            case ConditionKind.OUTSIDE:
+                return (values < self.level) | (values > self._upper)
+
+    def first(self, values: NDArray[np.float64], previous: float) -> int | None:
+        """Return the index of the first of ``values`` that meets the condition, None where none does."""
+        at = np.flatnonzero(self.met(values, previous))
+        return int(at[0]) if len(at) else None
+
+    @property
+    def _upper(self) -> float:
+        return np.inf if self.upper is None else self.upper
+
+    def told(self) -> str:
+        """Return the condition in words, in SI."""
+        shown = "" if self.unit == "1" else f" {self.unit}"
+        if self.kind in WINDOWS:
+            return f"{self.signal} {self.kind} {self.level:.6g} to {self._upper:.6g}{shown}"
+        through = " through" if self.kind in EDGES else ""
+        return f"{self.signal} {self.kind}{through} {self.level:.6g}{shown}"
+
+
+# Trigger -------------------------------------------------------------------------------------------
+#
+# The trigger: samples before and after a condition on a signal, kept as a flight record.
+#
+# It reads the ring behind the loop and looks at every sample that the loop makes. Samples that were
+# overwritten before they could be read are nan in the capture, and its text counts them.
+
 
 LOOK_S = 0.05
 AT_ONCE = 8192

@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 
-from backend.documents.actuator import (
+from backend.identification.models import TABLE_1, worst
+from backend.identification.validation import judged
+from backend.models.document import UnreadableDocumentError
+from backend.models.identification import (
     CHANNELS,
     ArxEstimate,
     Candidate,
@@ -11,9 +14,6 @@ from backend.documents.actuator import (
     FailedCandidate,
     ResidualTests,
 )
-from backend.documents.edge import UnreadableDocumentError
-from backend.identification.models import TABLE_1, worst
-from backend.identification.validation import judged
 from backend.reports.document import (
     NO_FIGURE,
     Block,
@@ -43,7 +43,7 @@ from backend.reports.model_code import actuator_blocks
 from backend.reports.provenance import S_NOTE, facts, parameter_section, settings_table, subtitle
 from backend.reports.reproduction import reproduction
 from backend.reports.source import Source
-from backend.storage.bank_entry import method_of
+from backend.storage.banks import method_of
 from backend.storage.identifications import Identification
 from backend.units import told
 

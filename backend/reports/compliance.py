@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from backend.documents.result import Metrics
-from backend.recording.columns import Columns
+from backend.models.run import Metrics
+from backend.recording.reader import Columns
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import (
     COLOURS,

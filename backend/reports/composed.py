@@ -14,7 +14,7 @@ from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.pushed import pushes_seen
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports import bode, held, pushed
 from backend.reports.compliance import force_panels
 from backend.reports.document import Figure, Report, Section

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.sample import STORED_NAMES
 from plant.interface import T_s
 

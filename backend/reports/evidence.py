@@ -16,13 +16,12 @@ from pydantic import TypeAdapter, ValidationError
 import backend
 import plant
 from backend import __version__
-from backend.documents.digest import digest_of
-from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
-from backend.recording.columns import Columns, missing_between
+from backend.models.document import digest_of
+from backend.models.run import CRITERIA, METRICS, Criterion, Metrics
+from backend.recording.reader import Columns, missing_between
 from backend.reports.digests import blocks_of, of_samples
 from backend.reports.source import Source
-from backend.storage.bank_entry import ChannelFit
-from backend.storage.banks import Bank, BankEntry
+from backend.storage.banks import Bank, BankEntry, ChannelFit
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind

@@ -5,11 +5,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from backend.documents.result import CRITERIA
 from backend.experiments.results.again import catch_up
-from backend.exports.files import write_all
-from backend.exports.formats import DataFormat, pieces
-from backend.exports.source import stored_or_none
+from backend.exports.base import stored_or_none
+from backend.exports.formats import DataFormat, pieces, write_all
+from backend.models.run import CRITERIA
 from backend.reports.build import build_report
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.result import StepFigures
-from backend.experiments.banks.bank_building import points_of
-from backend.experiments.banks.bank_consistency import BankError
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.builder import BankError, points_of
+from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.results.used_settings import law_of
+from backend.models.run import StepFigures
 from backend.realtime.program import Law
 from backend.reports.document import Column, Table, shown
 from backend.reports.drawing import axis_label

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from backend.experiments.results.held import JOINT_STEP, Held
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.document import Block, Column, Figure, Section, Table, shown
 from backend.reports.drawing import COLOURS, figure, panel_letter, thinned, to_svg, upper_legend
 from backend.reports.drawn_once import drawn_once

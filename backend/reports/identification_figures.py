@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from backend.documents.actuator import ChannelModel, ChannelName, ResidualTests
 from backend.identification.models import Model, simulate
 from backend.identification.validation import judged
-from backend.recording.columns import Columns
+from backend.models.identification import ChannelModel, ChannelName, ResidualTests
+from backend.recording.reader import Columns
 from backend.reports.drawing import (
     COLOURS,
     INK,

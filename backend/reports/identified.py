@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from backend.documents.actuator import CHANNELS
-from backend.documents.motor_grade import grade_of
 from backend.experiments.results.load_friction import MOTOR_B, load_friction_of
+from backend.models.identification import CHANNELS, grade_of
 from backend.reports.document import Column, Paragraph, Section, Table, share, shown
 from backend.reports.source import Source
 from backend.storage.identifications import Identification

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from backend.documents.result import DEFINITIONS, Criterion, Metrics
 from backend.identification.models import Grade
+from backend.models.run import DEFINITIONS, Criterion, Metrics
 from backend.reports.document import Column, Fact, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source

@@ -5,10 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.actuator import CHANNELS, ActuatorModel, ChannelModel, ChannelName
-from backend.documents.motor import MotorModel
-from backend.documents.spring import SpringModel
 from backend.identification.models import Kind, Structure, structure
+from backend.models.identification import CHANNELS, ActuatorModel, ChannelModel, ChannelName, MotorModel, SpringModel
 from backend.reports.document import Block, Code, Column, Table, shown
 from plant.parameters import SIDES, Side
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from backend.documents.motor import MotorsFound, Pair
-from backend.documents.motor_grade import grade_of
 from backend.identification.models import worst
+from backend.models.identification import MotorsFound, Pair, grade_of
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
 from backend.reports.drawn_once import drawn_once

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-from backend.documents.actuator import CHANNELS
-from backend.documents.plant_numbers import PLANT_NUMBERS
-from backend.documents.run_settings import DeclaredValue
 from backend.experiments.results.used_settings import USED, law_of, used_settings
+from backend.models.identification import CHANNELS
+from backend.models.run import PLANT_NUMBERS, DeclaredValue
 from backend.realtime.program import Law
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
-from backend.storage.bank_entry import name_of_entry
-from backend.storage.banks import BankEntry
+from backend.storage.banks import BankEntry, name_of_entry
 from backend.storage.runs import EndState
 from backend.units import Angles, read, reading_of
 from plant.interface import SIMULATED

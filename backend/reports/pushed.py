@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.experiments.results.pushed import REST_S, Push
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
 from backend.reports.drawing import (
     COLOURS,

@@ -4,11 +4,10 @@ import json
 import shlex
 from collections.abc import Iterator, Sequence
 
-from backend.documents.plant_numbers import PLANT_NUMBERS
-from backend.documents.run_settings import Value
 from backend.experiments.composing import ready_made, text
 from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.stored_plan import OF_THE_PAPER
+from backend.models.run import PLANT_NUMBERS, Value
 from backend.reports.document import Block, Code, Paragraph
 from backend.reports.source import Source
 from backend.storage.runs import EndState, RunKind

@@ -1,6 +1,6 @@
 """The report of a robustness run: how far a load at the gearbox shaft turns a motor away, and for how long."""
 
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
 from backend.reports.drawn_once import drawn_once

@@ -5,13 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.exports.csv_file import heading_problem
-from backend.exports.errors import ImportRefusedError
-from backend.exports.facts import Batch, Facts, described
+from backend.exports.base import Batch, Facts, ImportRefusedError, described
 from backend.exports.formats import DataFormat, read
-from backend.exports.parquet_file import schema_problem
-from backend.exports.taking_in import require_told
-from backend.recording.columns import Columns
+from backend.exports.importer import require_told
+from backend.exports.writers import heading_problem, schema_problem
+from backend.recording.reader import Columns
 from backend.reports.differences import Difference
 from backend.sample import ADDED_LATER, STORED_NAMES
 

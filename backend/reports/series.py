@@ -4,8 +4,8 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 
 from backend import __version__
-from backend.documents.outcome import Outcome
-from backend.documents.result import Figure as Measured
+from backend.models.run import Figure as Measured
+from backend.models.run import Outcome
 from backend.reports.bode import overlay_bode
 from backend.reports.build import told
 from backend.reports.composed import lines_of
@@ -17,7 +17,7 @@ from backend.reports.provenance import chosen, shown_unit
 from backend.reports.series_figures import is_partial, metric_panels, overlay
 from backend.reports.set_to import set_to
 from backend.reports.source import Source
-from backend.storage.run_title import title_of
+from backend.storage.runs import title_of
 from backend.units import Angles, read
 
 _BESIDE = 5

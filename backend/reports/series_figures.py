@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from backend.documents.result import Figure
+from backend.models.run import Figure
 from backend.reports.drawing import INK, axis_label, figure, in_unit, thinned, to_svg, upper_legend
 from backend.reports.drawn_once import drawn_once
 from backend.reports.provenance import shown_unit

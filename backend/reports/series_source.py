@@ -8,7 +8,7 @@ from backend.experiments.results.again import catch_up
 from backend.reports.source import Source, load_source
 from backend.storage import recordings, runs
 from backend.storage.database import Database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import EndState, RunKind
 from backend.units import Angles
 

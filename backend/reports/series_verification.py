@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.differences import Verified
 from backend.reports.evidence import Evidence, EvidenceError, SeriesEvidence
 from backend.reports.html import to_html

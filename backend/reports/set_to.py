@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from backend.documents.digest import digest_of
-from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.experiments.results.used_settings import used_settings
+from backend.models.document import digest_of
+from backend.models.run import PLANT_NUMBERS
 from backend.reports.evidence import carried
 from backend.reports.timing import granted_rows
 from backend.storage.banks import Bank

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from backend.recording.columns import Columns, drawn_columns, recorded_columns
+from backend.recording.reader import Columns, drawn_columns, recorded_columns
 from backend.storage import banks, identifications, results, runs
-from backend.storage.bank_entry import ChannelFit, fits_in
-from backend.storage.banks import Bank
+from backend.storage.banks import Bank, ChannelFit, fits_in
 from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.results import Result

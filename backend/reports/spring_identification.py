@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from backend.documents.spring import SpringFound, SpringModel
+from backend.models.identification import SpringFound, SpringModel
 from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, to_svg, upper_legend
 from backend.reports.drawn_once import drawn_once

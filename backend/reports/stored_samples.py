@@ -1,9 +1,10 @@
 """The stored run that a report was made of, found by what it holds: another installation may number it otherwise."""
 
-from backend.recording.columns import Columns, recorded_columns
+from backend.recording.reader import Columns, recorded_columns
 from backend.reports.digests import of_samples
 from backend.reports.evidence import Evidence
-from backend.storage import Database, runs
+from backend.storage import runs
+from backend.storage.database import Database
 
 
 def stored_samples(database: Database, evidence: Evidence) -> tuple[Columns | None, int | None]:

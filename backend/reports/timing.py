@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from backend.documents.run_settings import KeptGrant
-from backend.recording.columns import missing_between
+from backend.models.run import KeptGrant
+from backend.recording.reader import missing_between
 from backend.reports.document import Column, Section, Table, shown
 from backend.reports.source import Source
 from backend.storage.runs import EndState

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.documents.result import Metrics, StepFigures
+from backend.models.run import Metrics, StepFigures
 from backend.reports.document import Column, Figure, Report, Section, Table, shown
 from backend.reports.drawing import axis_label
 from backend.reports.experiment import experiment_report

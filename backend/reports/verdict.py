@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from backend.documents.outcome import Outcome, outcome_of
-from backend.documents.result import Criterion, Metrics
+from backend.models.run import Criterion, Metrics, Outcome, outcome_of
 
 __all__ = ["SEEN", "Outcome", "Verdict", "verdict_of"]
 

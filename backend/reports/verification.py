@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from backend.documents.result import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.evaluation import computed
 from backend.experiments.results.in_force import points_in
 from backend.experiments.results.metrics import NoSamplesError
-from backend.recording.columns import Columns, missing_between
+from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
+from backend.recording.reader import Columns, missing_between
 from backend.reports.build import build_report
 from backend.reports.differences import LIKE, LIKE_ESTIMATE, MOST, Difference, Verified, differing, not_made
 from backend.reports.digests import BLOCK_S, HASHED, blocks_of

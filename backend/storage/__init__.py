@@ -12,7 +12,7 @@ Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands fo
 """
 
 from backend.storage.database import Database, Session, open_database, require_whole
-from backend.storage.errors import DamagedError, GoneError, StorageError, UnfitError
+from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError
 
 __all__ = [
     "DamagedError",

@@ -1,4 +1,4 @@
-"""Controller banks in versions, each entry with the identification it came from."""
+"""Controller banks in versions, with the identification behind each entry."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -6,13 +6,30 @@ from datetime import UTC, datetime
 from functools import cached_property
 
 from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session as OrmSession
 
-from backend.documents.bank_entry import ENTRY, EntryModel
+from backend.identification.models import Grade, joint_method
+from backend.models.identification import PartialChannelModel, PartialChannelQuality, PartialReduced
+from backend.models.run import ENTRY, EntryModel
 from backend.plain_text import as_line
-from backend.storage.records import UnknownRecordError, require, require_distinct, to_record
-from backend.storage.schema import BankEntryRow, BankRow, Document
+from backend.storage import identifications
+from backend.storage.database import Session
+from backend.storage.identifications import Identification
+from backend.storage.orm import (
+    BankEntryRow,
+    BankRow,
+    Document,
+    UnknownRecordError,
+    require,
+    require_distinct,
+    to_record,
+)
 from backend.storage.stations import station_of
+from backend.units import percent
+
+# Banks ---------------------------------------------------------------------------------------------
+#
+# Controller banks in versions, each entry with the identification it came from.
 
 
 @dataclass(frozen=True)
@@ -44,7 +61,7 @@ class Bank:
 
 
 def add(
-    session: Session, name: str, entries: Sequence[BankEntry], who: str, note: str = "", number: int | None = None
+    session: OrmSession, name: str, entries: Sequence[BankEntry], who: str, note: str = "", number: int | None = None
 ) -> Bank:
     """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known.
 
@@ -75,12 +92,12 @@ def add(
     return _with_entries(session, row)
 
 
-def get(session: Session, bank_id: int) -> Bank:
+def get(session: OrmSession, bank_id: int) -> Bank:
     """Return one version of a bank, whichever station's. Raises UnknownRecordError."""
     return _with_entries(session, require(session, BankRow, bank_id, "bank"))
 
 
-def own(session: Session, bank_id: int) -> Bank:
+def own(session: OrmSession, bank_id: int) -> Bank:
     """Return one version of a bank of the station, to drive by it. Raises UnknownRecordError."""
     bank = get(session, bank_id)
     if bank.station != station_of(session):
@@ -89,14 +106,14 @@ def own(session: Session, bank_id: int) -> Bank:
     return bank
 
 
-def newest_version(session: Session, bank: Bank) -> int:
+def newest_version(session: OrmSession, bank: Bank) -> int:
     """Return the newest version of the bank of this name at the station that has it."""
     name = select(BankRow.name).where(BankRow.id == bank.id).scalar_subquery()  # its own may be shown with escapes
     of_name = (BankRow.name == name, BankRow.station == bank.station)
     return session.scalar(select(func.max(BankRow.version)).where(*of_name)) or bank.version
 
 
-def find(session: Session, *, name: str | None = None) -> list[Bank]:
+def find(session: OrmSession, *, name: str | None = None) -> list[Bank]:
     """Return all versions of all banks of the station or of one name, newest first."""
     query = select(BankRow).where(BankRow.station == station_of(session)).order_by(BankRow.id.desc())
     if name is not None:
@@ -104,7 +121,7 @@ def find(session: Session, *, name: str | None = None) -> list[Bank]:
     return [_with_entries(session, row) for row in session.scalars(query)]
 
 
-def _with_entries(session: Session, row: BankRow) -> Bank:
+def _with_entries(session: OrmSession, row: BankRow) -> Bank:
     query = select(BankEntryRow).where(BankEntryRow.bank_id == row.id).order_by(BankEntryRow.position)
     return Bank(
         id=row.id,
@@ -116,3 +133,97 @@ def _with_entries(session: Session, row: BankRow) -> Bank:
         station=row.station,
         entries=tuple(to_record(BankEntry, entry) for entry in session.scalars(query)),
     )
+
+
+# Bank entry ----------------------------------------------------------------------------------------
+#
+# What a bank's entry is called wherever people read of it, and how good the identification behind
+# it was.
+
+
+def entry_name(S_nominal: float, tension_N: float | None) -> str:
+    """Return the tension of an entry, "10 N"; where that is not known its stiffness, "8.24 N·m/rad"."""
+    return f"{S_nominal:.2f} N·m/rad" if tension_N is None else f"{tension_N:g} N"
+
+
+def name_of_entry(entry: BankEntry) -> str:
+    """Return what a stored entry is called."""
+    return entry_name(entry.S_nominal, entry.known.tension_N)
+
+
+def entry_in_use(entries: Sequence[BankEntry], active: float) -> str:
+    """Return what is in use at the loop's ``active`` entry: "10 N", or between which two it interpolates."""
+    if not entries:
+        return ""
+    last = len(entries) - 1
+    below = min(max(int(active), 0), last)
+    share = active - below
+    if below == last or share < 0.005:
+        return name_of_entry(entries[below])
+    return f"{name_of_entry(entries[below])} to {name_of_entry(entries[below + 1])}, {100.0 * share:.0f} % of the way"
+
+
+@dataclass(frozen=True)
+class ChannelFit:
+    """How good the model of G_q or G_S is: fit on data not used [%], standard errors of its K and T [%].
+
+    A figure that could not be had, or that an older identification did not keep, is None.
+    """
+
+    grade: Grade | None
+    fit_percent: float | None
+    K_error_percent: float | None
+    T_error_percent: float | None
+
+    def in_words(self) -> str:
+        """Return all of it in one line: "usable, fit 98.2 %, standard errors: K 1.2 %, T 3.1 %".
+
+        Standard errors alone: what the verdict calls known may be less, as it counts what the model leaves out.
+        """
+        parts = (
+            "grade not recorded" if self.grade is None else str(self.grade),
+            f"fit {'not measured' if self.fit_percent is None else f'{percent(self.fit_percent)} %'}",
+            f"standard errors: K {_percent(self.K_error_percent)}",
+            f"T {_percent(self.T_error_percent)}",
+        )
+        return ", ".join(parts)
+
+
+def fits_of(found: Identification) -> dict[str, ChannelFit]:
+    """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
+    model, quality = found.early_model, found.early_quality
+    return {"G_q": _fit(model.G_q, quality.G_q), "G_S": _fit(model.G_S, quality.G_S)}
+
+
+def method_of(found: Identification) -> str:
+    """Name the estimators of an actuator's identification, as an early one too should have been named.
+
+    Its own method is that of G_q alone where it was stored before both were named.
+    """
+    channels = {"G_q": found.early_model.G_q, "G_S": found.early_model.G_S}
+    named = {name: channel.method if channel else None for name, channel in channels.items()}
+    return joint_method({name: found.method if method is None else method for name, method in named.items()})
+
+
+def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, ChannelFit]]:
+    """Return the fits behind a bank's entries, by the number of their estimate. Raises UnknownRecordError."""
+    named = [entry.identification_id for entry in bank.entries]
+    return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
+
+
+def _fit(model: PartialChannelModel | None, quality: PartialChannelQuality | None) -> ChannelFit:
+    first_order = (model.first_order if model else None) or PartialReduced()
+    return ChannelFit(
+        grade=quality.grade if quality else None,
+        fit_percent=quality.fit_percent if quality else None,
+        K_error_percent=_relative(first_order.K, first_order.K_std),
+        T_error_percent=_relative(first_order.T, first_order.T_std),
+    )
+
+
+def _relative(value: float | None, error: float | None) -> float | None:
+    return None if not value or error is None else 100.0 * error / abs(value)
+
+
+def _percent(value: float | None) -> str:
+    return "not measured" if value is None else f"{value:.3g} %"

@@ -22,7 +22,7 @@ from sqlalchemy import Connection, Engine, insert, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from backend import __version__
-from backend.storage.schema import SettingRow
+from backend.storage.orm import SettingRow
 from backend.storage.stations import StationTakenError
 
 BEAT_S = 1.0

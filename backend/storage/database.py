@@ -1,47 +1,467 @@
-"""One database: SQLite in the data folder, or whatever SQLAlchemy URL is given."""
+"""The database: SQLite in the data folder or a URL; schema versions, copies, soundness."""
 
+import io
 import json
 import logging
 import os
+import shutil
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+from urllib.parse import quote
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event
+from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, text
 from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DatabaseError, DataError, IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
+import migrations
 from backend import __version__
-from backend.data_folder import make_private
-from backend.storage import run_index
+from backend.data_folder import FILE, FOLDER, make_private
+from backend.storage import search_index
 from backend.storage.claims import claimed_by
-from backend.storage.errors import DamagedError, StorageError, UnfitError
-from backend.storage.maintenance import backup, is_cut_short
-from backend.storage.migrate import (
-    OutdatedError,
-    SchemaError,
-    can_read,
-    is_outdated,
-    newest_revision,
-    revision,
-    upgrade,
-)
-from backend.storage.soundness import (
-    Identity,
-    file_of,
-    identity,
-    quick_check,
-    require_in_place,
-    require_usable,
-    way_back,
-)
-from backend.storage.stations import info_of
-from backend.storage.touched import take_touched
+from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError, take_touched
+from backend.storage.stations import info_of, one_at_a_time
+
+if TYPE_CHECKING:
+    from alembic.config import Config
+
+
+# Migrate -------------------------------------------------------------------------------------------
+#
+# Schema versions: bring a database to the newest, say where it stands.
+#
+# Alembic is loaded where there is something to migrate: a start on a database of this version needs
+# none of it.
+
+
+SCRIPTS = Path(migrations.__file__).parent
+
+
+class SchemaError(Exception):
+    """The schema of the database is not one this version can work with; the message says what to do."""
+
+
+class OutdatedError(SchemaError):
+    """The database has an earlier schema, and whoever opens it may not migrate it."""
+
+
+def is_outdated(engine: Engine) -> bool:
+    """Tell whether the database holds an earlier schema than the newest. Raises SchemaError for a later one."""
+    found = revision(engine)
+    if found is None or found == newest_revision():
+        return False
+    if found not in _revisions():
+        raise SchemaError(
+            f"the database has schema {found}, this version knows up to {newest_revision()}: "
+            "it was written by a newer version; install that one, or choose another data folder"
+        )
+    return True
+
+
+def can_read(engine: Engine) -> bool:
+    """Tell whether a database of an earlier schema has every table and column that this version reads."""
+    from backend.storage.orm import Base, FormulaRow, QueuedRow, RunIndexRow, StudyRow
+
+    # their tables count too
+    assert all(row.metadata is Base.metadata for row in (RunIndexRow, QueuedRow, StudyRow, FormulaRow))
+    found = inspect(engine)
+    there = set(found.get_table_names())
+    return all(
+        table.name in there
+        and {column.name for column in table.columns} <= {c["name"] for c in found.get_columns(table.name)}
+        for table in Base.metadata.tables.values()
+    )
+
+
+def upgrade(engine: Engine) -> None:
+    """Migrate to the newest schema in one transaction: all of it or nothing."""
+    if revision(engine) == newest_revision():
+        return
+    from alembic import command
+
+    with engine.connect() as connection, _free_to_rebuild_tables(connection), connection.begin():
+        one_at_a_time(connection, "migration")
+        command.upgrade(_configuration(connection), "head")
+        broken = broken_references(connection)
+        if broken:
+            raise SchemaError(f"the migration would break references in {', '.join(broken)}: nothing was changed")
+
+
+def revision(engine: Engine) -> str | None:
+    """Return the schema revision the database is at, None for an empty database. Raises SchemaError."""
+    with engine.connect() as connection:
+        there = inspect(connection).get_table_names()
+        if "alembic_version" not in there:
+            return None
+        found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one_or_none()
+        if found is None and len(there) > 1:
+            raise SchemaError(
+                "the database has tables, but the table alembic_version, which names their schema, is empty: bring a "
+                "backup back with `sinew db restore FILE`"
+            )
+        return found
+
+
+def newest_revision() -> str:
+    """Return the revision that this version of the program works with."""
+    return _revisions()[-1]
+
+
+def _revisions() -> list[str]:
+    """Return all of them in order: a migration's file is called as its revision, and begins with its number."""
+    return sorted(script.stem for script in (SCRIPTS / "versions").glob("[0-9]*.py"))
+
+
+def require_models_match(engine: Engine) -> None:
+    """Compare the tables with ``schema.py``. Raises alembic.util.AutogenerateDiffsDetected when they differ."""
+    from alembic import command
+
+    with engine.begin() as connection:
+        command.check(_configuration(connection))
+
+
+def broken_references(connection: Connection) -> list[str]:
+    """Return the tables with references to rows that are not there; other databases than SQLite do not allow any."""
+    if connection.dialect.name != "sqlite":
+        return []
+    return sorted({row[0] for row in connection.exec_driver_sql("PRAGMA foreign_key_check")})
+
+
+@contextmanager
+def _free_to_rebuild_tables(connection: Connection) -> Iterator[None]:
+    """Switch foreign keys off, outside any transaction: SQLite alters a table by dropping and making it anew."""
+    driver = connection.connection.dbapi_connection
+    if connection.dialect.name != "sqlite" or driver is None:
+        yield
+        return
+    driver.cursor().execute("PRAGMA foreign_keys=OFF")
+    try:
+        yield
+    finally:
+        driver.cursor().execute("PRAGMA foreign_keys=ON")
+
+
+def _configuration(connection: Connection) -> "Config":
+    from alembic.config import Config
+
+    configuration = Config(stdout=io.StringIO())  # Alembic prints what it finds; here it is returned or raised
+    configuration.set_main_option("script_location", str(SCRIPTS).replace("%", "%%"))
+    configuration.attributes["connection"] = connection
+    return configuration
+
+
+# Maintenance ---------------------------------------------------------------------------------------
+#
+# Keep a database sound: a copy while it is in use, and a check of all of it.
+
+
+_RESTORING, _RESTORED, _UNFINISHED = ".restoring", ".restored", ".unfinished"
+"""Ends of names: a copy that is being restored, one that is whole and to be the database, a backup being written."""
+
+BEFORE_RESTORE = ".before-restore-"
+IMPORTING = "importing-"
+"""How the folder begins into which a bundle is unpacked."""
+
+
+class BackupError(Exception):
+    """The copy was not made; the message says why, and nothing was left behind."""
+
+
+def next_copy(data: Path) -> Path:
+    """Return where the next copy of a data folder's database goes, named by the time."""
+    return data / "backups" / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db"
+
+
+def backup(engine: Engine, target: Path) -> None:
+    """Copy an SQLite database to a new file while others read and write it. Raises BackupError."""
+    if engine.dialect.name != "sqlite":
+        raise BackupError(f"a {engine.dialect.name} database is backed up with its own tools (pg_dump)")
+    if target.exists():
+        raise BackupError(f"{target} exists already: choose another name")
+    unfinished = target.with_name(f"{target.name}{_UNFINISHED}")
+    try:
+        target.parent.mkdir(mode=FOLDER, parents=True, exist_ok=True)
+        unfinished.touch(mode=FILE)
+        with closing(engine.raw_connection()) as source, closing(sqlite3.connect(unfinished)) as copy:
+            original = source.driver_connection
+            if not isinstance(original, sqlite3.Connection):
+                raise BackupError("only connections of the standard library's sqlite3 can be copied")
+            original.backup(copy)
+        os.replace(unfinished, target)
+    except (sqlite3.Error, OSError) as error:
+        with suppress(OSError):
+            _remove_with_logs(unfinished)
+        raise BackupError(f"{target} could not be written: {error}") from error
+
+
+def restore(copy: Path, target: Path) -> None:
+    """Put a backup in the place of the SQLite database ``target``; nothing may use it meanwhile. Raises BackupError.
+
+    The copy is checked first. What was there before stays beside it, with ``.before-restore`` in its name. ``recover``
+    takes back a restore that was killed, or completes it: it counts once its copy is called ``.restored``.
+    """
+    if not copy.is_file():
+        raise BackupError(f"{copy} is not there: choose a file of DATA/backups")
+    recover(target)
+    unfinished = target.with_name(f"{target.name}{_RESTORING}")
+    try:
+        # A copy without a log is read as it is: SQLite would write a log beside it, which a kill would leave there.
+        alone = "" if copy.with_name(f"{copy.name}-wal").exists() else "&immutable=1"
+        with closing(sqlite3.connect(f"file:{quote(str(copy))}?mode=ro{alone}", uri=True)) as source:
+            _require_ours(source, copy)
+            unfinished.touch(mode=FILE)
+            with closing(sqlite3.connect(unfinished)) as made:
+                source.backup(made)
+        _sync(unfinished)
+        os.replace(unfinished, target.with_name(f"{target.name}{_RESTORED}"))
+        _complete_restore(target)
+    except (sqlite3.Error, OSError) as error:
+        begun = target.with_name(f"{target.name}{_RESTORED}").exists()
+        outcome = "the next start completes it" if begun else "nothing was changed"
+        raise BackupError(f"{copy} cannot be restored: {error}; {outcome}") from error
+    finally:
+        with suppress(OSError):
+            _remove_with_logs(unfinished)
+
+
+def recover(file: Path) -> list[str]:
+    """Complete or take back what killed commands began at an SQLite database; return a sentence for each.
+
+    For whoever has the data folder for itself. Leftovers of copies, new databases and imports are removed.
+    """
+    said = []
+    if file.with_name(f"{file.name}{_RESTORED}").exists():
+        _complete_restore(file)
+        said.append("a restore that was cut short has been completed: the database is the backup now")
+    unfinished = file.with_name(f"{file.name}{_RESTORING}")
+    if unfinished.exists():
+        _remove_with_logs(unfinished)
+        said.append("a restore that was cut short has been taken back: the database is as it was before")
+    backups = file.parent / "backups"
+    leftovers = [*backups.glob(f"*{_UNFINISHED}"), *file.parent.glob(f"{file.name}.*.creating")]
+    for leftover in leftovers:
+        _remove_with_logs(leftover)
+        said.append(f"{leftover.name} was removed: the command that wrote it was killed")
+    for folder in file.parent.glob(f"{IMPORTING}*"):
+        shutil.rmtree(folder, ignore_errors=True)
+        said.append(f"{folder.name} was removed: the import that unpacked it was killed, and stored nothing")
+    return said
+
+
+def is_cut_short(file: Path) -> bool:
+    """Return whether a restore was killed in the middle of it, or is under way."""
+    return any(file.with_name(f"{file.name}{end}").exists() for end in (_RESTORING, _RESTORED))
+
+
+def _complete_restore(file: Path) -> None:
+    """Give the restored copy the database's name; what was there before keeps its log beside it under another name."""
+    if file.exists():
+        _fold_in_log(file)
+    _move_aside(file)
+    os.replace(file.with_name(f"{file.name}{_RESTORED}"), file)
+    _sync(file.parent)
+
+
+def _fold_in_log(file: Path) -> None:
+    """Write what stands in SQLite's log into the file itself, where the file is one that SQLite can read."""
+    with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(file)) as present:
+        present.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def _move_aside(file: Path) -> None:
+    """Give a database another name, with the log that is left of a damaged one: SQLite would play it into the next."""
+    kept = file.with_name(f"{file.stem}{BEFORE_RESTORE}{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
+    for end in ("", "-wal", "-shm"):
+        part = file.with_name(file.name + end)
+        if part.exists():
+            os.replace(part, kept.with_name(kept.name + end))
+
+
+def _remove_with_logs(file: Path) -> None:
+    for end in ("", "-journal", "-wal", "-shm"):
+        file.with_name(file.name + end).unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _require_ours(connection: sqlite3.Connection, copy: Path) -> None:
+    damages = [line for (line,) in connection.execute("PRAGMA integrity_check") if line != "ok"]
+    if damages:
+        raise BackupError(f"{copy} is damaged: {damages[0]}; nothing was changed")
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not {"alembic_version", "run"} <= tables:
+        raise BackupError(f"{copy} is no database of Sinew; nothing was changed")
+
+
+def check(engine: Engine) -> list[str]:
+    """Return all that is wrong with a database, one sentence each; empty when it is sound."""
+    found, newest = revision(engine), newest_revision()
+    if found != newest:
+        return [f"the schema is {found or 'empty'}, this version works with {newest}: run `sinew db upgrade`"]
+    from alembic.util import AutogenerateDiffsDetected
+
+    problems = []
+    try:
+        require_models_match(engine)
+    except AutogenerateDiffsDetected as error:
+        problems.append(f"the tables are not those of schema {newest}: {error}")
+    try:
+        with engine.connect() as connection:
+            problems += [f"the file is damaged: {damage}" for damage in _damages(connection)]
+            problems += [f"table {table} refers to rows that are not there" for table in broken_references(connection)]
+    except DatabaseError as error:
+        problems.append(f"the file is damaged: {error.orig}")
+    return problems
+
+
+def _damages(connection: Connection) -> list[str]:
+    if connection.dialect.name != "sqlite":
+        return []
+    return [str(line) for line in connection.exec_driver_sql("PRAGMA integrity_check").scalars() if line != "ok"]
+
+
+# Soundness -----------------------------------------------------------------------------------------
+#
+# The file under an SQLite database: whether it is there, is still the one that was opened, and is
+# whole.
+#
+# SQLite would make a new file in place of one that is gone or empty, and goes on writing to one
+# that was deleted.
+
+
+CHECKED_AT_START_BYTES = 64 * 1024**2
+"""Up to here a start waits until the whole file was looked at: seconds from a slow disk, 0.1 s where it is cached."""
+
+NEWEST_BACKUPS = 3
+
+Identity = tuple[int, int]
+
+
+def file_of(engine: Engine) -> Path | None:
+    """Return the file of an SQLite database, None for any other and for one in memory."""
+    name = engine.url.database
+    if engine.dialect.name != "sqlite" or name in (None, "", ":memory:") or name.startswith("file:"):
+        return None
+    return Path(name)
+
+
+def identity(file: Path) -> Identity:
+    """Return device and inode of a file. Raises GoneError when it is not there."""
+    try:
+        known = file.stat()
+    except OSError as error:
+        raise GoneError(_gone(file, error.strerror or str(error))) from None
+    return known.st_dev, known.st_ino
+
+
+def require_in_place(file: Path, opened: Identity) -> None:
+    """Raise GoneError unless ``file`` is still the one that was opened, with the log that SQLite keeps beside it."""
+    if identity(file) != opened:
+        raise GoneError(_gone(file, "another file stands in its place"))
+    log = _log_of(file)
+    if not log.exists() and _is_open_though_deleted(log):
+        raise GoneError(_gone(log, "it was deleted"))
+
+
+def require_usable(file: Path, backups: Path) -> bool:
+    """Return whether a database is there. Raises DamagedError for what would silently be replaced by an empty one."""
+    if file.is_file():
+        if file.stat().st_size == 0:
+            raise DamagedError(f"{file} is empty (0 bytes): something cut it off; {way_back(file, backups)}")
+        return True
+    if _log_of(file).is_file() and _log_of(file).stat().st_size:
+        raise DamagedError(
+            f"{file} is gone, but the log beside it ({_log_of(file).name}) is still there: "
+            f"put the database back; or {way_back(file, backups)}"
+        )
+    if traces := traces_of(file, backups):
+        named = ", ".join(trace.name for trace in sorted(traces)[-NEWEST_BACKUPS:])
+        raise DamagedError(
+            f"{file} is gone, but copies of it are still there ({named}): no empty database is made in its place. "
+            f"Put the database back; or {way_back(file, backups)}; or choose another --data to begin with an empty one"
+        )
+    return file.exists()
+
+
+def traces_of(file: Path, backups: Path) -> list[Path]:
+    """Return the copies that show that there was a database where there is none any more."""
+    return [*file.parent.glob(f"{file.stem}{BEFORE_RESTORE}*.db"), *backups.glob("*.db")]
+
+
+def quick_check(file: Path, backups: Path) -> None:
+    """Read all pages of an SQLite file and raise DamagedError where they contradict each other.
+
+    Writers may go on meanwhile. It takes 2 s per GB that is cached, else as long as the disk takes to read the file.
+    Flipped bits inside stored samples are found when these are unpacked, not here.
+    """
+    try:
+        with closing(sqlite3.connect(f"file:{quote(str(file))}?mode=ro", uri=True)) as connection:
+            found = [str(line) for (line,) in connection.execute("PRAGMA quick_check(1)") if line != "ok"]
+    except sqlite3.DatabaseError as error:
+        found = [str(error)]
+    if found:
+        raise DamagedError(f"{file} is damaged ({' '.join(found[0].split())}): {way_back(file, backups)}")
+
+
+def is_small(file: Path) -> bool:
+    """Return whether a check of the whole file may hold up the start."""
+    return file.stat().st_size <= CHECKED_AT_START_BYTES
+
+
+def way_back(file: Path, backups: Path) -> str:
+    """Return what to do when ``file`` cannot be used: which backups there are, and the command for them."""
+    with suppress(OSError):
+        copies = sorted(backups.glob("*.db"), key=lambda copy: copy.stat().st_mtime, reverse=True)
+        if copies:
+            named = ", ".join(copy.name for copy in copies[:NEWEST_BACKUPS])
+            return (
+                f"bring a backup back with `sinew db restore FILE --data {file.parent}`; "
+                f"in {backups}, newest first: {named}"
+            )
+    return (
+        f"there is no backup in {backups}; bring one from elsewhere back with "
+        f"`sinew db restore FILE --data {file.parent}`, or move {file.name} away to begin with an empty database"
+    )
+
+
+def _log_of(file: Path) -> Path:
+    return file.with_name(f"{file.name}-wal")
+
+
+def _gone(file: Path, why: str) -> str:
+    return (
+        f"{file} is not the file any more that this service opened: {why}. Put it back where it was, "
+        "or stop the service and start it again"
+    )
+
+
+def _is_open_though_deleted(file: Path) -> bool:
+    """Whether this process holds a file open that has no name any more."""
+    deleted = f"{file.parent.resolve() / file.name} (deleted)"
+    with os.scandir("/proc/self/fd") as descriptors:
+        for descriptor in descriptors:
+            with suppress(OSError):
+                if os.readlink(descriptor.path) == deleted:
+                    return True
+    return False
+
+
+# Database ------------------------------------------------------------------------------------------
+#
+# One database: SQLite in the data folder, or whatever SQLAlchemy URL is given.
+
 
 __all__ = ["Database", "Session", "StorageError", "connect", "open_database", "sqlite_url"]
 
@@ -77,7 +497,7 @@ class Database:
         told = info_of(self.station)
         with _told(), Session(self.engine, expire_on_commit=False, info=told) as session, session.begin():
             yield session
-            run_index.update(session, take_touched(session))
+            search_index.update(session, take_touched(session))
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
@@ -192,10 +612,10 @@ def _renew_index(database: Database) -> None:
     """Bring what runs are searched by up to date: after a migration, or with a newer version."""
     try:
         with database.reading() as session:
-            behind = run_index.is_behind(session)
+            behind = search_index.is_behind(session)
         while behind:
             with database.session() as session:
-                behind = run_index.renew(session) > 0
+                behind = search_index.renew(session) > 0
     except StorageError as error:  # of a damaged file as much is opened as can be read
         _log.warning("not all runs can be searched for: %s", error)
 

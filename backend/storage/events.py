@@ -10,8 +10,7 @@ from enum import StrEnum
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import require, to_record
-from backend.storage.schema import Document, EventRow
+from backend.storage.orm import Document, EventRow, require, to_record
 from backend.storage.stations import station_of
 
 _ONE_TRIP = timedelta(seconds=2)

@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import UnknownRecordError, require_distinct, to_record
-from backend.storage.schema import ExperimentRow
+from backend.storage.orm import ExperimentRow, UnknownRecordError, require_distinct, to_record
 from backend.storage.stations import station_of
 
 

@@ -7,8 +7,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage import runs
-from backend.storage.records import UnknownRecordError, require
-from backend.storage.schema import Document, EventRow, FlightRow
+from backend.storage.orm import Document, EventRow, FlightRow, UnknownRecordError, require
 from backend.storage.stations import station_of
 
 GIVE_WAY_AT_ONCE = 50

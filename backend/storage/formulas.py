@@ -6,9 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.formula_schema import FormulaRow
-from backend.storage.records import UnknownRecordError, to_record
-from backend.storage.schema import Document
+from backend.storage.orm import Document, FormulaRow, UnknownRecordError, to_record
 from backend.storage.stations import station_of
 
 

@@ -7,10 +7,9 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.documents.run_banks import OnTheWay, on_the_way
-from backend.storage.records import to_record
+from backend.models.run import OnTheWay, on_the_way
+from backend.storage.orm import Document, OriginRow, to_record
 from backend.storage.runs import Run
-from backend.storage.schema import Document, OriginRow
 
 RUN, IDENTIFICATION = "run", "identification"
 CALIBRATIONS = "calibrations"

@@ -7,9 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.queue_schema import QueuedRow
-from backend.storage.records import to_record
-from backend.storage.schema import Document
+from backend.storage.orm import Document, QueuedRow, to_record
 from backend.storage.stations import station_of
 
 

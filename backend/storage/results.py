@@ -7,11 +7,9 @@ from datetime import UTC, datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
-from backend.storage.records import to_record
-from backend.storage.schema import ReportRow, ResultRow
-from backend.storage.touched import touch
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import CRITERIA, METRICS, Criterion, Metrics
+from backend.storage.orm import ReportRow, ResultRow, to_record, touch
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
-"""Runs: who asked for what, on which plant and parameters, and how it ended."""
+"""Stored runs: who asked for what, on which plant, and how they ended."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -9,14 +10,16 @@ from functools import cached_property
 from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.kept_wall import KeptWall, joined
-from backend.documents.run_settings import SETTINGS, RunSettings
 from backend.faults import Fault
-from backend.storage.records import UnknownRecordError, require, to_record
-from backend.storage.schema import Document, RunRow
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import SETTINGS, KeptWall, RunSettings, joined
+from backend.plain_text import as_line
+from backend.storage.orm import Document, RunRow, UnknownRecordError, require, to_record, touch
 from backend.storage.stations import station_of
-from backend.storage.touched import touch
+
+# Runs ----------------------------------------------------------------------------------------------
+#
+# Runs: who asked for what, on which plant and parameters, and how it ended.
 
 
 class RunKind(StrEnum):
@@ -252,3 +255,28 @@ def close_interrupted(
     closed = sorted(ended)
     touch(session, *closed)
     return closed
+
+
+# Run title -----------------------------------------------------------------------------------------
+#
+# What was run, by name and in words, from what a stored run was set to.
+
+
+def title_of(run: Run) -> str:
+    """Return what was run, in words on one line; of an experiment that is data its own title."""
+    if run.kind != RunKind.EXPERIMENT:
+        return run.kind.replace("_", " ").capitalize()
+    return as_line(_written(run, "title")) or "Experiment that cannot be read"
+
+
+def experiment_of(run: Run) -> str:
+    """Return what was run as it is called when it is ordered, "" where that cannot be read."""
+    return _written(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
+
+
+def _written(run: Run, part: str) -> str:
+    """Return a part of the experiment that a run has kept, "" where it cannot be read."""
+    try:
+        return str(json.loads(run.set_to.experiment or "")[part])
+    except (UnreadableDocumentError, ValueError, KeyError, TypeError):
+        return ""

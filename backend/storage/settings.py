@@ -7,8 +7,7 @@ from typing import Any
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import to_record
-from backend.storage.schema import SettingRow
+from backend.storage.orm import SettingRow, to_record
 from backend.storage.stations import station_of
 
 

@@ -1,18 +1,75 @@
-"""Several rigs on one database, each a station with a name: what a station wrote is its own.
-
-A ``Database`` knows its station and tells it to each of its sessions. What is written carries it; settings, banks,
-identifications, experiments, events, steps of the bring-up and what keeps house see those of their station only.
-By its number every run can be read, whoever made it.
-"""
+"""Stations on one database, and how rows without a station get one."""
 
 import hashlib
 from contextlib import suppress
 
-from sqlalchemy import Connection, Engine, text
+from sqlalchemy import Connection, Engine, func, select, text, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from backend.errors import Because, RefusalError
+from backend.storage.orm import (
+    BankRow,
+    BringUpRow,
+    EventRow,
+    ExperimentRow,
+    FormulaRow,
+    IdentificationRow,
+    QueuedRow,
+    RunIndexRow,
+    RunRow,
+    SettingRow,
+    StudyPointRow,
+    StudyRow,
+)
+
+# Station names -------------------------------------------------------------------------------------
+#
+# Give what a database without stations holds to one: for the day on which a second rig joins it.
+
+
+_TABLES = (
+    RunRow,
+    IdentificationRow,
+    BankRow,
+    ExperimentRow,
+    EventRow,
+    SettingRow,
+    BringUpRow,
+    StudyRow,
+    StudyPointRow,
+    QueuedRow,
+    FormulaRow,
+)
+
+
+def give_all(session: Session, station: str) -> int:
+    """Give all rows that are of no station to this one; return how many runs. Raises RefusalError where it has any.
+
+    What runs are searched by is renewed at the next opening.
+    """
+    for table in _TABLES:
+        taken = session.scalar(select(func.count()).select_from(table).where(table.station == station))
+        if taken:
+            raise RefusalError(
+                Because.NOT_NOW,
+                f"station {station} has {taken} rows of table {table.__tablename__} already: choose a name that is new",
+            )
+    runs = session.scalar(select(func.count()).select_from(RunRow).where(RunRow.station == "")) or 0
+    for table in _TABLES:
+        session.execute(update(table).where(table.station == "").values(station=station))
+    session.execute(update(RunIndexRow).where(RunIndexRow.station == "").values(station=station, version=0))
+    return runs
+
+
+# Stations ------------------------------------------------------------------------------------------
+#
+# Several rigs on one database, each a station with a name: what a station wrote is its own.
+#
+# A ``Database`` knows its station and tells it to each of its sessions. What is written carries it;
+# settings, banks, identifications, experiments, events, steps of the bring-up and what keeps house
+# see those of their station only. By its number every run can be read, whoever made it.
+
 
 _KEY = "sinew_station"
 

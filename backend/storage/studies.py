@@ -8,11 +8,9 @@ from typing import Any
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import UnknownRecordError, to_record
-from backend.storage.run_index import insert_new
-from backend.storage.schema import Document
+from backend.storage.orm import Document, StudyPointRow, StudyRow, UnknownRecordError, to_record
+from backend.storage.search_index import insert_new
 from backend.storage.stations import station_of
-from backend.storage.study_schema import StudyPointRow, StudyRow
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,10 @@ from sqlalchemy.orm import Session
 
 from backend.errors import Because, RefusalError
 from backend.storage import runs
-from backend.storage.index_schema import TAG_MAX, RunTagRow
-from backend.storage.records import UnknownRecordError
-from backend.storage.run_index import insert_new
-from backend.storage.run_terms import NONE, tag_as_kept
-from backend.storage.schema import RunRow
+from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, touch
+from backend.storage.search import NONE, tag_as_kept
+from backend.storage.search_index import insert_new
 from backend.storage.stations import station_of
-from backend.storage.touched import touch
 
 _TAG = re.compile(r"[\w.:+-]+")
 

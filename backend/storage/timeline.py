@@ -13,10 +13,8 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from backend.errors import Because, RefusalError
 from backend.storage import recordings
 from backend.storage.events import EventKind
-from backend.storage.index_schema import RunIndexRow
-from backend.storage.records import UnknownRecordError
-from backend.storage.run_terms import Condition
-from backend.storage.schema import EventRow, FlightRow, RemarkRow, RunRow
+from backend.storage.orm import EventRow, FlightRow, RemarkRow, RunIndexRow, RunRow, UnknownRecordError
+from backend.storage.search import Condition
 from backend.storage.stations import station_of
 from backend.storage.tags import read_tag
 from backend.units import Angles, in_words

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from backend.documents.run_settings import Value
 from backend.documents.study import POINTS_MAX, Axis, Spread, Study
 from backend.errors import Path, require_within
 from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.settings import Setting, SettingError, describe
+from backend.models.run import Value
+from backend.models.settings import Setting, SettingError, describe
 from backend.studies.point import Base, Point, number_of, planned, plant_with
 from plant.parameters import ParameterError
 

@@ -12,9 +12,9 @@ from statistics import NormalDist, fmean, median
 from typing import TypeVar
 
 from backend.documents.experiment import Experiment
-from backend.documents.run_settings import Value
 from backend.experiments.results.measures import FIGURES
-from backend.experiments.settings import SettingError
+from backend.models.run import Value
+from backend.models.settings import SettingError
 from backend.storage.studies import StoredPoint
 from backend.studies.loop_figures import LOOP_FIGURES, MARGINS, TRUE
 from backend.units import Angles, digits_apart, in_digits, read

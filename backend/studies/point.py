@@ -8,17 +8,17 @@ from types import MappingProxyType
 from typing import Any
 
 from backend import __version__
-from backend.documents.run_settings import Value, with_motion
+from backend.banks.builder import points_of
 from backend.errors import Because, RefusalError, RefusedValueError
-from backend.experiments.banks.bank_building import points_of
 from backend.experiments.composing import text
 from backend.experiments.plans.catalogue import Entry, entry_of
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.playing.in_memory import play_in_memory
 from backend.experiments.playing.play import NotPlayedError
+from backend.models.run import Value, with_motion
 from backend.storage.banks import Bank
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.studies.loop_figures import loop_figures
 from backend.tuning.gains import TuningError
 from plant.parameters import ParameterError, PlantParameters, parameters_of

@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import islice
 
-from backend.documents.edge import json_ready
 from backend.errors import Because, RefusalError
+from backend.models.document import json_ready
 from backend.storage import studies
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design

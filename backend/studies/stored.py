@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 
 from pydantic import TypeAdapter
 
-from backend.documents.edge import Edge
-from backend.documents.run_settings import Value, with_motion
 from backend.documents.study import FORMAT, STUDY, Study
 from backend.errors import Path
 from backend.experiments.composing import text
@@ -14,8 +12,10 @@ from backend.experiments.composing.refused import ExperimentError, Lines, line_o
 from backend.experiments.plans.catalogue import Entry, entry_of
 from backend.experiments.plans.composed_plan import KIND
 from backend.experiments.playing.playable import BankOf, banks_of
+from backend.models.document import Edge
+from backend.models.run import Value, with_motion
 from backend.storage.banks import Bank
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredStudy
 from backend.studies.design import Design, designed
 from backend.studies.point import Base, planned

@@ -1,7 +1,7 @@
 """Rows carry their station; runs have tags, and tables they are searched by.
 
 What runs are searched by is derived from the rest, and written at the next opening of the database for all runs that
-have none: see ``backend/storage/run_index.py``.
+have none: see ``backend/storage/search_index.py``.
 """
 
 from collections.abc import Iterator

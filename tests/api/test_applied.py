@@ -11,9 +11,9 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 import plant
+from backend.banks.tuning_settings import TuningChoice
 from backend.errors import RefusalError
 from backend.experiments import applied_parameters
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import TrialRequest
 from backend.operating import foundation
 from backend.operating.applied import Applied

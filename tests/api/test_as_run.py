@@ -11,7 +11,7 @@ import pytest
 
 from backend.archive.history import marks_of
 from backend.archive.own_experiments import OwnExperiments
-from backend.experiments.banks.default_choice import default_choice
+from backend.banks.tuning_settings import default_choice
 from backend.experiments.composing.recorded import LEAST, WITHIN_Q_RAD, WITHIN_S
 from backend.experiments.composing.text import read
 from backend.experiments.plans.catalogue import entry_of

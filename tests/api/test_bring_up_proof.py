@@ -26,9 +26,9 @@ from backend.realtime.ipc import Ready
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import Granted
-from backend.storage.bring_up import StepResult
+from backend.storage.commissioning import StepResult
 from backend.storage.database import open_database
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from backend.storage.runs import Run
 from plant.calibration import BroughtUp, CellCalibration
 from plant.interface import PlantChoice, PlantKind

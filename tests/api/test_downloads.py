@@ -9,10 +9,11 @@ import numpy as np
 import pandas
 import pytest
 
-from backend.exports.bundle_import import take_in
-from backend.exports.foxglove_layout import layout
-from backend.exports.taking_in import take_in as take_in_samples
-from backend.storage import open_database, runs
+from backend.exports.importer import import_bundle
+from backend.exports.importer import import_export as take_in_samples
+from backend.exports.mcap import layout
+from backend.storage import runs
+from backend.storage.database import open_database
 from tests.api.conftest import ended, once_told, until, wait_for
 from tests.e2e.service import Service
 
@@ -46,7 +47,7 @@ def test_a_bundle_is_taken_in_elsewhere(operator: httpx.Client, run: int, tmp_pa
     file.write_bytes(operator.get(f"/api/runs/{run}/bundle.zip").raise_for_status().content)
     assert f"recordings/{run}.parquet" in zipfile.ZipFile(file).namelist()
     database = open_database(tmp_path / "empty")
-    taken = take_in(database, file, "Ben", tmp_path)
+    taken = import_bundle(database, file, "Ben", tmp_path)
     with database.reading() as session:
         assert runs.get(session, taken.run).kind == "session"
     database.close()

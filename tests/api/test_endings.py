@@ -12,7 +12,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.storage import open_database, runs
+from backend.storage import runs
+from backend.storage.database import open_database
 from tests.api.conftest import client_with, ended, once_told, until, wait_for
 from tests.e2e.service import Service, running_service
 

@@ -6,8 +6,8 @@ What the forms of the page show, send and leave behind is looked at in the brows
 import pytest
 
 from backend.experiments.plans.catalogue import IDENTIFICATIONS
-from backend.experiments.settings import describe
 from backend.messages.identification import ActuatorRequest, MotorRequest, SpringRequest
+from backend.models.settings import describe
 
 
 @pytest.mark.parametrize(

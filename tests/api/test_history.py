@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from backend.archive import checklist
-from backend.documents.kept_tuning import SAVED, SavedParts, saved_for
+from backend.banks.tuning_settings import SAVED, SavedParts, saved_for
 from backend.messages.history import ChecklistState
 from backend.storage import banks, identifications, runs, settings
 from backend.storage.banks import BankEntry

@@ -10,7 +10,8 @@ import pytest
 
 from backend.messages.live import MarkKind
 from backend.operating.journal import Journal
-from backend.storage import Database, events, open_database
+from backend.storage import events
+from backend.storage.database import Database, open_database
 from tests.recording.test_unwritable import fill, make_read_only, repair
 
 

@@ -12,7 +12,8 @@ import httpx
 
 from backend.messages.experiment import ExperimentRequest
 from backend.operating.experiment_queue import Queue
-from backend.storage import StorageError, open_database
+from backend.storage.database import open_database
+from backend.storage.orm import StorageError
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
 from tests.api.conftest import client_with, until, wait_for

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.banks.default_choice import default_choice
-from backend.experiments.banks.kept_choice import NAME
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TUNING_NAME, TuningChoice, default_choice
 from backend.messages.tuning import TuningParts, TuningRequest
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.saved_tunings import SavedTunings
@@ -80,10 +78,10 @@ def test_a_tuning_kept_before_b_was_says_so(database: Database, ideal: PlantPara
     kept = KeptTuning(database)
     kept.put(chosen, "A. Operator")
     with database.session() as session:
-        stored = settings.newest(session, NAME)
+        stored = settings.newest(session, TUNING_NAME)
         assert stored is not None
         old = {name: value for name, value in stored.value.items() if name != "b"}
-        settings.put(session, NAME, old, "A. Operator")
+        settings.put(session, TUNING_NAME, old, "A. Operator")
     restored, said = kept.restore(ideal)
     assert restored.choice == replace(chosen.choice, b=0.0)
     assert said.endswith("b 0, interpolating between entries, lambda motion; b was not kept at that time: its default")
@@ -132,9 +130,9 @@ def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
     kept = KeptTuning(database)
     kept.put(chosen, "A. Operator")
     with database.session() as session:
-        stored = settings.newest(session, NAME)
+        stored = settings.newest(session, TUNING_NAME)
         assert stored is not None
-        settings.put(session, NAME, {**stored.value, name: value}, "A. Operator")
+        settings.put(session, TUNING_NAME, {**stored.value, name: value}, "A. Operator")
     restored, said = kept.restore(ideal)
     assert restored.choice == default_choice(ideal).choice
     assert str(value) in said

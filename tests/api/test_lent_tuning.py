@@ -9,12 +9,11 @@ from typing import Any
 
 import pytest
 
+from backend.banks.tuning_settings import TuningChoice, default_choice
 from backend.errors import OutOfRangeError, RefusalError
-from backend.experiments.banks.default_choice import default_choice
-from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.experiments.settings import SettingError
 from backend.messages.experiment import ExperimentRequest
 from backend.messages.tuning import TrialRequest, TuningRequest
+from backend.models.settings import SettingError
 from backend.operating.tuning_in_use import initial
 from backend.realtime.commands import Stop
 from backend.reports.build import build_report
@@ -22,7 +21,7 @@ from backend.reports.source import load_source
 from backend.storage import banks, events, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 

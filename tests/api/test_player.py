@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from backend.archive.played_recording import played_recording
+from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, pieces
-from backend.exports.source import of_run
 from backend.faults import EXPLAINED, FAULT_CODE, Fault
 from backend.storage import events, recordings, runs
 from backend.storage.database import open_database

@@ -12,7 +12,8 @@ import pytest
 from backend.api.refused_commands import values_in
 from backend.operating.journal import Journal
 from backend.operating.refusals import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, Refusals
-from backend.storage import Database, events, open_database
+from backend.storage import events
+from backend.storage.database import Database, open_database
 from backend.storage.events import EventKind
 from tests.api.conftest import problem, until
 

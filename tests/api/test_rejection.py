@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from backend.banks import tuning_settings
 from backend.errors import OutOfRangeError, RefusalError
-from backend.experiments.banks import kept_choice
 from backend.messages.touch import TouchOrder, TouchPoint
 from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.realtime.program import TouchForgotten
@@ -103,7 +103,7 @@ def test_a_start_begins_without_it(database: Database) -> None:
         chosen.append(parts.present.tuning.choice)
 
     stepped(database, parameters, operate)
-    kept = kept_choice.newest(database, parameters)
+    kept = tuning_settings.newest_tuning(database, parameters)
     assert kept is not None
     assert kept.choice.k_ext == 0.7
     stepped(database, parameters, again)

@@ -9,8 +9,7 @@ import pytest
 
 from backend.data_folder import AlreadyRunningError, only_service_on
 from backend.storage import runs
-from backend.storage.database import open_database
-from backend.storage.maintenance import BackupError, restore
+from backend.storage.database import BackupError, open_database, restore
 from tests.api.conftest import problem
 from tests.storage.test_lineage import NEW_RUN
 

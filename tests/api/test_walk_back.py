@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from backend.banks.tuning_settings import TuningChoice, default_choice
 from backend.errors import RefusalError
-from backend.experiments.banks.default_choice import default_choice
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.storage import banks, events
 from backend.storage.banks import Bank, BankEntry

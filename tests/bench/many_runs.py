@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import text
 
-from backend.documents.result import Criterion, Figure, Metrics
+from backend.models.run import Criterion, Figure, Metrics
 from backend.storage import results, runs, tags
 from backend.storage.database import Database
 from backend.storage.results import NewResult

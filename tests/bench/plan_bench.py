@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from scipy.optimize import brentq
 
-from backend.experiments.banks.bank_building import tuning_command
+from backend.banks.builder import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.realtime.commands import SetReferences
 from backend.realtime.control_loop import Loop

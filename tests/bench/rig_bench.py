@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from backend.experiments.banks.bank_building import tuning_command
+from backend.banks.builder import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.realtime.commands import SetMode
 from backend.realtime.control_loop import Loop

@@ -13,7 +13,7 @@ from typing import IO
 import numpy as np
 from rich.console import Console
 
-from backend.experiments.banks.bank_building import tuning_command
+from backend.banks.builder import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.realtime.commands import SetMode, SetReferences
 from backend.realtime.control_loop import Loop

@@ -5,10 +5,10 @@ from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
+from backend.banks.builder import tuning_command
 from backend.bring_up.engine import perform, values_of
 from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding, Work
-from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.realtime.commands import SwitchDrives
 from backend.realtime.headless import Headless

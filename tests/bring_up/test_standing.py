@@ -9,17 +9,17 @@ from pathlib import Path
 import pytest
 
 import plant
+from backend.banks.builder import tuning_command
+from backend.banks.tuning_settings import default_choice
 from backend.bring_up import standing
 from backend.bring_up.hands import KeptHands
 from backend.bring_up.session import BlockedError, Person, Session
 from backend.bring_up.standing import StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, StepId
 from backend.bring_up.work import Figure, Finding
-from backend.experiments.banks.bank_building import tuning_command
-from backend.experiments.banks.default_choice import default_choice
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
-from backend.storage.bring_up import StepResult
+from backend.storage.commissioning import StepResult
 from backend.storage.database import open_database
 from plant.calibration import BroughtUp, CellCalibration, calibrated, fingerprint
 from plant.factory import make_plant

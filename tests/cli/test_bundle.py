@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from backend.storage import open_database
+from backend.storage.database import open_database
 from backend.storage.runs import RunKind
 from tests.cli.conftest import Command
 from tests.exports.stored import NEW, recorded

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from backend.experiments.composing.formula import derived_of
-from backend.storage import formulas, open_database
+from backend.storage import formulas
+from backend.storage.database import open_database
 from tests.cli.conftest import Command
 from tests.exports.stored import recorded
 

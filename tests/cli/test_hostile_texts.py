@@ -13,10 +13,10 @@ import pandas as pd
 import pytest
 
 from backend.archive.comparison_file import curves_file, table_file
-from backend.documents.result import Criterion, Figure, Metrics
+from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, write_file
-from backend.exports.source import of_run
 from backend.messages.comparison import ComparisonAsked, DifferencesAsked
+from backend.models.run import Criterion, Figure, Metrics
 from backend.plain_text import as_line
 from backend.reports.files import write_files
 from backend.storage import banks, experiments, results

@@ -13,7 +13,7 @@ from subprocess import DEVNULL
 from backend.recording.codec import pack, unpack
 from backend.storage import recordings
 from backend.storage.database import open_database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.parameters import load_parameters
 from tests.cli.conftest import Command
 

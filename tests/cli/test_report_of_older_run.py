@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pypdf import PdfReader
 
-from backend.documents.result import DEFINITIONS
+from backend.models.run import DEFINITIONS
 from backend.recording.codec import pack, unpack
 from backend.sample import ADDED_LATER
 from tests.cli.conftest import Command

@@ -15,12 +15,12 @@ import pytest
 
 from backend.archive.imports import look_over
 from backend.archive.planned import planned
-from backend.documents.digest import digest_of
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.stored_plan import kept_values, ready_plan
-from backend.exports.errors import ImportRefusedError
-from backend.exports.facts import SEAL
-from backend.storage import open_database, runs
+from backend.exports.base import SEAL, ImportRefusedError
+from backend.models.document import digest_of
+from backend.storage import runs
+from backend.storage.database import open_database
 from backend.storage.runs import Run
 from tests.reports.tracking_run import PLAN, samples, source_of
 from tests.soak.attack.costly import HOLDING

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from backend.banks.builder import tuning_command
 from backend.bring_up import standing
 from backend.bring_up.session import Person, session
 from backend.bring_up.steps import STEPS, StepId
@@ -21,12 +22,11 @@ from backend.bring_up.work import Finding
 from backend.cli import main
 from backend.cli.asking import GivenUpError, Terminal
 from backend.cli.ordering import current_user
-from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
-from backend.storage.bring_up import StepResult
+from backend.storage.commissioning import StepResult
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.interface import PlantChoice, PlantKind

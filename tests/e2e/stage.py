@@ -14,7 +14,8 @@ from typing import Any
 import httpx
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.storage import open_database, runs
+from backend.storage import runs
+from backend.storage.database import open_database
 from tests.e2e import forms
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.forms import ROUNDED, Values, differences

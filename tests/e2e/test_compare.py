@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.experiments.banks.default_choice import default_choice
+from backend.banks.tuning_settings import default_choice
 from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import split_values
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.exports import csv_file
-from backend.exports.source import of_run
+from backend.exports import writers
+from backend.exports.base import of_run
 from backend.storage import events, recordings, runs
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
@@ -88,7 +88,7 @@ def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Ope
 def recorded(service: Service) -> dict[int, Columns]:
     """All samples of each run, as they are exported; to start a process for each file takes longer than to write it."""
     database = open_database(service.data)
-    files = {run: b"".join(csv_file.write(of_run(database, run))) for run in range(1, 5)}
+    files = {run: b"".join(writers.write_csv(of_run(database, run))) for run in range(1, 5)}
     database.close()
     return {run: columns(file.decode()) for run, file in files.items()}
 

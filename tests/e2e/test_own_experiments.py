@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Response, expect
 
-from backend.experiments.banks.default_choice import default_choice
+from backend.banks.tuning_settings import default_choice
 from backend.experiments.composing.ready_made import text_of
 from backend.experiments.composing.text import read
 from backend.experiments.plans.catalogue import entry_of

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Page, Route, expect
 
-from backend.storage import events, open_database, runs
+from backend.storage import events, runs
+from backend.storage.database import open_database
 from tests.e2e.forms import REPORT_TIMEOUT_MS
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service

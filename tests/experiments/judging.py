@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from backend.documents.result import Criterion
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.compliance import ComplianceFigures
 from backend.experiments.results.composed import criteria_of
@@ -11,6 +10,7 @@ from backend.experiments.results.document import figure_documents
 from backend.experiments.results.measures import known_to_bounds
 from backend.experiments.results.metrics import TrackingMetrics
 from backend.experiments.results.robustness import RobustnessFigures
+from backend.models.run import Criterion
 from backend.tuning.gains import LAM_MOTOR, Lambdas
 from plant.parameters import load_parameters
 

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import decoupler_for, stiffness
-from backend.documents.applied_parameters import AppliedParameters
-from backend.documents.motor import (
-    MODELS,
-    QUALITIES,
+from backend.experiments import applied_parameters
+from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
+from backend.experiments.results.spring_identification import from_table
+from backend.identification.models import Grade
+from backend.models.identification import (
+    MOTOR_MODELS,
+    MOTOR_QUALITIES,
     Fitted,
     MotorModel,
     MotorModels,
@@ -19,10 +22,7 @@ from backend.documents.motor import (
     MotorQuality,
     Pair,
 )
-from backend.experiments import applied_parameters
-from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
-from backend.experiments.results.spring_identification import from_table
-from backend.identification.models import Grade
+from backend.models.run import AppliedParameters
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification, NewIdentification
@@ -54,8 +54,8 @@ def motors(A: tuple[float, float], B: tuple[float, float]) -> NewIdentification:
         data={},
         method="least squares on position",
         options={},
-        model=MODELS.write(MotorModels(A=models[0], B=models[1])),
-        quality=QUALITIES.write(MotorQualities(quality, quality)),
+        model=MOTOR_MODELS.write(MotorModels(A=models[0], B=models[1])),
+        quality=MOTOR_QUALITIES.write(MotorQualities(quality, quality)),
         usable=True,
         verdict="usable",
         who="Ana",

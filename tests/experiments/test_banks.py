@@ -7,14 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.banks.bank_consistency import (
+from backend.banks.builder import (
     BankError,
     NamedEntry,
+    difference,
+    figures_of,
+    import_bank,
+    read_file,
     require_consistent,
     require_same_parameters,
+    to_document,
+    with_entries,
 )
-from backend.experiments.banks.bank_difference import difference, figures_of, with_entries
-from backend.experiments.banks.bank_files import import_bank, read_file, to_document
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.documents.run_settings import LAMBDA, TIME_OPTIMAL, KeptLoop
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.in_memory import Played, play_in_memory
@@ -16,6 +15,7 @@ from backend.experiments.results.bode import BodeFigures, bode_figures, bode_lin
 from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.metrics import NoSamplesError
 from backend.faults import Limit
+from backend.models.run import LAMBDA, TIME_OPTIMAL, KeptLoop
 from backend.storage.banks import Bank, BankEntry
 from plant.interface import T_s
 from plant.parameters import load_parameters

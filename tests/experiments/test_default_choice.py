@@ -7,14 +7,13 @@ from typing import Any
 
 import pytest
 
-from backend.documents.run_settings import KeptLoop
+from backend.banks.builder import NamedEntry, require_consistent
+from backend.banks.tuning_settings import TuningChoice, default_choice
 from backend.errors import OutOfRangeError
-from backend.experiments.banks.bank_consistency import NamedEntry, require_consistent
-from backend.experiments.banks.default_choice import default_choice
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.results.in_force import kept_tuning
+from backend.models.run import KeptLoop
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database
 from backend.tuning.gains import PointModel

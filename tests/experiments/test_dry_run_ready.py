@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from backend.documents.bank_entry import ENTRY, EntryModel
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.composing.text import read
 from backend.experiments.plans.composed_plan import composed
@@ -16,6 +15,7 @@ from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.dry_run import dry_run, get_ready, progress_in
 from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order
+from backend.models.run import ENTRY, EntryModel
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState
 from backend.tuning.gains import designed_point

@@ -16,7 +16,7 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.realtime.commands import Accepted, SetMode, SetReferences
 from backend.realtime.program import Mode
-from backend.recording.columns import recorded_columns
+from backend.recording.reader import recorded_columns
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.experiments.judging import LEAD_IN_S

@@ -10,16 +10,15 @@ from typer.testing import CliRunner
 
 from backend.archive import views
 from backend.archive.stored_banks import _lineage
+from backend.banks.builder import BankError, build_bank
 from backend.cli import app
-from backend.experiments.banks.bank_building import build_bank
-from backend.experiments.banks.bank_consistency import BankError
 from backend.reports.document import Table
 from backend.reports.provenance import lineage
 from backend.reports.source import load_source
 from backend.storage import banks, identifications, runs
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import NewRun, RunKind
 from plant.parameters import load_parameters
 

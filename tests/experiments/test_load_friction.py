@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.load_friction import document_of, load_friction_of
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.document import Paragraph
 from backend.reports.identified import identifications_section
 from backend.reports.source import Source

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from backend.archive import checklist
-from backend.documents.motor_grade import grade_of
-from backend.documents.result import Metrics
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 from backend.experiments.results.motor_identification import identify, to_store
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor
 from backend.messages.history import ChecklistState
+from backend.models.identification import grade_of
+from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.source import Source
 from backend.storage import runs

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from backend.documents.result import Criterion
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.compliance import compliance_figures
 from backend.experiments.results.criteria import judge
 from backend.experiments.results.metrics import TrackingMetrics, tracking_metrics
 from backend.experiments.results.steps import Step, step_metrics
+from backend.models.run import Criterion
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
 from tests.experiments.test_compliance import R_J, pushed
 from tests.experiments.test_metrics import T_s, double_lag, step, tracked

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from backend.cli import main
-from backend.documents.actuator import ChannelName
-from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.actuator_identification import identify, to_store
 from backend.identification.actuator import ActuatorIdentification
 from backend.identification.fitting import Method
+from backend.models.identification import ChannelName
+from backend.models.run import Metrics
 from backend.reports.actuator_identification import again_command
 from backend.reports.build import build_report
 from backend.reports.document import Code, Paragraph, Report

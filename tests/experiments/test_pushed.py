@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.documents.run_settings import MOTIONS, TIME_OPTIMAL
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.in_memory import play_in_memory
 from backend.experiments.results.in_force import InForce
 from backend.experiments.results.metrics import NoSamplesError
 from backend.experiments.results.pushed import push_figures, push_windows, pushes_seen
+from backend.models.run import MOTIONS, TIME_OPTIMAL
 from backend.tuning.gains import Lambdas, cascade_tuning
 from backend.tuning.simulation import INPUTS, OUTPUTS, sampled_loop
 from plant.interface import T_s

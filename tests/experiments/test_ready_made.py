@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from backend.archive.own_experiments import OwnExperiments
+from backend.banks.tuning_settings import TuningChoice
 from backend.documents.experiment import schema
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing import text
 from backend.experiments.composing.ready_made import NAMES, ready_made, text_of
 from backend.experiments.plans.catalogue import experiment
@@ -21,7 +21,7 @@ from backend.experiments.playing.dry_run import dry_run
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.experiments.results.again import evaluate_again
-from backend.recording.columns import recorded_columns
+from backend.recording.reader import recorded_columns
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 

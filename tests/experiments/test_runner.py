@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.banks.builder import BankError, build_bank, points_of, tuning_command
 from backend.errors import OutOfRangeError
-from backend.experiments.banks.bank_building import build_bank, points_of, tuning_command
-from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.stored_plan import ready_plan
@@ -20,10 +19,10 @@ from backend.experiments.playing.runner import Order, Outcome, Station, create_r
 from backend.experiments.results.metrics import tracking_metrics
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Reset, Stop
-from backend.recording.columns import recorded_columns
+from backend.recording.reader import recorded_columns
 from backend.storage import identifications, results, runs
 from backend.storage.database import open_database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from plant.parameters import load_parameters
 
 SETTINGS = LoopSettings(seed=3)

@@ -9,7 +9,7 @@ from backend.errors import OutOfRangeError
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.settings import SettingError, describe, from_values
+from backend.models.settings import SettingError, describe, from_values
 from backend.realtime.program import Law, Segment, Shape
 
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.banks import kept_choice
-from backend.experiments.banks.bank_building import tuning_command
-from backend.experiments.banks.tuning_choice import TuningChoice, changes_told
+from backend.banks import tuning_settings
+from backend.banks.builder import tuning_command
+from backend.banks.tuning_settings import TuningChoice, changes_told
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.settings import describe, from_values
 from backend.messages.state import TrialView
 from backend.messages.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
+from backend.models.settings import describe, from_values
 from backend.storage import settings
 from backend.storage.database import open_database
 from backend.tuning.gains import Lambdas
@@ -64,8 +64,8 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     _, ordered = split_values(describe(SequencePlan), partial(from_values, SequencePlan), {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
-    kept_choice.put(database, after, parameters, "A. Operator")
-    kept = kept_choice.newest(database, parameters)
+    tuning_settings.store_tuning(database, after, parameters, "A. Operator")
+    kept = tuning_settings.newest_tuning(database, parameters)
     database.close()
     assert kept is not None
     assert (kept.choice, kept.who, kept.same_plant, kept.lacks) == (after, "A. Operator", True, ())
@@ -107,8 +107,13 @@ def test_a_document_from_before_b_was_kept_says_what_it_lacks(tmp_path: Path) ->
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
     old = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "bank": None}
     with database.session() as session:
-        settings.put(session, kept_choice.NAME, {**old, "parameters": kept_choice.digest(parameters)}, "A. Operator")
-    kept = kept_choice.newest(database, parameters)
+        settings.put(
+            session,
+            tuning_settings.TUNING_NAME,
+            {**old, "parameters": tuning_settings.tuning_digest(parameters)},
+            "A. Operator",
+        )
+    kept = tuning_settings.newest_tuning(database, parameters)
     database.close()
     assert kept is not None
     assert kept.choice == TuningChoice(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)

@@ -15,10 +15,10 @@ from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, Station, run_experiment
 from backend.experiments.results.motor_identification import identify, side_steps
 from backend.experiments.results.spring_identification import from_table
-from backend.experiments.settings import from_values
 from backend.identification.records import IdentificationError
+from backend.models.settings import from_values
 from backend.realtime.commands import Stop
-from backend.recording.columns import recorded_columns
+from backend.recording.reader import recorded_columns
 from backend.reports.build import build_report
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf

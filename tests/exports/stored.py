@@ -12,16 +12,16 @@ from backend.experiments.results.again import evaluate_again
 from backend.messages.history import LineageNode
 from backend.recording.codec import pack, summarise
 from backend.sample import STORED_NAMES
-from backend.storage import banks, bring_up, identifications, recordings, runs
+from backend.storage import banks, commissioning, identifications, recordings, runs
 from backend.storage.banks import BankEntry
-from backend.storage.bring_up import NewStepResult
+from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, Session
 from backend.storage.identifications import NewIdentification
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.interface import T_s
 from plant.parameters import load_parameters
-from tests.documents.earlier_identifications import ACTUATOR
+from tests.models.earlier_identifications import ACTUATOR
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 LAB = load_parameters("lab")
@@ -74,7 +74,7 @@ def tracked(database: Database) -> int:
     source = source_of(columns)
     with database.session() as session:
         step = NewStepResult("tare", "card", "f" * 64, True, "", "Ana", calibrations=[{"tendon": "A", "offset": 0.1}])
-        bring_up.add(session, step)
+        commissioning.add(session, step)
         made_of = recorded(session)
         estimate = identifications.add(session, NewIdentification(**{**vars(ESTIMATE), "run_id": made_of}))
         entries = [BankEntry(10.5, {"tension_N": 10.0}, estimate.id), BankEntry(12.5, {"tension_N": 20.0})]

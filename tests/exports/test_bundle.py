@@ -11,16 +11,16 @@ from typing import Any
 import pytest
 
 from backend.archive.bundling import bundle_pieces
-from backend.documents.digest import digest_of
 from backend.exports import bundle
-from backend.exports.bundle_import import take_in
-from backend.exports.errors import ExportError, ImportRefusedError
-from backend.exports.taking_in import TakenIn
+from backend.exports.base import ExportError, ImportRefusedError
+from backend.exports.importer import TakenIn, import_bundle
+from backend.models.document import digest_of
 from backend.reports.differences import Verified
 from backend.reports.evidence import Evidence, read
 from backend.reports.stored_samples import stored_samples
 from backend.reports.verification import verify
-from backend.storage import Database, banks, results, runs
+from backend.storage import banks, results, runs
+from backend.storage.database import Database
 from tests.exports.stored import NEW, boxes, held, nothing_left, recorded
 
 
@@ -29,7 +29,7 @@ def test_it_comes_into_an_empty_installation_with_its_lineage(
 ) -> None:
     with there.session() as session:  # so that all numbers are others
         recorded(session)
-    assert take_in(there, file, "Ben", tmp_path / "there") == TakenIn(run=3, was=2, new=True)
+    assert import_bundle(there, file, "Ben", tmp_path / "there") == TakenIn(run=3, was=2, new=True)
     before, after = boxes(here, run), boxes(there, 3)
     assert list(after) == list(before)
     assert {key.split()[0] for key in after} == {
@@ -50,7 +50,7 @@ def test_it_comes_into_an_empty_installation_with_its_lineage(
 
 
 def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, file: Path, tmp_path: Path) -> None:
-    run = take_in(there, file, "Ben", tmp_path).run
+    run = import_bundle(there, file, "Ben", tmp_path).run
     with there.reading() as session:
         kept = results.newest_report(session, run, "html")
         assert kept is not None
@@ -63,21 +63,21 @@ def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, fil
 
 
 def test_twice_is_told_and_does_nothing(here: Database, there: Database, run: int, file: Path, tmp_path: Path) -> None:
-    assert take_in(there, file, "Ben", tmp_path).new
+    assert import_bundle(there, file, "Ben", tmp_path).new
     before = held(there)
-    assert take_in(there, file, "Ben", tmp_path) == TakenIn(run=2, was=2, new=False)
+    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=2, was=2, new=False)
     assert held(there) == before
     before = held(here)
-    assert take_in(here, file, "Ben", tmp_path) == TakenIn(run=run, was=2, new=False)
+    assert import_bundle(here, file, "Ben", tmp_path) == TakenIn(run=run, was=2, new=False)
     assert held(here) == before
 
 
 def test_what_was_taken_in_can_be_handed_on(
     there: Database, run: int, file: Path, tmp_path: Path, here: Database
 ) -> None:
-    taken = take_in(there, file, "Ben", tmp_path)
+    taken = import_bundle(there, file, "Ben", tmp_path)
     file.write_bytes(b"".join(bundle_pieces(there, taken.run, tmp_path)))
-    assert take_in(here, file, "Ana", tmp_path) == TakenIn(run=run, was=taken.run, new=False)
+    assert import_bundle(here, file, "Ana", tmp_path) == TakenIn(run=run, was=taken.run, new=False)
 
 
 def test_every_single_change_is_found(there: Database, file: Path, tmp_path: Path) -> None:
@@ -85,11 +85,11 @@ def test_every_single_change_is_found(there: Database, file: Path, tmp_path: Pat
     for place in range(0, len(whole), len(whole) // 40):
         file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         with pytest.raises(ImportRefusedError):
-            take_in(there, file, "Ben", tmp_path / "there")
+            import_bundle(there, file, "Ben", tmp_path / "there")
     for length in (0, 10, 100, len(whole) // 2, len(whole) - 1):
         file.write_bytes(whole[:length])
         with pytest.raises(ImportRefusedError):
-            take_in(there, file, "Ben", tmp_path / "there")
+            import_bundle(there, file, "Ben", tmp_path / "there")
     assert held(there) == before
     assert nothing_left(tmp_path / "there")
 
@@ -157,7 +157,7 @@ def test_what_was_changed_is_named(
     before = held(there)
     remade(file, change)
     with pytest.raises(ImportRefusedError, match=why):
-        take_in(there, file, "Ben", tmp_path / "there")
+        import_bundle(there, file, "Ben", tmp_path / "there")
     assert held(there) == before
 
 
@@ -218,7 +218,7 @@ def test_hashes_that_hold_are_not_enough(
     # without its samples the run's own record is what is looked at
     remade(file, forged(change, alone="recordings" not in why))
     with pytest.raises(ImportRefusedError, match=why):
-        take_in(there, file, "Ben", tmp_path / "there")
+        import_bundle(there, file, "Ben", tmp_path / "there")
     assert held(there) == before
     assert nothing_left(tmp_path / "there")
 
@@ -227,7 +227,7 @@ def test_what_could_swell_is_refused(there: Database, file: Path, tmp_path: Path
     remade(file, lambda members: members.update({"reports/2.html": bytes(50_000_000)}), zipfile.ZIP_DEFLATED)
     assert file.stat().st_size < 5_000_000
     with pytest.raises(ImportRefusedError, match="is compressed"):
-        take_in(there, file, "Ben", tmp_path / "there")
+        import_bundle(there, file, "Ben", tmp_path / "there")
 
 
 def test_a_run_that_is_not_over_is_not_bundled(here: Database, tmp_path: Path) -> None:

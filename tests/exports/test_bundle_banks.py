@@ -7,16 +7,15 @@ from typing import Any
 
 import pytest
 
-from backend.documents.run_banks import on_the_way
 from backend.exports import bundle
-from backend.exports.bundle_import import take_in
-from backend.exports.errors import ExportError
+from backend.exports.base import ExportError, of_run
 from backend.exports.formats import DataFormat, write_file
-from backend.exports.source import of_run
-from backend.exports.taking_in import TakenIn
-from backend.exports.taking_in import take_in as take_in_alone
-from backend.storage import Database, banks, identifications, origins, results, runs
+from backend.exports.importer import TakenIn, import_bundle
+from backend.exports.importer import import_export as take_in_alone
+from backend.models.run import on_the_way
+from backend.storage import banks, identifications, origins, results, runs
 from backend.storage.banks import BankEntry
+from backend.storage.database import Database
 from backend.storage.runs import RunKind
 from tests.exports.stored import ESTIMATE, NEW, boxes, recorded
 
@@ -33,12 +32,12 @@ def test_a_run_that_was_imported_alone_is_given_its_bank(
         assert origins.of_runs(session, [alone])[alone].carried == {"banks": [1]}
     (gains,) = [box for box in boxes(there, alone).values() if box.kind == "gains"]
     assert gains.no_sha256 == "its bank was not imported with it: a bundle has it"
-    assert take_in(there, file, "Ben", tmp_path) == TakenIn(run=alone, was=run, new=True)
+    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=alone, was=run, new=True)
     with there.reading() as session:
         found = runs.get(session, alone)
         assert (found.bank_id, found.settings["loop"]["bank"]) == (2, 2)
     assert list(boxes(there, alone)) == list(boxes(here, run))
-    assert take_in(there, file, "Ben", tmp_path) == TakenIn(run=alone, was=run, new=False)
+    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=alone, was=run, new=False)
 
 
 BY_NUMBER = {"do": "tuning", "bank": 2}
@@ -75,8 +74,8 @@ def test_banks_that_a_run_changes_to_come_along(
         for name in ("a", "b", "c"):
             banks.add(session, name, [BankEntry(1.0, {"tension_N": 1.0})], who="Eve")
     file = tmp_path / "run.zip"
-    file.write_bytes(b"".join(bundle.write(here, run, None, tmp_path)))
-    taken = take_in(there, file, "Ben", tmp_path).run
+    file.write_bytes(b"".join(bundle.write_bundle(here, run, None, tmp_path)))
+    taken = import_bundle(there, file, "Ben", tmp_path).run
     with there.reading() as session:
         found = runs.get(session, taken)
         of_name = {bank.name: bank.id for bank in banks.find(session)}
@@ -88,21 +87,21 @@ def test_banks_that_a_run_changes_to_come_along(
     before, after = boxes(here, run), boxes(there, taken)
     assert sorted(after) == sorted(before)
     assert sorted(box.title for box in after.values() if box.bank) == ["one v1", "two v1"]
-    assert take_in(there, file, "Ben", tmp_path) == TakenIn(run=taken, was=run, new=False)
-    assert take_in(here, file, "Ana", tmp_path) == TakenIn(run=run, was=run, new=False)
+    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=taken, was=run, new=False)
+    assert import_bundle(here, file, "Ana", tmp_path) == TakenIn(run=run, was=run, new=False)
 
 
 def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path) -> None:
     run = changing_bank(here, COMPUTED)
     with pytest.raises(ExportError, match=r"run 3 computes the number of a bank that it changes to, 1 \+ 1"):
-        b"".join(bundle.write(here, run, None, tmp_path))
+        b"".join(bundle.write_bundle(here, run, None, tmp_path))
     (gains,) = [box for box in boxes(here, run).values() if box.kind == "gains"]
     assert gains.no_sha256 == "it computes the numbers of its banks: 1 + 1"
 
 
 def test_stations_on_one_database_each_get_their_own(there: Database, run: int, file: Path, tmp_path: Path) -> None:
     other = Database(there.engine, station="rig-b")
-    taken = [take_in(database, file, "Ben", tmp_path) for database in (there, other)]
+    taken = [import_bundle(database, file, "Ben", tmp_path) for database in (there, other)]
     assert [one.new for one in taken] == [True, True]
     for database, one in zip((there, other), taken, strict=True):
         with database.reading() as session:
@@ -111,4 +110,4 @@ def test_stations_on_one_database_each_get_their_own(there: Database, run: int, 
             assert banks.own(session, found.bank_id).name == "bench"
             assert len(identifications.find(session)) == 1
             assert results.newest(session, one.run) is not None
-        assert take_in(database, file, "Ben", tmp_path) == TakenIn(one.run, run, new=False)
+        assert import_bundle(database, file, "Ben", tmp_path) == TakenIn(one.run, run, new=False)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from backend.experiments.composing.formula import derived_of
-from backend.exports.errors import ExportError
+from backend.exports.base import ExportError, of_run
 from backend.exports.formats import DataFormat, write_file
-from backend.exports.source import of_run
-from backend.exports.taking_in import take_in
+from backend.exports.importer import import_export
 from backend.recording.reader import read_samples
-from backend.storage import Database, formulas, recordings
+from backend.storage import formulas, recordings
+from backend.storage.database import Database
 from tests.exports.stored import recorded
 
 EXPRESSION = "(F_A + F_B) / 2"
@@ -33,7 +33,7 @@ def test_it_is_taken_in_again_without_what_was_derived(
         np.testing.assert_allclose(batch["F_mean"], (batch["F_A"] + batch["F_B"]) / 2, rtol=1e-6)
     file = tmp_path / f"run.{kind}"
     write_file(export, kind, file)
-    taken = take_in(there, file, "Ben")
+    taken = import_export(there, file, "Ben")
     with here.reading() as one, there.reading() as other:
         assert recordings.get(other, taken.run).fields == recordings.get(one, run).fields
         before, after = read_samples(one, run), read_samples(other, taken.run)

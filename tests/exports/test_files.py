@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.exports.files import write_all, write_whole
+from backend.exports.formats import write_all, write_whole
 
 BOUND = 4096
 """Bytes that a file may have where the disk is full."""
@@ -80,7 +80,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str, erro
 
 def test_a_process_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
     program = (
-        "import time; from pathlib import Path; from backend.exports.files import write_whole\n"
+        "import time; from pathlib import Path; from backend.exports.formats import write_whole\n"
         "def pieces():\n yield bytes(1 << 20); print(flush=True); time.sleep(60)\n"
         f"write_whole(pieces(), Path({str(tmp_path / 'file')!r}))"
     )

@@ -14,12 +14,10 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 from scipy.io import loadmat
 
-from backend.exports import formats, mat_file
-from backend.exports.errors import ExportError, ImportRefusedError
-from backend.exports.facts import NOTATION, ORDER
+from backend.exports import formats, matlab
+from backend.exports.base import NOTATION, ORDER, Export, ExportError, ImportRefusedError, of_columns
 from backend.exports.formats import DataFormat
-from backend.exports.foxglove_layout import layout
-from backend.exports.source import Export, of_columns
+from backend.exports.mcap import layout
 from backend.sample import FIELDS, STORED_NAMES
 from tests.exports.written import to_csv, to_mat, to_parquet, written
 from tests.reports.tracking_run import PLAN, samples
@@ -135,4 +133,4 @@ def test_what_is_too_long_for_matlab_is_refused_at_once(tmp_path: Path) -> None:
     export = of_columns(COLUMNS, "run 7")
     object.__setattr__(export.facts, "samples", 268_435_456)
     with pytest.raises(ExportError, match=r"run 7 has 268435456 samples.*choose Parquet"):
-        mat_file.write(Export(export.facts, export.batches), tmp_path)
+        matlab.write(Export(export.facts, export.batches), tmp_path)

@@ -11,16 +11,15 @@ import pytest
 from mcap.writer import Writer
 from scipy.io import savemat
 
-from backend.documents.digest import digest_of
-from backend.exports.errors import ExportError, ImportRefusedError
-from backend.exports.facts import SEAL
+from backend.exports.base import SEAL, ExportError, ImportRefusedError, of_columns, of_run
 from backend.exports.formats import DataFormat, write_file
-from backend.exports.source import of_columns, of_run
-from backend.exports.taking_in import TakenIn, take_in
-from backend.recording.digest import digest_of_recording
+from backend.exports.importer import TakenIn, import_export
+from backend.models.document import digest_of
+from backend.recording.codec import digest_of_recording
 from backend.recording.reader import read_samples
-from backend.storage import Database, origins, recordings, runs
-from backend.storage.records import UnknownRecordError
+from backend.storage import origins, recordings, runs
+from backend.storage.database import Database
+from backend.storage.orm import UnknownRecordError
 from tests.exports.stored import NEW, held, noise, recorded
 
 CUTS = (700, 1_900)
@@ -54,7 +53,7 @@ def sealed(text: str) -> str:
 def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
     here: Database, there: Database, run: int, kind: DataFormat, tmp_path: Path
 ) -> None:
-    taken = take_in(there, exported(here, run, kind, tmp_path), "Ben")
+    taken = import_export(there, exported(here, run, kind, tmp_path), "Ben")
     assert taken == TakenIn(run=1, was=2, new=True)
     with here.reading() as one, there.reading() as other:
         before, after = runs.get(one, run), runs.get(other, 1)
@@ -66,8 +65,8 @@ def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
         kept = recordings.get(other, 1)
         assert (kept.missed, kept.problem) == (10, "the disk was full")
         assert origins.of_runs(other, [1])[1].sentence == f"imported from run.{kind}, there run 2"
-    assert take_in(there, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=1, was=2, new=False)
-    assert take_in(here, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=2, was=2, new=False)
+    assert import_export(there, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=1, was=2, new=False)
+    assert import_export(here, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=2, was=2, new=False)
 
 
 @pytest.mark.parametrize("kind", DataFormat)
@@ -84,10 +83,10 @@ def test_one_byte_of_the_samples_is_enough_to_be_refused(
         changed[int(0.6 * len(whole))] ^= 0x10
     file.write_bytes(bytes(changed))
     with pytest.raises(ImportRefusedError):
-        take_in(there, file, "Ben")
+        import_export(there, file, "Ben")
     file.write_bytes(whole[: int(0.7 * len(whole))])
     with pytest.raises(ImportRefusedError):
-        take_in(there, file, "Ben")
+        import_export(there, file, "Ben")
     assert held(there) == before
 
 
@@ -114,14 +113,14 @@ def test_what_a_csv_says_of_itself_has_to_hold(here: Database, there: Database, 
         changed = whole.replace(said, other, 1)
         file.write_text(changed if "changed" in why else sealed(changed), encoding="utf-8")
         with pytest.raises(ImportRefusedError, match=why):
-            take_in(there, file, "Ben")
+            import_export(there, file, "Ben")
     assert held(there) == before
 
 
 def test_a_csv_with_a_byte_order_mark_is_taken_in(here: Database, there: Database, run: int, tmp_path: Path) -> None:
     file = exported(here, run, "csv", tmp_path)
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
-    assert take_in(there, file, "Ben") == TakenIn(run=1, was=2, new=True)
+    assert import_export(there, file, "Ben") == TakenIn(run=1, was=2, new=True)
     with here.reading() as one, there.reading() as other:
         assert digest_of_recording(other, 1) == digest_of_recording(one, run)
 
@@ -131,7 +130,7 @@ def test_a_run_that_says_something_else_here_is_refused(here: Database, run: int
     whole = file.read_text(encoding="utf-8")
     file.write_text(sealed(whole.replace('"who":"Ana"', '"who":"Bob"', 1)), encoding="utf-8")
     with pytest.raises(ImportRefusedError, match="run 2 was made at the same moment here, and says something else"):
-        take_in(here, file, "Ben")
+        import_export(here, file, "Ben")
 
 
 def test_only_runs_are_taken_in(there: Database, tmp_path: Path) -> None:
@@ -145,7 +144,7 @@ def test_only_runs_are_taken_in(there: Database, tmp_path: Path) -> None:
     (tmp_path / "other.xlsx").write_bytes(b"")
     for name in ("trip.csv", "other.csv", "other.parquet", "other.mat", "other.mcap", "binary.csv", "other.xlsx"):
         with pytest.raises(ImportRefusedError):
-            take_in(there, tmp_path / name, "Ben")
+            import_export(there, tmp_path / name, "Ben")
 
 
 SWOLLEN = b" " * (16 << 20)
@@ -180,7 +179,7 @@ def test_what_would_swell_is_refused_unopened(
     assert file.stat().st_size < 1 << 20
     tracemalloc.start()
     with pytest.raises(ImportRefusedError, match=why):
-        take_in(there, file, "Ben")
+        import_export(there, file, "Ben")
     assert tracemalloc.get_traced_memory()[1] < len(SWOLLEN)
     tracemalloc.stop()
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 from tempfile import gettempdir
 
+from backend.exports.base import of_columns
 from backend.exports.formats import DataFormat, pieces
-from backend.exports.source import of_columns
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 
 
 def written(columns: Columns, kind: str) -> bytes:

@@ -20,7 +20,7 @@ import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.sync.client import connect
 
-from backend.exports.facts import ORDER
+from backend.exports.base import ORDER
 from backend.sample import FIELDS
 from tests.e2e.service import Service, running_service
 from tests.foxglove.client import PATIENCE_S, Message, watching

@@ -6,12 +6,12 @@ from pydantic import TypeAdapter, ValidationError
 from backend.errors import RefusedValueError
 from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.settings import describe
 from backend.glossary.entry import Kind
 from backend.glossary.fields import FORMS, bounds, fields
 from backend.messages.base import UNITS
 from backend.messages.experiment import SettingView
 from backend.messages.identification import IdentificationRequest
+from backend.models.settings import describe
 from backend.operating.run_kinds import identification_kinds, views_of
 
 REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)

@@ -9,7 +9,6 @@ import pytest
 
 from backend.api.export import files
 from backend.bring_up.standing import StepState
-from backend.documents.outcome import Outcome
 from backend.experiments.results.document import figure_documents
 from backend.experiments.results.measures import FIGURES
 from backend.experiments.results.whole import Whole
@@ -22,6 +21,7 @@ from backend.glossary.typescript import glossary
 from backend.identification.models import Grade
 from backend.messages.history import ChecklistState
 from backend.messages.state import ChainLinkView
+from backend.models.run import Outcome
 from backend.realtime.program import Cause, HomingEnd, Mode
 from backend.sample import FIELDS
 from backend.storage.runs import EndState

@@ -5,10 +5,10 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from backend.documents.actuator import ResidualTest
 from backend.experiments.results.identification_curves import _correlation
 from backend.identification.models import CorrelationTest
 from backend.identification.validation import fit_autoregression, input_correlation, judged, whiteness
+from backend.models.identification import ResidualTest
 
 PERIOD_S = 1e-3
 N = 4000

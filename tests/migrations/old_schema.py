@@ -7,7 +7,7 @@ from pathlib import Path
 from alembic import command
 from sqlalchemy import Engine
 
-from backend.storage import migrate
+from backend.storage import database
 from backend.storage.database import connect, sqlite_url
 
 
@@ -16,8 +16,8 @@ def at_revision(data_dir: Path, revision: str) -> Iterator[Engine]:
     """Make the database of a data folder with an earlier schema."""
     data_dir.mkdir(parents=True, exist_ok=True)
     engine = connect(sqlite_url(data_dir))
-    with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
-        command.upgrade(migrate._configuration(connection), revision)
+    with engine.connect() as connection, database._free_to_rebuild_tables(connection), connection.begin():
+        command.upgrade(database._configuration(connection), revision)
     try:
         yield engine
     finally:

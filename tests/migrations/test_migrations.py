@@ -8,9 +8,19 @@ from alembic import command
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
-from backend.storage import migrate, queue, recordings, runs
-from backend.storage.database import connect, open_database, sqlite_url
-from backend.storage.migrate import SCRIPTS, SchemaError, newest_revision, require_models_match, revision, upgrade
+from backend.storage import database as migrate
+from backend.storage import queue, recordings, runs
+from backend.storage.database import (
+    SCRIPTS,
+    SchemaError,
+    connect,
+    newest_revision,
+    open_database,
+    require_models_match,
+    revision,
+    sqlite_url,
+    upgrade,
+)
 from tests.storage.test_lineage import NEW_RUN
 
 REBUILDING = '''

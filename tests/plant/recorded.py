@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.realtime.commands import Accepted, Inject, SetMode, SetReferences
 from backend.realtime.program import Mode
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.sample import INDEX, NAMES
 from plant.interface import Breakage, Broken, Plant, Sensor
 from plant.parameters import PlantParameters

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import events, open_database
+from backend.storage import events
+from backend.storage.database import open_database
 
 STRANGER = 54_321
 """Number of an account that is in no password file."""

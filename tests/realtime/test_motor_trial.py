@@ -5,9 +5,9 @@ import math
 
 import pytest
 
+from backend.banks.builder import tuning_command
 from backend.control import pid
 from backend.control.motion_types import NO_REFERENCE, Carry
-from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, Stop, TryMotor

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from backend.recording.columns import drawn_columns, recorded_columns
+from backend.recording.reader import drawn_columns, recorded_columns
 from backend.sample import INDEX, STORED_NAMES
-from backend.storage import Database
+from backend.storage.database import Database
 from tests.recording.stand_in import Writer, new_run, recorder_of
 
 

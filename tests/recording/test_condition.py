@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from backend.experiments.composing.formula import derived_of
-from backend.recording.condition import Condition, ConditionKind
+from backend.recording.trigger import Condition, ConditionKind
 from backend.sample import INDEX, NAMES
 
 T_s = 1e-3

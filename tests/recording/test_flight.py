@@ -17,8 +17,7 @@ from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, flight
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import StorageError, UnknownRecordError
 from tests.recording.stand_in import Writer, new_run
 
 QUOTA = Quota(100, 10**9)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.recording import jumps as found_by
-from backend.recording.jumps import jumps, nth_jump
-from backend.storage import Database, open_database
+from backend.recording import reader as found_by
+from backend.recording.reader import jumps, nth_jump
+from backend.storage.database import Database, open_database
 from tests.recording.compared_runs import recorded_run
 
 LEVELS = st.sampled_from([0.0, 0.25, -1.5])

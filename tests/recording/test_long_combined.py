@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from backend.archive.stored_runs import Excerpt, StoredRuns
 from backend.recording.codec import pack, summarise
-from backend.recording.combined import AT_HAND_SAMPLES
-from backend.recording.reader import read_envelope
+from backend.recording.reader import AT_HAND_SAMPLES, read_envelope
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
 from backend.storage import recordings, runs

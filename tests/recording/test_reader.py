@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backend.realtime.ring_buffer import Ring
-from backend.recording.reader import Envelope, UnknownSignalError, read_envelope, read_samples
+from backend.recording.reader import SampleEnvelope, UnknownSignalError, read_envelope, read_samples
 from backend.sample import ADDED_LATER, INDEX, STORED_NAMES
 from backend.storage.database import Database, open_database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
 
 TICKS = 12_000
@@ -40,7 +40,7 @@ class Recorded:
     def column(self, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
         return self.rows[:, INDEX[name]].astype(np.float32)
 
-    def envelope(self, points: int, from_s: float = 0.0, to_s: float = np.inf) -> Envelope:
+    def envelope(self, points: int, from_s: float = 0.0, to_s: float = np.inf) -> SampleEnvelope:
         with self.database.reading() as session:
             return read_envelope(session, self.run_id, points, ["q", "S_true"], from_s, to_s)
 

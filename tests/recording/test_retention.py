@@ -7,12 +7,13 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import text
 
-from backend.documents.result import Metrics
+from backend.models.run import Metrics
 from backend.recording.reader import read_samples
 from backend.recording.retention import NotRemovableError, Rule, overview, remove
-from backend.storage import Database, Session, events, identifications, recordings, results, runs
+from backend.storage import events, identifications, recordings, results, runs
+from backend.storage.database import Database, Session
+from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Chunk
-from backend.storage.records import UnknownRecordError
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState
 from tests.recording.stand_in import new_run

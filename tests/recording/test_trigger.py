@@ -7,13 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.realtime.ring_buffer import Ring
-from backend.recording.condition import Condition, ConditionKind
 from backend.recording.flight import FlightRecorder, Quota, flight_columns
-from backend.recording.trigger import Armed, Heard, Trigger, left_armed
+from backend.recording.trigger import Armed, Condition, ConditionKind, Heard, Trigger, left_armed
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from tests.recording.stand_in import Writer, new_run
 from tests.recording.test_flight import stored, trip
 

@@ -10,8 +10,8 @@ from sqlalchemy import event
 from backend.recording.reader import read_samples
 from backend.recording.recorder import RecordingError
 from backend.sample import INDEX
-from backend.storage import Database, recordings
-from backend.storage.maintenance import check
+from backend.storage import recordings
+from backend.storage.database import Database, check
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 

@@ -1,8 +1,8 @@
 """Which walls a run keeps: those that stood in its samples, whenever that was told."""
 
-from backend.documents.kept_wall import MOST, KeptWall, joined, kept_wall, standing
+from backend.models.run import MOST, KeptWall, joined, kept_wall, standing
 from backend.realtime.commands import WallChanged
-from backend.recording.walls import Walls
+from backend.recording.recorder import Walls
 from backend.storage.database import Database
 from plant.dynamics import Obstacle
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.documents.bank_entry import ENTRY, EntryModel
-from backend.documents.run_settings import LAMBDA, MOTIONS, TIME_OPTIMAL
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
+from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
 from backend.reports.composed import lines_of
 from backend.reports.differences import Verified

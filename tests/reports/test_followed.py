@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.documents.result import StepFigures
+from backend.models.run import StepFigures
 from backend.reports.document import Fact, Figure, Report, Table
 from backend.reports.followed import PapersLaw, beside, papers_law
 from backend.reports.html import to_html

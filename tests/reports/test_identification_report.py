@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Drawn
 
-from backend.documents.result import Figure as Measured
-from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.models import Model
+from backend.models.run import Figure as Measured
+from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.drawn_once import forget_drawings

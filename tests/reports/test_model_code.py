@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from backend.documents.actuator import ActuatorModel, ChannelModel, Reduced
-from backend.documents.motor import Fitted, MotorModel, Pair
-from backend.documents.spring import SpringFit, SpringModel
+from backend.models.identification import (
+    ActuatorModel,
+    ChannelModel,
+    Fitted,
+    MotorModel,
+    Pair,
+    Reduced,
+    SpringFit,
+    SpringModel,
+)
 from backend.reports.document import Code, Table
 from backend.reports.model_code import actuator_blocks, motor_blocks, spring_blocks
 from plant.parameters import Side

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.documents.result import Metrics
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.compliance import compliance_figures
 from backend.experiments.results.document import figure_documents
+from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from backend.archive.views import experiment_view, run_view
-from backend.documents.result import CRITERIA, METRICS
 from backend.messages.run import Evaluation
+from backend.models.run import CRITERIA, METRICS
 from backend.reports.build import build_report
 from backend.reports.files import metrics_document
 from backend.reports.source import Source

@@ -16,7 +16,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.document import Report, Table
@@ -33,7 +33,7 @@ from backend.reports.verification import verify, verify_pdf
 from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.units import Angles
 from plant.parameters import load_parameters
 

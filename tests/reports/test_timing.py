@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from backend.documents.run_settings import SETTINGS, KeptGrant
+from backend.models.run import SETTINGS, KeptGrant
 from backend.reports.document import Table
 from backend.reports.source import Source
 from backend.reports.timing import timing_section

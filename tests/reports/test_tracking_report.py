@@ -9,15 +9,15 @@ from typing import cast
 
 import pytest
 
-from backend.documents.result import CRITERIA, METRICS
-from backend.exports.source import of_columns
+from backend.exports.base import of_columns
+from backend.models.run import CRITERIA, METRICS
 from backend.reports.document import Figure, Report, Table
 from backend.reports.files import write_files
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
-from backend.storage import Database
+from backend.storage.database import Database
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 

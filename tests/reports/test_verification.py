@@ -15,7 +15,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.drawn_once import forget_drawings

@@ -15,15 +15,7 @@ from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.again import evaluate_again
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
-from backend.reports.evidence import (
-    ACCOUNT,
-    LAYOUT,
-    Evidence,
-    account_hash,
-    element_of,
-    read,
-    to_element,
-)
+from backend.reports.evidence import ACCOUNT, LAYOUT, Evidence, account_hash, element_of, read, to_element
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source

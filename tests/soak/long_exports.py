@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, pieces
-from backend.exports.source import of_run
 from backend.recording.codec import pack, summarise
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES

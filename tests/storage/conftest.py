@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from tests.postgres import new_database, postgres_server
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from backend.storage.maintenance import restore
+from backend.storage.database import restore
 
 left = int(sys.argv[3])
 

@@ -9,12 +9,13 @@ from threading import Event
 import pytest
 
 from backend.archive.bundling import bundle_pieces
-from backend.exports.bundle_import import take_in
-from backend.storage import Database, Session, banks, open_database, results, run_index, runs, tags
-from backend.storage.index_schema import RunIndexRow
+from backend.exports.importer import import_bundle
+from backend.storage import banks, results, runs, search_index, tags
+from backend.storage.database import Database, Session, open_database
+from backend.storage.orm import RunIndexRow
 from backend.storage.results import NewResult
-from backend.storage.run_index import ValueSource
 from backend.storage.runs import EndState
+from backend.storage.search_index import ValueSource
 from tests.exports.stored import tracked
 from tests.postgres import new_database
 from tests.storage.test_lineage import METRICS, NEW_RUN
@@ -52,7 +53,7 @@ def test_two_changes_of_a_run_at_once_are_both_kept(server: Database, first: Cal
     def begun() -> None:
         with server.session() as session:
             first(session, run)
-            run_index.update(session, [run])
+            search_index.update(session, [run])
             at_work.set()
             assert go_on.wait(30)
 
@@ -78,9 +79,9 @@ def test_new_names_in_another_order_do_not_block_each_other(server: Database) ->
 
     def give(names: tuple[str, str], wait: Callable[[], object]) -> None:
         with server.session() as session:
-            run_index._number_of(session, ValueSource.METRIC, names[0])
+            search_index._number_of(session, ValueSource.METRIC, names[0])
             wait()
-            run_index._number_of(session, ValueSource.METRIC, names[1])
+            search_index._number_of(session, ValueSource.METRIC, names[1])
 
     def first_waits() -> None:
         one_has_one.set()
@@ -101,7 +102,7 @@ def test_a_bundle_that_is_taken_in_twice_at_once_is_stored_once(server: Database
     file.write_bytes(b"".join(bundle_pieces(here, run, tmp_path)))
     here.close()
     with ThreadPoolExecutor(2) as threads:
-        taken = list(threads.map(lambda who: take_in(server, file, who, tmp_path), ("Ana", "Ben")))
+        taken = list(threads.map(lambda who: import_bundle(server, file, who, tmp_path), ("Ana", "Ben")))
     assert sorted(one.new for one in taken) == [False, True]
     with server.reading() as session:
         assert runs.count(session) == 2

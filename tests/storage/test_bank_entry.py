@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from backend.storage.bank_entry import entry_in_use, fits_of, name_of_entry
-from backend.storage.banks import BankEntry
+from backend.storage.banks import BankEntry, entry_in_use, fits_of, name_of_entry
 from backend.storage.identifications import Identification
 
 ENTRIES = (BankEntry(8.24, {"tension_N": 10.0}), BankEntry(10.55, {"tension_N": 20.5}), BankEntry(12.43, {}))

@@ -11,10 +11,18 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import Database, migrate, open_database
 from backend.storage import claims as of_claims
+from backend.storage import database as migrate
 from backend.storage.claims import BEAT_S, LIFE_S, HeldClaim, claimed_by, is_alive, own_claim
-from backend.storage.migrate import OutdatedError, SchemaError, can_read, newest_revision, revision
+from backend.storage.database import (
+    Database,
+    OutdatedError,
+    SchemaError,
+    can_read,
+    newest_revision,
+    open_database,
+    revision,
+)
 from backend.storage.stations import StationTakenError
 from tests.migrations.old_schema import at_revision
 

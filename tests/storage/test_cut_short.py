@@ -12,9 +12,8 @@ import pytest
 
 from backend.data_folder import only_service_on
 from backend.storage import settings
-from backend.storage.database import Database, open_database
-from backend.storage.errors import DamagedError, StorageError
-from backend.storage.maintenance import backup, is_cut_short, recover
+from backend.storage.database import Database, backup, is_cut_short, open_database, recover
+from backend.storage.orm import DamagedError, StorageError
 from tests.cli.test_report import sinew
 
 KILLED = Path(__file__).with_name("restore_killed.py")

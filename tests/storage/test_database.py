@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from backend.storage import Database, StorageError, open_database, runs
-from backend.storage.maintenance import BackupError, backup, check
+from backend.storage import runs
+from backend.storage.database import BackupError, Database, backup, check, open_database
+from backend.storage.orm import StorageError
 from backend.storage.runs import EndState
 from tests.storage.test_lineage import NEW_RUN
 

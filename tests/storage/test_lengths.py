@@ -11,10 +11,8 @@ import pytest
 from sqlalchemy import String, text
 
 from backend import __version__
+from backend.banks.tuning_settings import saved_for
 from backend.bring_up.steps import StepId
-from backend.documents.digest import digest_of
-from backend.documents.kept_tuning import saved_for
-from backend.documents.outcome import Outcome
 from backend.errors import STATION_MAX
 from backend.experiments.composing import ready_made
 from backend.faults import Fault
@@ -22,18 +20,15 @@ from backend.identification.fitting import Fit
 from backend.identification.models import joint_method
 from backend.identification.validation import MAX_NOISE_ORDER
 from backend.messages.run_search import SEARCH_NAME_MAX
+from backend.models.document import digest_of
+from backend.models.run import Outcome
 from backend.storage import identifications, runs
-from backend.storage.carried import KINDS
 from backend.storage.database import Database
-from backend.storage.errors import UnfitError
 from backend.storage.events import EventKind
-from backend.storage.formula_schema import FormulaRow
-from backend.storage.index_schema import TAG_MAX, RunTagRow
-from backend.storage.queue_schema import QueuedRow
-from backend.storage.run_index import NO_OUTCOME, ValueSource, insert_new, numbers_of
+from backend.storage.imports import KINDS
+from backend.storage.orm import TAG_MAX, Base, FormulaRow, QueuedRow, RunTagRow, StudyRow, UnfitError
 from backend.storage.runs import EndState, RunKind
-from backend.storage.schema import Base
-from backend.storage.study_schema import StudyRow
+from backend.storage.search_index import NO_OUTCOME, ValueSource, insert_new, numbers_of
 from backend.studies.point import FAILED, LOST, REFUSED
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 from plant.parameters import load_parameters

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from backend.documents.result import Criterion, Figure, Metrics
+from backend.models.run import Criterion, Figure, Metrics
 from backend.storage import banks, events, identifications, results, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
 from backend.storage.identifications import NewIdentification
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import StorageError, UnknownRecordError
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.interface import NAME_MAX

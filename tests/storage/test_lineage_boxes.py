@@ -14,17 +14,17 @@ from sqlalchemy import text
 
 from backend.archive.history import History
 from backend.messages.history import LineageKind, LineageNode
-from backend.recording.codec import pack
-from backend.recording.digest import digest_of_recording
-from backend.storage import banks, bring_up, identifications, recordings, retention, runs
+from backend.recording.codec import digest_of_recording, pack
+from backend.storage import banks, commissioning, identifications, recordings, runs
+from backend.storage import recordings as retention
 from backend.storage.banks import BankEntry
-from backend.storage.bring_up import NewStepResult
+from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, Session
 from backend.storage.identifications import NewIdentification
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.parameters import load_parameters
-from tests.documents.earlier_identifications import ACTUATOR
+from tests.models.earlier_identifications import ACTUATOR
 
 LAB = load_parameters("lab")
 SAMPLES = np.arange(60, dtype=np.float32).reshape(20, 3)
@@ -135,7 +135,7 @@ def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> Non
 def test_calibrations_are_those_of_the_station_when_the_run_began(database: Database) -> None:
     step = NewStepResult("tare", "card", "f" * 64, True, "", "Ana", calibrations=[{"tendon": "A", "offset": 0.1}])
     with database.session() as session:
-        before = bring_up.add(session, step)
+        before = commissioning.add(session, step)
         run = recorded(session, replace(NEW, plant="rig"))
         session.execute(
             text("UPDATE run SET started_at = :at"),
@@ -147,7 +147,7 @@ def test_calibrations_are_those_of_the_station_when_the_run_began(database: Data
     assert box.out_of_date == ""
     assert not [node for node in boxes(database, simulated).values() if node.kind is LineageKind.CALIBRATION]
     with database.session() as session:
-        later = bring_up.add(session, step)
+        later = commissioning.add(session, step)
         session.execute(
             text("UPDATE bring_up SET at = :at WHERE id = :id"),
             {"at": (datetime.now(UTC) + timedelta(hours=1)).replace(tzinfo=None), "id": later.id},

@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 
 from backend.archive.comparison import metric_history
-from backend.documents.result import Figure
-from backend.storage import Database, results, runs
+from backend.models.run import Figure
+from backend.storage import results, runs
+from backend.storage.database import Database
 from backend.storage.results import NewResult
-from backend.storage.run_query import QueryError
 from backend.storage.runs import EndState, RunKind
+from backend.storage.search import QueryError
 from tests.storage.test_lineage import METRICS, NEW_RUN
 
 NEWER = 25

@@ -11,7 +11,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.exports.bundle_import import take_in
+from backend.exports.importer import import_bundle
 from backend.identification.fitting import Method
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
@@ -47,7 +47,7 @@ def test_it_is_the_same_where_it_is_taken_in(
     played: tuple[Path, Identification], database: Database, tmp_path: Path
 ) -> None:
     bundle, found = played
-    taken = take_in(database, bundle, "Ben", tmp_path)
+    taken = import_bundle(database, bundle, "Ben", tmp_path)
     assert taken.new
     with database.reading() as session:
         there = identifications.of_run(session, taken.run)

@@ -20,13 +20,13 @@ from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan, settings_of
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
-from backend.recording.digest import digest_of_recording
+from backend.recording.codec import digest_of_recording
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES
-from backend.storage import bring_up, origins, recordings, results, runs
-from backend.storage.bring_up import NewStepResult
-from backend.storage.carried import RESULT, RUN, document_of
+from backend.storage import commissioning, origins, recordings, results, runs
+from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, open_database
+from backend.storage.imports import RESULT, RUN, document_of
 from backend.storage.runs import RunKind
 from plant.parameters import load_parameters
 from tests.exports.stored import NEW, noise, recorded
@@ -81,7 +81,9 @@ def record(database: Database, name: str) -> int:
     with database.session() as session:
         if name == BROUGHT_UP:
             for step, calibrations in CALIBRATIONS.items():
-                bring_up.add(session, NewStepResult(step, "card", "f" * 64, True, "", "Ana", calibrations=calibrations))
+                commissioning.add(
+                    session, NewStepResult(step, "card", "f" * 64, True, "", "Ana", calibrations=calibrations)
+                )
         settings = {"mode": "run", "loop": {"lam_q": 0.6, "lam_S": 0.55, "lam_motor": 0.08, "seed": SEED}}
         plant = "rig" if name == BROUGHT_UP else "simulator"
         new = replace(NEW, kind=RunKind.SESSION, plant=plant, settings=settings, note="by hand\nin two lines, 漢字")

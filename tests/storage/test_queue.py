@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import Database, open_database, queue
-from backend.storage.errors import UnfitError
-from backend.storage.station_names import give_all
+from backend.storage import queue
+from backend.storage.database import Database, open_database
+from backend.storage.orm import UnfitError
+from backend.storage.stations import give_all
 
 
 @pytest.fixture

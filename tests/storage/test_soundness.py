@@ -11,8 +11,9 @@ import pytest
 
 from backend.archive import soundness
 from backend.archive.soundness import Soundness
-from backend.storage import DamagedError, Database, GoneError, StorageError, open_database, require_whole, runs
-from backend.storage.maintenance import backup, restore
+from backend.storage import runs
+from backend.storage.database import Database, backup, open_database, require_whole, restore
+from backend.storage.orm import DamagedError, GoneError, StorageError
 from tests.storage.test_lineage import NEW_RUN
 
 PAGE = 4096

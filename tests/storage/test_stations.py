@@ -15,27 +15,27 @@ from backend.recording import retention as keeping
 from backend.recording.retention import NotRemovableError, Rule
 from backend.storage import (
     banks,
-    bring_up,
+    commissioning,
     events,
     experiments,
     flights,
     identifications,
     recordings,
-    retention,
-    run_search,
     runs,
+    search,
     settings,
-    station_names,
     tags,
 )
+from backend.storage import recordings as retention
+from backend.storage import stations as station_names
 from backend.storage.banks import BankEntry
-from backend.storage.bring_up import NewStepResult
+from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, Session, open_database
 from backend.storage.flights import NewFlight
+from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Chunk
-from backend.storage.records import UnknownRecordError
-from backend.storage.run_query import QueryError, parse
 from backend.storage.runs import EndState
+from backend.storage.search import QueryError, parse
 from tests.postgres import new_database
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 
@@ -65,8 +65,8 @@ def test_each_station_has_its_own_of_everything(stations: tuple[Database, Databa
             text_of = experiments.add(session, "battery", f"of {station.station}", "Ana")
             event = events.add(session, "trip", "too much force", run_id=run.id, tick=7)
             flights.add(session, NewFlight(event.id, "force_limit", 0, 7, 9, ["q"], b"xx"))
-            failed = bring_up.add(session, step)
-            passed = bring_up.add(session, replace(step, passed=True))
+            failed = commissioning.add(session, step)
+            passed = commissioning.add(session, replace(step, passed=True))
         mine.append(
             {
                 "run": [run.id],
@@ -98,9 +98,9 @@ def test_each_station_has_its_own_of_everything(stations: tuple[Database, Databa
                 "event": [event.id for event in events.find(session)],
                 "between": [event.id for event in events.between(session, since, None)],
                 "flight": [flight.event_id for flight in flights.find(session)],
-                "step": bring_up.newest(session)["wiring"].id,
-                "failure": bring_up.last_failure(session, "wiring"),
-                "passed": [one.id for one in bring_up.passed_with(session, "f" * 64)],
+                "step": commissioning.newest(session)["wiring"].id,
+                "failure": commissioning.last_failure(session, "wiring"),
+                "passed": [one.id for one in commissioning.passed_with(session, "f" * 64)],
             }
             assert seen == expected
             assert experiments.get(session, "battery").text == f"of {station.station}"
@@ -164,13 +164,13 @@ def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Da
         ("tag = worn", False, [of_a]),
     ):
         with a.reading() as session:
-            found = run_search.search(session, parse(query), everywhere=everywhere, limit=9)
+            found = search.search(session, parse(query), everywhere=everywhere, limit=9)
             assert (list(found.run_ids), found.total) == (expected, len(expected))
     with a.session() as session:
         assert tags.rename(session, "worn", "old") == 1
     with b.reading() as session:
         assert tags.of_runs(session, numbers) == {of_a: ["old"], of_b: ["worn"]}
-        assert run_search.known_words(session).stations == ("rig-a", "rig-b")
+        assert search.known_words(session).stations == ("rig-a", "rig-b")
 
 
 def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database) -> None:
@@ -179,9 +179,9 @@ def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database
             runs.create(session, NEW_RUN)
     with database.reading() as session:
         for query, expected in (("station = Rig", 1), ("station = rig", 2), ("station = lab", 3)):
-            assert run_search.search(session, parse(query), everywhere=True, limit=9).run_ids == (expected,)
+            assert search.search(session, parse(query), everywhere=True, limit=9).run_ids == (expected,)
         with pytest.raises(QueryError, match="'RIG' may be several stations: write Rig or rig"):
-            run_search.search(session, parse("station = RIG"), everywhere=True, limit=9)
+            search.search(session, parse("station = RIG"), everywhere=True, limit=9)
 
 
 def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Database, Database]) -> None:
@@ -236,7 +236,7 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         assert active is not None
         assert active.value == 3
         for query in ("", "rig-a", "station = rig-a"):
-            assert run_search.search(session, parse(query), everywhere=False, limit=9).run_ids == (run.id,)
+            assert search.search(session, parse(query), everywhere=False, limit=9).run_ids == (run.id,)
     with database.reading() as session:
         assert runs.count(session) == 0
         assert settings.newest(session, "active bank") is None

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import Database, open_database, studies
-from backend.storage.records import UnknownRecordError
+from backend.storage import studies
+from backend.storage.database import Database, open_database
+from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredPoint
 
 NEW = NewStudy("map", "Map", "format: 1", {"software": "1.0.0"}, 3, "Ana")

@@ -12,9 +12,8 @@ from backend.messages.live import MarkKind
 from backend.storage import events, recordings, runs, timeline
 from backend.storage.database import Database, Session
 from backend.storage.events import EventKind
+from backend.storage.orm import RunRow, UnknownRecordError
 from backend.storage.recordings import Chunk
-from backend.storage.records import UnknownRecordError
-from backend.storage.schema import RunRow
 from backend.storage.tags import TagError
 from backend.storage.timeline import Asked, Happening
 from backend.units import Angles

@@ -14,7 +14,8 @@ import httpx
 import pytest
 
 from backend.recording.reader import read_samples
-from backend.storage import open_database, recordings, runs
+from backend.storage import recordings, runs
+from backend.storage.database import open_database
 from tests.api.conftest import client_with, until, wait_for
 from tests.e2e.service import Service, running_service
 from tests.postgres import new_database

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from backend.archive.studies import Studies
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.studies import StoredPoint

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import Database, open_database
+from backend.storage.database import Database, open_database
 from backend.studies.cluster import ClusterCrew, on_cluster
 from backend.studies.crew import CrewGoneError
 from backend.studies.point import LOST, Base, Point

@@ -7,11 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.catalogue import experiment
 from backend.storage.banks import Bank
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import StoredStudy
 from backend.studies.design import Design
 from backend.studies.point import numbers_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from backend.archive.studies import Studies
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.storage import studies
 from backend.storage.database import open_database
 from backend.studies.point import run_point

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.archive.studies import Studies
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.studies.design import Design

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binomtest
 
 from backend.experiments.results.measures import FIGURES
-from backend.experiments.settings import SettingError
+from backend.models.settings import SettingError
 from backend.reports import study_map
 from backend.storage.studies import StoredPoint
 from backend.studies.loop_figures import LOOP_FIGURES

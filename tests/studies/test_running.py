@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 from backend.archive.studies import Studies
+from backend.banks.tuning_settings import TuningChoice
 from backend.cli.study import _in_time
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station

@@ -8,8 +8,8 @@ from typing import Any, cast
 import pytest
 
 from backend.archive.studies import Studies
+from backend.banks.tuning_settings import TuningChoice
 from backend.errors import RefusalError
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.operating.studies_under_way import WAITING_MAX, StudiesUnderWay
 from backend.operating.text_work import TextWork
 from backend.storage import studies

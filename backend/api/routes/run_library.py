@@ -20,8 +20,8 @@ from backend.messages.run_search import (
     TagRequest,
 )
 from backend.reports.series_source import MOST_RUNS
-from backend.storage.index_schema import TAG_MAX
-from backend.storage.run_query import LONGEST
+from backend.storage.orm import TAG_MAX
+from backend.storage.search import LONGEST
 
 router = APIRouter(prefix="/api", tags=["runs"])
 

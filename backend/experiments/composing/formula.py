@@ -4,7 +4,7 @@ import ast
 import re
 
 from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, ExpressionError, parsed
-from backend.recording.formula import Derived, Step
+from backend.recording.derived_signals import Derived, Step
 from backend.sample import COMBINED_BY_NAME, UNIT_OF, nearest
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,19}")

@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from backend.documents.result import Phase
-from backend.documents.run_settings import Value
 from backend.errors import Path
+from backend.models.run import Phase, Value
 from backend.realtime.program import Segment, Touch
 from plant.dynamics import Obstacle
 

@@ -6,12 +6,10 @@ from dataclasses import replace
 from functools import singledispatchmethod
 from typing import Any
 
+from backend.banks.tuning_settings import TuningChoice
 from backend.control.setpoint_player import LEAST_BITS, MOST_BITS, MOST_LINES
 from backend.documents import experiment as form
-from backend.documents.result import Phase
-from backend.documents.run_settings import Value, with_motion
 from backend.errors import Path, require_within
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, Names
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
 from backend.experiments.composing.laid import Laid
@@ -19,7 +17,8 @@ from backend.experiments.composing.multisine import peak_of
 from backend.experiments.composing.numbers import LONGEST_PART_S, Q_REF_MAX, Numbers
 from backend.experiments.composing.refused import Lines, at
 from backend.experiments.composing.touches import LEARNING_S, Touches
-from backend.experiments.settings import describe
+from backend.models.run import Phase, Value, with_motion
+from backend.models.settings import describe
 from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, Shape
 from plant.dynamics import K_LEAST, Obstacle
 

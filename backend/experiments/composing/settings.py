@@ -2,10 +2,9 @@
 
 from collections.abc import Collection, Mapping
 
+from backend.banks.tuning_settings import NAMES
 from backend.documents.experiment import Declared, Experiment, Rule
-from backend.documents.run_settings import Value
 from backend.errors import OutOfRangeError, Path
-from backend.experiments.banks.tuning_choice import NAMES
 from backend.experiments.composing.expressions import (
     CONSTANTS,
     FUNCTIONS,
@@ -16,7 +15,8 @@ from backend.experiments.composing.expressions import (
     truth_of,
 )
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
-from backend.experiments.settings import Setting, SettingError
+from backend.models.run import Value
+from backend.models.settings import Setting, SettingError
 
 OF_THE_PLANT = ("u_max", "F_max", "r_j", "r_m", "ideal")
 """What the bounds of criteria may speak of beside settings and tuning."""

@@ -14,7 +14,7 @@ from backend.experiments.plans.identification_plans import MotorIdentificationPl
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import OF_THE_PAPER
-from backend.experiments.settings import Setting, SettingError, describe, from_values
+from backend.models.settings import Setting, SettingError, describe, from_values
 
 
 @dataclass(frozen=True)

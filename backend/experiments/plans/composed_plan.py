@@ -5,14 +5,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from backend.documents.experiment import Experiment
-from backend.documents.result import Phase
-from backend.documents.run_settings import Value
 from backend.experiments.composing import text
 from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.layout import laid
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.composing.settings import parsed, require_rules, settings_of
-from backend.experiments.settings import Setting
+from backend.models.run import Phase, Value
+from backend.models.settings import Setting
 from backend.realtime.program import IDENTIFYING, Law, Program
 
 LAWS = tuple(law for law in Law if law not in IDENTIFYING)

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.documents.result import Phase
 from backend.errors import OutOfRangeError
-from backend.experiments.settings import integer, number
+from backend.models.run import Phase
+from backend.models.settings import integer, number
 from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
 
 UPPER_END = -1.5

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
-from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.experiments.settings import Setting, SettingError, from_values, integer
+from backend.banks.tuning_settings import TuningChoice
+from backend.models.settings import Setting, SettingError, from_values, integer
 
 _T = TypeVar("_T")
 

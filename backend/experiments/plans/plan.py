@@ -6,13 +6,13 @@ Angles in rad, stiffness in N·m/rad, tensions and pushes in N, times in s.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from backend.documents.result import Phase
 from backend.errors import require_within
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.settings import choice, integer, number
 from backend.identification.fitting import Method
+from backend.models.run import Phase
+from backend.models.settings import choice, integer, number
 from backend.realtime.program import Excitation, Law, Program
 
 MAX_EXCITATION_S = 600.0

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backend.control.decoupler import STIFFNESS_RANGE
-from backend.documents.result import Phase
 from backend.errors import WORDS, Path, require_within
-from backend.experiments.settings import SettingError, text
+from backend.models.run import Phase
+from backend.models.settings import SettingError, text
 from backend.realtime.program import MAX_SEGMENTS, Law, Program, Segment, Shape
 
 Q_REF_MAX = 1.4

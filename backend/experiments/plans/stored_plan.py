@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from backend.documents.run_settings import DeclaredValue, Value
 from backend.experiments.composing import ready_made, text
 from backend.experiments.plans.composed_plan import KIND, ComposedPlan, composed
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.settings import Setting, declared_values, describe, from_values
+from backend.models.run import DeclaredValue, Value
+from backend.models.settings import Setting, declared_values, describe, from_values
 
 KINDS: dict[str, type[Any]] = {
     plan.kind: plan

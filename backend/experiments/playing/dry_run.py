@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from backend.experiments.banks.bank_building import tuning_command
+from backend.banks.builder import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
@@ -18,7 +18,7 @@ from backend.experiments.playing.play import play
 from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.realtime.headless import Headless
-from backend.recording.reader import Envelope, read_envelope
+from backend.recording.reader import SampleEnvelope, read_envelope
 from backend.storage import banks
 from backend.storage.banks import Bank
 from backend.storage.database import open_database
@@ -39,7 +39,7 @@ class DryRun:
 
     run: Run
     result: Result | None
-    curves: Envelope | None
+    curves: SampleEnvelope | None
 
 
 def get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from backend.experiments.banks.bank_building import points_of, tuning_command
+from backend.banks.builder import points_of, tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.playable import banks_in
 from backend.experiments.playing.runner import Station

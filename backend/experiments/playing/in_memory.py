@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.result import Criterion, Metrics
-from backend.experiments.banks.bank_building import points_of, tuning_command
+from backend.banks.builder import points_of, tuning_command
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_loop
@@ -23,12 +22,13 @@ from backend.experiments.playing.playable import BankOf, playable
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.in_force import InForce
 from backend.experiments.results.metrics import NoSamplesError
+from backend.models.run import Criterion, Metrics
 from backend.realtime.commands import Event, RunEnded
 from backend.realtime.headless import Headless
 from backend.realtime.program import Program, SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopDied
-from backend.recording.columns import Columns
+from backend.recording.reader import Columns
 from backend.recording.recorder import end_of
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage.runs import EndState

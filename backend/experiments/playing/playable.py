@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from backend.banks.builder import points_of, tuning_command
+from backend.banks.tuning_settings import TuningChoice
 from backend.errors import Path, RefusedValueError
-from backend.experiments.banks.bank_building import points_of, tuning_command
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.reach import require_reach
 from backend.experiments.composing.refused import ExperimentError, line_of
 from backend.experiments.plans.composed_plan import ComposedPlan
@@ -15,7 +15,7 @@ from backend.realtime.program import Program, SetTuning
 from backend.storage import banks
 from backend.storage.banks import Bank
 from backend.storage.database import Database
-from backend.storage.records import UnknownRecordError
+from backend.storage.orm import UnknownRecordError
 from backend.tuning.gains import TuningError
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters

@@ -12,9 +12,8 @@ from importlib.metadata import version
 from typing import Any
 
 from backend import __version__
-from backend.documents.run_settings import SETTINGS, KeptGrant, KeptLoop, RunSettings
+from backend.banks.builder import tuning_command
 from backend.errors import RefusedValueError
-from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -25,11 +24,12 @@ from backend.experiments.playing.play import SLICE_S, NotPlayedError, play, requ
 from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
-from backend.experiments.settings import declared_values
+from backend.models.run import SETTINGS, KeptGrant, KeptLoop, RunSettings
+from backend.models.settings import declared_values
 from backend.realtime.supervisor import LoopAccess, LoopDiedError
 from backend.storage import runs
 from backend.storage.database import Database
-from backend.storage.errors import StorageError
+from backend.storage.orm import StorageError
 from backend.storage.runs import EndState, NewRun, Run, RunKind
 from plant.parameters import PlantParameters
 

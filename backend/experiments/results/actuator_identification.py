@@ -7,7 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control.decoupler import decoupler_for, stiffness_slope
-from backend.documents.actuator import (
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.results.metrics import NoSamplesError, figure
+from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
+from backend.identification.estimation import Candidates
+from backend.identification.fitting import Method
+from backend.identification.models import Estimate, Grade, joint_method
+from backend.models.identification import (
     MODEL,
     QUALITY,
     ActuatorModel,
@@ -23,12 +29,6 @@ from backend.documents.actuator import (
     ResidualTest,
     ResidualTests,
 )
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
-from backend.identification.estimation import Candidates
-from backend.identification.fitting import Method
-from backend.identification.models import Estimate, Grade, joint_method
 from backend.realtime.program import Excitation
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 from backend.documents.experiment import Experiment, Measure
-from backend.documents.result import Criterion, Figure, Metrics
 from backend.experiments.composing.expressions import ExpressionError, number_of
 from backend.experiments.results.bode import bode_figures
 from backend.experiments.results.compliance import Columns, compliance_figures
@@ -22,6 +21,7 @@ from backend.experiments.results.pushed import push_figures
 from backend.experiments.results.response import response_figures
 from backend.experiments.results.robustness import robustness_figures
 from backend.experiments.results.windows import load_steps, pushes
+from backend.models.run import Criterion, Figure, Metrics
 from backend.tuning.preview import least_reach_time
 from plant.interface import T_s
 

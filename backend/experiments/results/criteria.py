@@ -2,7 +2,7 @@
 
 import math
 
-from backend.documents.result import Criterion
+from backend.models.run import Criterion
 
 
 def ended_early(played_s: float, planned_s: float) -> str:

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
-from backend.documents.result import Figure, Metrics, Phase, StepFigures
 from backend.experiments.results.metrics import TrackingMetrics
 from backend.experiments.results.steps import StepMetrics
+from backend.models.run import Figure, Metrics, Phase, StepFigures
 
 
 def tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase], missing_samples: int = 0) -> Metrics:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from backend import __version__
-from backend.documents.result import Criterion, Metrics
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
@@ -16,7 +15,8 @@ from backend.experiments.results.document import figure_documents, tracking_docu
 from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.identification.fitting import Method
-from backend.recording.columns import Columns, recorded_columns
+from backend.models.run import Criterion, Metrics
+from backend.recording.reader import Columns, recorded_columns
 from backend.storage import banks, identifications, results, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification

@@ -5,20 +5,20 @@ from dataclasses import asdict
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.actuator import (
+from backend.identification.models import CorrelationTest, Model
+from backend.identification.validation import RESIDUAL_LEVEL, judged
+from backend.models.document import Document
+from backend.models.identification import (
     CHANNELS,
     Candidate,
     Channel,
     ChannelName,
     FailedCandidate,
     FrequencyEstimate,
+    MotorFound,
     ResidualTest,
+    SpringQuality,
 )
-from backend.documents.edge import Document
-from backend.documents.motor import MotorFound
-from backend.documents.spring import SpringQuality
-from backend.identification.models import CorrelationTest, Model
-from backend.identification.validation import RESIDUAL_LEVEL, judged
 from backend.storage.identifications import Identification
 from plant.parameters import SIDES, Side
 

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from backend.banks.builder import BankError, HasEntries, points_of
+from backend.banks.tuning_settings import NAMES, TuningChoice
 from backend.control import cascade
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.run_settings import KeptLoop, with_motion
-from backend.experiments.banks.bank_building import HasEntries, points_of
-from backend.experiments.banks.bank_consistency import BankError
-from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.results.windows import timed
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import KeptLoop, with_motion
 from backend.realtime.program import Law, left_at
 from backend.tuning.gains import PointModel, TuningError, cascade_tuning
 from plant.parameters import PlantParameters

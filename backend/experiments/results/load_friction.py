@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from backend.documents.edge import Document, UnreadableDocumentError
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.actuator_identification import excitation_start
 from backend.experiments.results.metrics import NoSamplesError
 from backend.identification.friction import COLUMNS, LoadFrictionResult, TensionRun, estimate_load_friction
-from backend.recording.columns import Columns, missing_between, recorded_columns
+from backend.models.document import Document, UnreadableDocumentError
+from backend.recording.reader import Columns, missing_between, recorded_columns
 from backend.storage.database import Database
 from backend.storage.runs import EndState, Run, RunKind
 from plant.interface import T_s

@@ -5,7 +5,6 @@ from dataclasses import fields
 from typing import Any
 
 from backend.documents.experiment import Bound, Experiment, Measure
-from backend.documents.run_settings import Value
 from backend.errors import Path
 from backend.experiments.composing.expressions import ExpressionError, require_known
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
@@ -19,6 +18,7 @@ from backend.experiments.results.metrics import Overall
 from backend.experiments.results.pushed import PushFigures
 from backend.experiments.results.response import ResponseFigures
 from backend.experiments.results.robustness import RobustnessFigures
+from backend.models.run import Value
 from backend.tuning.gains import Lambdas
 from plant.parameters import PlantParameters
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.result import Phase
 from backend.experiments.results.rest import BOTH_STEP, NO_NUMBER, REST_S, Missing, in_words, other_moving
 from backend.experiments.results.steps import Step, StepMetrics, step_metrics, steps_of
+from backend.models.run import Phase
 from backend.realtime.program import Program
 
 Columns = Mapping[str, NDArray[np.float64]]

@@ -7,9 +7,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.motor import (
-    MODELS,
-    QUALITIES,
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan
+from backend.experiments.results.metrics import NoSamplesError, figure
+from backend.identification.models import Grade
+from backend.identification.motor import MotorIdentification, VoltageStep, identify_motor, steady_speed, turn_from_rest
+from backend.identification.records import IdentificationError, RecordError
+from backend.models.identification import (
+    MOTOR_MODELS,
+    MOTOR_QUALITIES,
     Fitted,
     MotorModel,
     MotorModels,
@@ -20,11 +25,6 @@ from backend.documents.motor import (
     RuleStep,
     StepCurve,
 )
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan
-from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.models import Grade
-from backend.identification.motor import MotorIdentification, VoltageStep, identify_motor, steady_speed, turn_from_rest
-from backend.identification.records import IdentificationError, RecordError
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s
@@ -146,10 +146,10 @@ def to_store(
         data={"input": "u", "outputs": ["theta_A", "theta_B"], "period_s": T_s},
         method="least squares on position",
         options=asdict(plan),
-        model=MODELS.write(
+        model=MOTOR_MODELS.write(
             MotorModels(A=_model(found["A"][1], parameters, "A"), B=_model(found["B"][1], parameters, "B"))
         ),
-        quality=QUALITIES.write(MotorQualities(A=_quality(*found["A"]), B=_quality(*found["B"]))),
+        quality=MOTOR_QUALITIES.write(MotorQualities(A=_quality(*found["A"]), B=_quality(*found["B"]))),
         usable=all(verdict.grade is not Grade.UNUSABLE for verdict in verdicts.values()),
         verdict=" ".join(f"Motor {side}: {verdict.sentence}" for side, verdict in verdicts.items()),
         who=run.who,

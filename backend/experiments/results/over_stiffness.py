@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from backend.control.decoupler import bounds_for
-from backend.documents.actuator import Channel, ChannelName
-from backend.documents.edge import Document, UnreadableDocumentError
 from backend.experiments.results.load_friction import document_of, load_friction_of_newest
+from backend.models.document import Document, UnreadableDocumentError
+from backend.models.identification import Channel, ChannelName
 from backend.storage import identifications, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification

@@ -7,10 +7,15 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.edge import Document
-from backend.documents.spring import (
-    MODELS,
-    QUALITIES,
+from backend.experiments.plans.identification_plans import SpringIdentificationPlan
+from backend.experiments.results.metrics import NoSamplesError, figure
+from backend.identification.records import DataFileError, FileFault, IdentificationError
+from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
+from backend.identification.tables import DecimalMark
+from backend.models.document import Document
+from backend.models.identification import (
+    SPRING_MODELS,
+    SPRING_QUALITIES,
     SpringFit,
     SpringModel,
     SpringModels,
@@ -18,11 +23,6 @@ from backend.documents.spring import (
     SpringQuality,
     TableReading,
 )
-from backend.experiments.plans.identification_plans import SpringIdentificationPlan
-from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.records import DataFileError, FileFault, IdentificationError
-from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
-from backend.identification.tables import DecimalMark
 from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
@@ -202,8 +202,8 @@ def _record(
         data=data,
         method="least-squares polynomials",
         options=options,
-        model=MODELS.write(SpringModels(models.get("A"), models.get("B"), models.get("table"))),
-        quality=QUALITIES.write(SpringQualities(qualities.get("A"), qualities.get("B"), qualities.get("table"))),
+        model=SPRING_MODELS.write(SpringModels(models.get("A"), models.get("B"), models.get("table"))),
+        quality=SPRING_QUALITIES.write(SpringQualities(qualities.get("A"), qualities.get("B"), qualities.get("table"))),
         usable=all(_is_usable(result) for _, result in found.values()),
         verdict=" ".join(f"{name}: {_verdict(*pair)}" for name, pair in named.items()),
         who=who,

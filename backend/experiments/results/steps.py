@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.result import Phase
 from backend.experiments.results.rest import (
     MOVED_AS_ITS_END_CAME,
     NO_NUMBER,
@@ -18,6 +17,7 @@ from backend.experiments.results.rest import (
     motion_before,
     way_left,
 )
+from backend.models.run import Phase
 from backend.realtime.program import Program, Shape
 
 Array = NDArray[np.float64]

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.actuator import CHANNELS, ChannelModel
-from backend.documents.edge import Document
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.actuator_identification import excitation_start
@@ -23,7 +21,9 @@ from backend.identification.fitting import Method, fit
 from backend.identification.models import Model, structure
 from backend.identification.motor import VoltageStep, identify_motor, step_beside
 from backend.identification.records import IdentificationError, Record
-from backend.recording.columns import Columns, recorded_columns
+from backend.models.document import Document
+from backend.models.identification import CHANNELS, ChannelModel
+from backend.recording.reader import Columns, recorded_columns
 from backend.storage import identifications, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification

@@ -3,8 +3,8 @@
 import json
 from collections.abc import Sequence
 
-from backend.documents.run_settings import DeclaredValue
-from backend.experiments.banks.tuning_choice import DECLARED, NAMES
+from backend.banks.tuning_settings import DECLARED, NAMES
+from backend.models.run import DeclaredValue
 from backend.realtime.program import IDENTIFYING, Law
 from backend.storage.runs import Run, RunKind
 

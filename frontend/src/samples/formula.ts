@@ -1,5 +1,5 @@
 /**
- * Derived signals: the steps of a formula over signals, evaluated as `backend/recording/formula.py` does, whose cases the
+ * Derived signals: the steps of a formula over signals, evaluated as `backend/recording/derived_signals.py` does, whose cases the
  * test shares. What has no finite value is NaN, and what is made of NaN is NaN: a gap stays a gap. Pure.
  */
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from backend.experiments.banks.bank_building import tuning_command
+from backend.banks.builder import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.realtime.commands import Push
 from backend.realtime.gains import tuning_of

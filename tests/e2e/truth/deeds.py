@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from playwright.sync_api import Locator, Page
 
-from backend.documents.run_settings import MOTIONS
+from backend.models.run import MOTIONS
 from tests.e2e.truth.drafts import Typed
 from tests.e2e.truth.moment import Around, State
 from tests.e2e.truth.shown import Shown

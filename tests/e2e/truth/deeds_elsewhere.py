@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from backend.documents.run_settings import MOTIONS
+from backend.models.run import MOTIONS
 from tests.e2e.truth.deeds import Deed, Scene, Value, pressing
 from tests.e2e.truth.drafts import TRACKING
 from tests.e2e.truth.legality import may_retune

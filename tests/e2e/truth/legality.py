@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from backend.experiments.banks.tuning_choice import NAMES
+from backend.banks.tuning_settings import NAMES
 from backend.realtime.contact import PUSHED_IN
 from backend.realtime.program import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F

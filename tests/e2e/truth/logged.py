@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.experiments.banks.tuning_choice import DECLARED, part_in_words
+from backend.banks.tuning_settings import DECLARED, part_in_words
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import Around, State
 

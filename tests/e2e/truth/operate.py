@@ -4,8 +4,8 @@ import math
 import re
 from urllib.parse import urlencode
 
-from backend.documents.run_settings import MOTIONS, TIME_OPTIMAL
-from backend.experiments.banks.tuning_choice import NAMES
+from backend.banks.tuning_settings import NAMES
+from backend.models.run import MOTIONS, TIME_OPTIMAL
 from backend.sample import UNIT_OF
 from tests.e2e.truth.deeds import VOLTAGE_LIMIT
 from tests.e2e.truth.findings import Findings

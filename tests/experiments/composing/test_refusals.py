@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from backend.archive.own_experiments import OwnExperiments
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.composing.refused import ExperimentError
 from backend.storage.database import open_database
 from plant.parameters import load_parameters

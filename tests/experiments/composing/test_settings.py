@@ -9,7 +9,7 @@ from backend.documents.experiment import Declared, Experiment, Hold, Rule, Secti
 from backend.errors import OutOfRangeError
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.composing.settings import parsed, require_rules, settings_of
-from backend.experiments.settings import Setting, SettingError
+from backend.models.settings import Setting, SettingError
 
 DEPTH = Declared(
     name="depth", symbol="a", unit="rad", meaning="amplitude", default="pi / 4", minimum=0, maximum="pi / 2"

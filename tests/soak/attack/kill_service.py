@@ -9,7 +9,8 @@ from rich.console import Console
 
 from backend.faults import FAULT_CODE, Fault
 from backend.sample import INDEX
-from backend.storage import open_database, recordings
+from backend.storage import recordings
+from backend.storage.database import open_database
 from tests.docs.faults_page import documented_ms
 from tests.soak.attack.processes import descendants, is_there, kill
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up

@@ -21,8 +21,7 @@ from pathlib import Path
 from rich.console import Console
 
 from backend.data_folder import only_service_on
-from backend.storage.database import open_database
-from backend.storage.maintenance import check, recover
+from backend.storage.database import check, open_database, recover
 from tests.migrations.old_schema import at_revision
 from tests.soak.attack.isolation import mount_small, unmount
 from tests.soak.attack.tally import Tally

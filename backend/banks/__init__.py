@@ -1,0 +1,1 @@
+"""Controller banks: built from identifications, and the tuning settings that choose among their gains."""

@@ -1,0 +1,406 @@
+"""Builds banks from identifications: consistency, differences, files, gains."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import isfinite
+from typing import Any, Protocol
+
+from backend.banks.tuning_settings import TuningChoice, default_lam_motor
+from backend.control import pid
+from backend.control.decoupler import decoupler_for, stiffness_slope
+from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
+from backend.models.run import ENTRY, PLANT_NUMBERS, EntryModel, PlantNumber
+from backend.plain_text import PlainTextError, as_line, require_line, require_plain_texts
+from backend.realtime.gains import tuning_for
+from backend.realtime.program import SetTuning
+from backend.storage import banks, identifications, runs
+from backend.storage.banks import Bank, BankEntry, entry_name
+from backend.storage.database import Database, Session
+from backend.storage.identifications import Identification
+from backend.tuning.gains import Lambdas, PointModel, TuningError, motor_loops, position_gains, stiffness_gains
+from backend.tuning.preview import Previewer
+from backend.tuning.robustness import OuterProcess, decoupled_model
+from plant.parameters import PlantParameters
+
+# Bank consistency ----------------------------------------------------------------------------------
+#
+# What the entries of a bank must have in common before any loop runs on them. Pure.
+
+
+LEAST_DISTANCE = 0.3
+"""Two entries closer than this in stiffness [N·m/rad] describe the same point: one of them is superfluous."""
+
+MODEL_NAMES = ("K_q", "T_q", "K_S", "T_S")
+
+
+class BankError(ValueError):
+    """The chosen entries make no bank; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class NamedEntry:
+    """An entry with the words that name it in a refusal."""
+
+    name: str
+    entry: BankEntry
+
+    @property
+    def point(self) -> PointModel:
+        """The models of the entry."""
+        return point_of(self.entry)
+
+
+def point_of(entry: BankEntry) -> PointModel:
+    """Return the models of an entry."""
+    known = {name: getattr(entry.known, name) for name in MODEL_NAMES}
+    if missing := [name for name, value in known.items() if value is None]:
+        raise BankError(f"the entry {entry_name(entry.S_nominal, entry.known.tension_N)} has no {', '.join(missing)}")
+    return PointModel(entry.S_nominal, **known)
+
+
+def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]) -> tuple[BankEntry, ...]:
+    """Return the entries in order of stiffness. Raises BankError naming what does not fit and why."""
+    if not chosen:
+        raise BankError("a bank needs at least one identification")
+    for item in chosen:
+        _require_positive(item)
+    ordered = sorted(chosen, key=lambda item: item.entry.S_nominal)
+    for below, above in pairwise(ordered):
+        _require_apart(below, above)
+        _require_tension_rises(below, above)
+    for item in ordered:
+        _require_gain_of_geometry(parameters, item)
+        _require_stable(parameters, item)
+    return tuple(item.entry for item in ordered)
+
+
+def require_same_parameters(parameters: PlantParameters, name: str, recorded: Mapping[str, Any]) -> None:
+    """Raise BankError where a run was made with other numbers than those in use: its model is of another plant."""
+    then = PLANT_NUMBERS.read(recorded, name)
+    for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items():
+        for entry, now in entries.items():
+            was = then.get(section, {}).get(entry, PlantNumber(None)).value
+            if was != now.value:
+                raise BankError(
+                    f"{name} was made with other parameters: {section}.{entry} was {was}, it is {now.value} now; "
+                    "identify again, or use the parameters of that run"
+                )
+
+
+def _require_positive(item: NamedEntry) -> None:
+    values = {"S_nominal": item.entry.S_nominal} | {name: getattr(item.entry.known, name) for name in MODEL_NAMES}
+    for name, value in values.items():
+        if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value) or not value > 0.0:
+            raise BankError(f"{item.name} has {name} = {value}: it must be a number above 0")
+
+
+def _require_apart(below: NamedEntry, above: NamedEntry) -> None:
+    distance = above.entry.S_nominal - below.entry.S_nominal
+    if distance < LEAST_DISTANCE:
+        raise BankError(
+            f"{below.name} and {above.name} are {distance:.2f} N·m/rad apart, less than {LEAST_DISTANCE:g}: "
+            "they describe the same point, choose one of them"
+        )
+
+
+def _require_tension_rises(below: NamedEntry, above: NamedEntry) -> None:
+    low, high = below.entry.known.tension_N, above.entry.known.tension_N
+    if low is not None and high is not None and not low < high:
+        raise BankError(
+            f"{above.name} is stiffer than {below.name} ({above.entry.S_nominal:.2f} and {below.entry.S_nominal:.2f} "
+            f"N·m/rad) at a tension that is not higher ({high:g} and {low:g} N): one of them cannot be right, "
+            "identify both again"
+        )
+
+
+def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> None:
+    g, point = parameters.geometry, item.point
+    expected = {
+        "K_q": (point.K_q, g.r_m / (2.0 * g.r_j)),
+        "K_S": (point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal)),
+    }
+    for name, (value, geometric) in expected.items():
+        error = 100.0 * (value / geometric - 1.0)
+        if abs(error) > MAX_GAIN_ERROR_PERCENT:
+            raise BankError(
+                f"{item.name} has {name} = {value:.4g}, {error:+.0f} % from the {geometric:.4g} of geometry, more than "
+                f"{MAX_GAIN_ERROR_PERCENT:g} %: identify again with more motion"
+            )
+
+
+def _require_stable(parameters: PlantParameters, item: NamedEntry) -> None:
+    try:
+        Previewer(parameters, (item.point,), lam_motor=default_lam_motor(parameters))
+    except TuningError as error:
+        raise BankError(f"{item.name} gives loops that are not robust at any λ: {error}") from None
+
+
+# Bank building -------------------------------------------------------------------------------------
+#
+# From chosen identifications to a controller bank, and from a bank to the gains the loop is given.
+
+
+class HasEntries(Protocol):
+    """A bank as it is stored, or as a report carries it."""
+
+    @property
+    def entries(self) -> tuple[BankEntry, ...]:
+        """Its entries in order of stiffness."""
+
+
+def name_of(identification: Identification) -> str:
+    """Return what an identification is called: by the run it came from, or by what it was made of."""
+    if identification.run_id is None:
+        return f"{identification.kind} identification from elsewhere (estimate {identification.id})"
+    return f"identification {identification.run_id}"
+
+
+def entry_of(identification: Identification) -> BankEntry:
+    """Return the bank entry that an actuator identification gives. Raises BankError."""
+    if identification.kind != "actuator":
+        raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
+    if not identification.usable:
+        raise BankError(f"{name_of(identification)} is not usable for tuning: {identification.verdict}")
+    found = identification.early_model
+    G_q, G_S = (None if channel is None else channel.first_order for channel in (found.G_q, found.G_S))
+    if found.S_nominal is None or G_q is None or G_S is None:
+        raise BankError(f"{name_of(identification)} kept no first-order models: evaluate its run again")
+    tension_N = identification.actuator_options.tension_N
+    model = EntryModel(K_q=G_q.K, T_q=G_q.T, K_S=G_S.K, T_S=G_S.T, tension_N=tension_N)
+    return BankEntry(found.S_nominal, ENTRY.write(model), identification.id)
+
+
+def build_bank(
+    database: Database, parameters: PlantParameters, name: str, run_ids: Sequence[int], who: str, note: str = ""
+) -> Bank:
+    """Store the next version of a bank from the newest estimates of identification runs, ordered by stiffness.
+
+    Raises BankError, UnknownRecordError.
+    """
+    require_name(name)
+    with database.reading() as session:
+        named = [_named_in_bank(session, parameters, run_id) for run_id in run_ids]
+    entries = require_consistent(parameters, named)
+    with database.session() as session:
+        return banks.add(session, name.strip(), entries, who, note)
+
+
+def require_name(name: str) -> None:
+    """Raise BankError unless a bank can be called so."""
+    if not name.strip():
+        raise BankError("a bank needs a name")
+    try:
+        require_line(name)
+    except PlainTextError as error:
+        raise BankError(f"name of a bank: {error}") from None
+
+
+def points_of(bank: HasEntries | None) -> tuple[PointModel, ...]:
+    """Return the models of a bank's entries; none without a bank."""
+    return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
+
+
+def tuning_command(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None) -> SetTuning:
+    """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
+    return tuning_for(
+        parameters, choice.lambdas, points_of(bank), None, choice.interpolate, choice.budget, choice.k_ext
+    )
+
+
+def _named_in_bank(session: Session, parameters: PlantParameters, run_id: int) -> NamedEntry:
+    found = identifications.of_run(session, run_id)
+    entry, name = entry_of(found), name_of(found)
+    require_same_parameters(parameters, name, runs.get(session, run_id).parameters)
+    return NamedEntry(name, entry)
+
+
+# Bank difference -----------------------------------------------------------------------------------
+#
+# What would change if one bank were used in place of another: models, gains, and M_s of the loops.
+# Pure.
+
+
+SAME_POINT = 1.0
+"""Entries of two banks this close in stiffness [N·m/rad] are two identifications of the same point."""
+
+
+@dataclass(frozen=True)
+class LoopFigures:
+    """One outer loop at one point: model K, T [s], gains at the λ in force, and M_s on the high-order model.
+
+    ``M_s`` is None where the loop would be unstable.
+    """
+
+    K: float
+    T: float
+    k_p: float
+    k_i: float
+    M_s: float | None
+
+
+@dataclass(frozen=True)
+class EntryFigures:
+    """Both loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
+
+    S_nominal: float
+    tension_N: float | None
+    estimate: int | None
+    position: LoopFigures
+    stiffness: LoopFigures
+
+
+@dataclass(frozen=True)
+class EntryDifference:
+    """An entry before and after; one of them is None where it is new or gone."""
+
+    before: EntryFigures | None
+    after: EntryFigures | None
+
+
+def figures_of(parameters: PlantParameters, lambdas: Lambdas, entry: BankEntry) -> EntryFigures:
+    """Return models, gains and M_s of one entry. Raises TuningError for λ without gains."""
+    point = point_of(entry)
+    model = decoupled_model(parameters, motor_loops(parameters, lambdas.lam_motor), point.S_nominal)
+    q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
+    return EntryFigures(
+        S_nominal=point.S_nominal,
+        tension_N=entry.known.tension_N,
+        estimate=entry.identification_id,
+        position=_loop(point.K_q, point.T_q, q, OuterProcess(model[0, 0])),
+        stiffness=_loop(point.K_S, point.T_S, S, OuterProcess(model[1, 1])),
+    )
+
+
+def figures_of_all(
+    parameters: PlantParameters, lambdas: Lambdas, entries: Sequence[BankEntry]
+) -> tuple[EntryFigures, ...]:
+    """Return models, gains and M_s of every entry. Raises TuningError for λ without gains."""
+    return tuple(figures_of(parameters, lambdas, entry) for entry in entries)
+
+
+def difference(
+    parameters: PlantParameters, lambdas: Lambdas, before: Sequence[BankEntry], after: Sequence[BankEntry]
+) -> tuple[EntryDifference, ...]:
+    """Return what changes from one set of entries to another, in order of stiffness."""
+    left = [figures_of(parameters, lambdas, entry) for entry in after]
+    pairs: list[EntryDifference] = []
+    for entry in before:
+        old = figures_of(parameters, lambdas, entry)
+        near = [new for new in left if abs(new.S_nominal - old.S_nominal) < SAME_POINT]
+        match = min(near, key=lambda new: abs(new.S_nominal - old.S_nominal), default=None)
+        if match is not None:
+            left.remove(match)
+        pairs.append(EntryDifference(old, match))
+    pairs += [EntryDifference(None, new) for new in left]
+    return tuple(sorted(pairs, key=_stiffness))
+
+
+def with_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[BankEntry, ...]:
+    """Return the entries of a bank after identifying some of its points again: nearest entries are replaced."""
+    kept = [entry for entry in bank if all(abs(entry.S_nominal - item.S_nominal) >= SAME_POINT for item in new)]
+    return tuple(sorted([*kept, *new], key=lambda entry: entry.S_nominal))
+
+
+def _loop(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> LoopFigures:
+    M_s = process.sensitivity_peak(gains)
+    return LoopFigures(K, T, gains.k_p, gains.k_i, M_s if isfinite(M_s) else None)
+
+
+def _stiffness(pair: EntryDifference) -> float:
+    present = pair.before or pair.after
+    return present.S_nominal if present else 0.0
+
+
+# Bank files ----------------------------------------------------------------------------------------
+#
+# A bank as a file, to take it to another data folder: JSON that says what it is, checked when it
+# comes in.
+
+
+FORMAT = "sinew-bank"
+VERSION = 1
+MAX_ENTRIES = 20
+MAX_BYTES = 100_000
+
+_ENTRY_NAMES = ("S_nominal", *MODEL_NAMES, "tension_N")
+_UNITS = {
+    "S_nominal": "N·m/rad",
+    "K_q": "rad/rad",
+    "T_q": "s",
+    "K_S": "N·m/rad per rad",
+    "T_S": "s",
+    "tension_N": "N",
+}
+
+
+def to_document(bank: Bank) -> dict[str, Any]:
+    """Return a bank as the file says it; lineage stays behind, it is of the data folder the bank came from."""
+    made = f"{bank.created_at:%FT%TZ}"
+    entries = [{"S_nominal": entry.S_nominal, **_known(entry.model)} for entry in bank.entries]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": as_line(bank.name),
+        "exported_from": {"bank": bank.id, "version": bank.version, "who": as_line(bank.who), "made": made},
+        "units": _UNITS,
+        "entries": entries,
+    }
+
+
+def read_file(text: str) -> dict[str, Any]:
+    """Return the document of a file's text. Raises BankError."""
+    if len(text.encode()) > MAX_BYTES:
+        raise BankError(f"the file is larger than {MAX_BYTES} bytes: that is no bank")
+    try:
+        document = json.loads(text)
+        require_plain_texts(document)
+    except PlainTextError as error:
+        raise BankError(f"the file: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise BankError(f"the file is not JSON: {error}") from None
+    if not isinstance(document, dict):
+        raise BankError("the file is not a bank: it holds no JSON object")
+    return document
+
+
+def import_bank(
+    database: Database, parameters: PlantParameters, document: dict[str, Any], who: str, name: str = ""
+) -> Bank:
+    """Store an exported bank as the next version of its name, or of ``name``. Raises BankError."""
+    if document.get("format") != FORMAT or document.get("version") != VERSION:
+        raise BankError(f"the file is not a bank: it needs format = {FORMAT!r} and version = {VERSION}")
+    called, listed = name or document.get("name"), document.get("entries")
+    if not isinstance(called, str) or len(called) > 60:
+        raise BankError("the bank in the file needs a name of at most 60 characters")
+    require_name(called)
+    if not isinstance(listed, list) or not 0 < len(listed) <= MAX_ENTRIES:
+        raise BankError(f"the bank in the file needs 1 to {MAX_ENTRIES} entries")
+    entries = require_consistent(
+        parameters, [_named_in_file(position, item) for position, item in enumerate(listed, start=1)]
+    )
+    origin = document.get("exported_from")
+    note = f"imported; exported from {json.dumps(origin, ensure_ascii=False)[:200]}" if origin else "imported"
+    with database.session() as session:
+        return banks.add(session, called.strip(), entries, who, note)
+
+
+def _named_in_file(position: int, item: Any) -> NamedEntry:
+    name = f"entry {position}"
+    tension_N = item.get("tension_N") if isinstance(item, dict) else None
+    if isinstance(tension_N, int | float) and not isinstance(tension_N, bool):
+        name = f"the {tension_N:g} N entry"
+    if not isinstance(item, dict) or not set(item) <= set(_ENTRY_NAMES):
+        raise BankError(f"{name} may have {', '.join(_ENTRY_NAMES)} and nothing else")
+    for key, value in item.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise BankError(f"{name} has {key} = {value!r}: it must be a number")
+    S_nominal = item.get("S_nominal")
+    if S_nominal is None:
+        raise BankError(f"{name} has no S_nominal")
+    return NamedEntry(name, BankEntry(float(S_nominal), _known(item)))
+
+
+def _known(model: dict[str, Any]) -> dict[str, Any]:
+    return {key: model[key] for key in (*MODEL_NAMES, "tension_N") if model.get(key) is not None}

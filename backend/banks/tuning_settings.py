@@ -1,0 +1,350 @@
+"""Tuning settings: λ, b, bank and scheduling; defaults and what is kept of them."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import ceil, floor
+from typing import Any, Self
+
+from backend.models.document import Edge
+from backend.models.run import LAMBDA, MOTIONS, PLANT_NUMBERS, TIME_OPTIMAL, KeptLoop, Value, with_motion
+from backend.models.settings import boolean, choice, describe, from_values, integer, number
+from backend.storage import settings
+from backend.storage.database import Database, Session
+from backend.storage.settings import StoredSetting
+from backend.tuning.gains import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas, PointModel, motor_model
+from backend.tuning.preview import Previewer, usual_budget
+from backend.tuning.robustness import LAM_MOTOR_MAX, LAM_MOTOR_MIN, common_range
+from plant.parameters import SIDES, PlantParameters
+
+# Kept tuning ---------------------------------------------------------------------------------------
+#
+# A tuning that outlives the service: the one in force with the plant it was for, the one saved for
+# a bank. Pure.
+
+
+VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptTuning(KeptLoop):
+    """The tuning in force; ``parameters`` tells the plant's numbers from others."""
+
+    parameters: str
+    version: int = VERSION
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedParts(KeptLoop):
+    """What a bank is meant to run with."""
+
+    version: int = VERSION
+
+
+def _bank_by_number(document: Any) -> Any:
+    """Early ones said null for gains from geometry."""
+    if isinstance(document, Mapping) and "bank" in document and document["bank"] is None:
+        return {**document, "bank": 0}
+    return document
+
+
+def saved_for(bank: int | None) -> str:
+    """Return the name of the setting that a bank's saved tuning is kept under; None is gains from geometry."""
+    return f"tuning/{'geometry' if bank is None else bank}"
+
+
+KEPT: Edge[KeptTuning] = Edge(KeptTuning, "the tuning in force", VERSION, _bank_by_number)
+SAVED: Edge[SavedParts] = Edge(SavedParts, "the tuning that was saved", VERSION)
+
+
+# Tuning choice -------------------------------------------------------------------------------------
+#
+# What decides the gains of the loop, said once: λ, b, bank and how to go between its entries.
+#
+# Whoever keeps, sends, shows or compares a tuning derives it from ``TuningChoice``: the settings of
+# an experiment, what a run has stored, the tuning in force and its trial, what is saved for a bank,
+# the bodies of the interface. A part that is added here is added to all of them, and
+# ``tests/experiments/test_tuning_choice.py`` finds the one that forgot it.
+
+
+_LAM_LEAST = 0.01
+
+
+@dataclass(frozen=True)
+class TuningChoice:
+    """A tuning as a person chooses it. The bounds of λ here are coarse; the safe range follows from the models in use.
+
+    ``bank`` 0 stands for gains from geometry.
+    """
+
+    lam_q: float = number(LAM_Q, _LAM_LEAST, LAM_MAX, "s", "λ_q", "tuning parameter of the position loop")
+    lam_S: float = number(LAM_S, _LAM_LEAST, LAM_MAX, "s", "λ_S", "tuning parameter of the stiffness loop")
+    lam_motor: float = number(
+        LAM_MOTOR, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s", "λ_motor", "tuning parameter of the motor loops"
+    )
+    b: float = number(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
+    bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
+    interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
+    motion: str = choice(
+        LAMBDA,
+        MOTIONS,
+        "motion",
+        "how references are followed: lambda, by the paper's law, so that λ sets the speed; time-optimal, by a "
+        "trajectory with feed-forward within U_plan, so that λ sets robustness and the reaction to disturbances only",
+    )
+    u_plan: float = number(
+        8.5, 0.02, 9.0, "V", "U_plan", "voltage limit of time-optimal motion: 20 % to 90 % of the motors' limit"
+    )
+    k_ext: float = number(
+        0.0, 0.0, 1.0, "1", "k_ext", "share of the estimated outside force that is fed forward against it, 0 for none"
+    )
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Return the choice that a stored document or another choice's values hold; what else it holds is left out.
+
+        What it lacks is at its default, as it was when nothing said otherwise: documents from before b was kept, and
+        an empty ``bank``. A voltage limit without a motion means what ``with_motion`` says.
+        Raises SettingError, OutOfRangeError.
+        """
+        known = {setting.name for setting in describe(cls)}
+        given = {name: value for name, value in values.items() if name in known and value is not None}
+        return from_values(cls, with_motion(given))
+
+    def with_parts(self, parts: Mapping[str, Any]) -> "TuningChoice":
+        """Return the tuning with other values of some of its parts."""
+        return TuningChoice(**{**self.document(), **with_motion(parts)})
+
+    @property
+    def budget(self) -> float:
+        """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
+        return self.u_plan if self.motion == TIME_OPTIMAL else 0.0
+
+    @property
+    def lambdas(self) -> Lambdas:
+        """The tuning parameters and b alone."""
+        return Lambdas(self.lam_q, self.lam_S, self.lam_motor, self.b)
+
+    def document(self) -> dict[str, Any]:
+        """Return the tuning as it is stored."""
+        return {name: value for name, value in asdict(self).items() if name in NAMES}
+
+    def in_words(self) -> str:
+        """Return all but the bank in one line: "λ_q 0.5 s, … b 0, switching between entries"."""
+        return ", ".join(text for name, text in self.parts_in_words().items() if name != "bank")
+
+    def parts_in_words(self) -> dict[str, str]:
+        """Return each part by name as a person reads it: "λ_q 0.5 s", "gains from geometry"; no k_ext of 0."""
+        words = {
+            setting.name: f"{setting.symbol} {part_in_words(setting.name, getattr(self, setting.name))}"
+            + ("" if setting.unit == "1" else f" {setting.unit}")
+            for setting in DECLARED
+        }
+        words["motion"] = f"{self.motion} motion"
+        if self.motion == LAMBDA:
+            del words["u_plan"]  # without an effect
+        if self.k_ext == 0.0:
+            del words["k_ext"]  # pushes are left to the position loop, as nothing else is said
+        words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
+        words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
+        return words
+
+    def differences(self, before: "TuningChoice") -> list[str]:
+        """Say part by part what differs from ``before``: "λ_q 0.5 → 0.6 s"."""
+        return [
+            f"{setting.symbol} {part_in_words(setting.name, old)} → {part_in_words(setting.name, new)}"
+            + ("" if setting.unit == "1" else f" {setting.unit}")
+            for setting in DECLARED
+            if (old := getattr(before, setting.name)) != (new := getattr(self, setting.name))
+        ]
+
+
+DECLARED = describe(TuningChoice)
+NAMES = tuple(setting.name for setting in DECLARED)
+
+
+def changes_told(text: str) -> dict[str, Value] | None:
+    """Return the new values in a text of ``TuningChoice.differences``, joined by commas and with words before a colon.
+
+    None for any other text.
+    """
+    found: dict[str, Value] = {}
+    for told in text.rpartition(": ")[2].split(", "):
+        left, arrow, right = told.partition(" → ")
+        setting = next((one for one in DECLARED if left.startswith(f"{one.symbol} ")), None)
+        if not arrow or setting is None:
+            return None
+        word = right.removesuffix(f" {setting.unit}")
+        try:
+            found[setting.name] = _part_told(setting.kind, word)
+        except ValueError:
+            return None
+    return found
+
+
+def _part_told(kind: str, word: str) -> Value:
+    match kind:
+        case "boolean":
+            return word == "yes"
+        case "choice":
+            return word
+        case "integer":
+            return 0 if word == "geometry" else int(word)
+        case _:
+            return float(word)
+
+
+def part_in_words(name: str, value: Value) -> str:
+    """Return one part of a tuning as a person reads it, without its unit."""
+    if name == "bank":
+        return "geometry" if value == 0 else str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    return f"{value:.12g}"
+
+
+# Default choice ------------------------------------------------------------------------------------
+#
+# The tuning where nobody has chosen one: the method's defaults, each λ moved into what the plant's
+# numbers leave.
+#
+# The motion is ``lambda``, the paper's law; the voltage limit of ``time-optimal`` is the usual
+# share of the plant's.
+
+
+_STEP, _STEP_OF_MOTOR = 1e-3, 1e-4
+"""A λ that is moved ends on a multiple of this [s]: all of it is shown where the tuning is."""
+
+
+@dataclass(frozen=True)
+class DefaultChoice:
+    """What is in force by default, and ``moved``: a sentence on each λ that the method has otherwise, empty mostly.
+
+    ``previewer`` is for these models and this λ_motor.
+    """
+
+    choice: TuningChoice
+    moved: str
+    previewer: Previewer
+
+
+def default_choice(
+    parameters: PlantParameters, points: Sequence[PointModel] = (), known: Previewer | None = None
+) -> DefaultChoice:
+    """Return the defaults on the models ``points``, of geometry where there are none.
+
+    ``known`` is for the same models and saves work where λ_motor and b are the same too. The choice names no bank,
+    whoever has models of one does. Raises TuningError where no λ would do.
+    """
+    method = TuningChoice()
+    lam_motor = default_lam_motor(parameters)
+    if known is None or not known.is_for(lam_motor, method.b):
+        known = Previewer(parameters, points, lam_motor=lam_motor, b=method.b)
+    lam_q_min, lam_S_min = known.safe_range()
+    choice = replace(
+        method,
+        lam_q=_into(method.lam_q, lam_q_min, LAM_MAX, _STEP),
+        lam_S=_into(method.lam_S, lam_S_min, LAM_MAX, _STEP),
+        lam_motor=lam_motor,
+        u_plan=usual_budget(parameters),
+    )
+    moved = replace(choice, u_plan=method.u_plan).differences(method)  # a limit has no effect in ``lambda``
+    said = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
+    return DefaultChoice(choice, said if moved else "", known)
+
+
+def default_lam_motor(parameters: PlantParameters) -> float:
+    """Return λ_motor [s] where nobody has chosen one. Raises TuningError where none would do."""
+    offered = common_range([motor_model(parameters, side) for side in SIDES])
+    return _into(TuningChoice().lam_motor, *offered, _STEP_OF_MOTOR)
+
+
+def _into(lam: float, low: float, high: float, step: float) -> float:
+    """Return ``lam`` [s], or the nearest multiple of the step within low to high; a bound where there is none."""
+    if low <= lam <= high:
+        return lam
+    steps = ceil(low / step) if lam < low else floor(high / step)
+    return min(max(round(steps * step, 4), low), high)
+
+
+# Kept choice ---------------------------------------------------------------------------------------
+#
+# The tuning in force as the data folder keeps it: for the next start of the service, and for the
+# command line.
+
+
+TUNING_NAME = "tuning in force"
+_LATER = ("motion", "u_plan", "k_ext")
+
+
+@dataclass(frozen=True)
+class KeptChoice:
+    """What was in force, who left it so, and whether that was with the same numbers of the plant.
+
+    ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults. One
+    without ``motion``, ``u_plan`` or ``k_ext`` lacks nothing: there was the paper's law only, and pushes were the
+    position loop's.
+    """
+
+    choice: TuningChoice
+    who: str
+    same_plant: bool
+    lacks: tuple[str, ...] = ()
+
+
+def store_tuning(database: Database, choice: TuningChoice, parameters: PlantParameters, who: str) -> None:
+    """Keep a choice that has come into force."""
+    with database.session() as session:
+        document = KEPT.write(KeptTuning(**choice.document(), parameters=tuning_digest(parameters)))
+        settings.put(session, TUNING_NAME, document, who)
+
+
+def newest_tuning(database: Database, parameters: PlantParameters) -> KeptChoice | None:
+    """Return what was in force last, None on a new data folder.
+
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
+    """
+    with database.reading() as session:
+        kept = settings.newest(session, TUNING_NAME)
+    if kept is None:
+        return None
+    tuning = _read(kept)
+    lacks = tuple(name for name in TuningChoice().document() if name not in _LATER and getattr(tuning, name) is None)
+    return KeptChoice(TuningChoice.of(tuning.known()), kept.who, tuning.parameters == tuning_digest(parameters), lacks)
+
+
+def earlier_tuning(session: Session, choice: TuningChoice, parameters: PlantParameters) -> TuningChoice | None:
+    """Return the newest kept choice for this plant other than ``choice``; None where there is none.
+
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
+    """
+    mine = tuning_digest(parameters)
+    read = (_read(one) for one in settings.history(session, TUNING_NAME))
+    kept = (TuningChoice.of(one.known()) for one in read if one.parameters == mine)
+    return next((one for one in kept if one != choice), None)
+
+
+def left_with(session: Session, parameters: PlantParameters) -> TuningChoice | None:
+    """Return what was in force last with these numbers of the plant; None where nothing was.
+
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
+    """
+    mine = tuning_digest(parameters)
+    read = (_read(one) for one in settings.history(session, TUNING_NAME))
+    return next((TuningChoice.of(one.known()) for one in read if one.parameters == mine), None)
+
+
+def _read(kept: StoredSetting) -> KeptTuning:
+    return KEPT.read(kept.value, f"the data folder, left by {kept.who}")
+
+
+def tuning_digest(parameters: PlantParameters) -> str:
+    """Tell one set of numbers from another, whatever it is called and wherever the numbers come from."""
+    values = {
+        section: {name: number.value for name, number in entries.items()}
+        for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items()
+    }
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()

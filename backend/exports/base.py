@@ -1,0 +1,359 @@
+"""What all exports share: their facts, their source of samples, the file they write to, and refusals."""
+
+import io
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from backend import __version__
+from backend.models.document import digest_of
+from backend.plain_text import require_plain_texts
+from backend.recording.codec import CodecError, SamplesDigest
+from backend.recording.reader import Columns, read_samples, recorded_columns
+from backend.sample import FIELDS, STORED_NAMES
+from backend.storage import formulas, recordings, runs
+from backend.storage.database import Database
+from backend.storage.formulas import Formula
+from backend.storage.imports import RUN, document_of
+from backend.storage.orm import UnknownRecordError
+from plant.interface import T_s
+
+# Errors --------------------------------------------------------------------------------------------
+#
+# What is refused of exports and imports.
+
+
+class ExportError(ValueError):
+    """It cannot be exported; the message says why, and what to do instead."""
+
+
+class ImportRefusedError(ValueError):
+    """A file is not taken in, and nothing of it; the message says which part of it is wrong."""
+
+
+# Sink ----------------------------------------------------------------------------------------------
+#
+# A file that is handed on in pieces while it is written.
+
+
+class Sink(io.BufferedIOBase):
+    """What a library writes into; ``taken`` returns what has come since it was last asked."""
+
+    def __init__(self) -> None:
+        self._pieces: list[bytes] = []
+        self._written = 0
+
+    def writable(self) -> bool:
+        """Say that it is."""
+        return True
+
+    def write(self, data: Any, /) -> int:
+        """Keep a piece."""
+        piece = bytes(data)
+        self._pieces.append(piece)
+        self._written += len(piece)
+        return len(piece)
+
+    def tell(self) -> int:
+        """Return how much was written in all [bytes]."""
+        return self._written
+
+    def taken(self) -> bytes:
+        """Return what came since, and keep it no longer."""
+        pieces, self._pieces = self._pieces, []
+        return b"".join(pieces)
+
+
+# Strict json ---------------------------------------------------------------------------------------
+#
+# JSON of a file that may be anybody's: only what every database and every digest can hold.
+
+
+_MOST_DIGITS = 18
+
+
+def read_strict(text: str | bytes) -> Any:
+    """Return a document without nan, infinity, numbers out of all bounds and texts that are not plain.
+
+    Raises ValueError.
+    """
+    document = read_finite(text)
+    require_texts(document)
+    return document
+
+
+def read_finite(text: str | bytes) -> Any:
+    """Return a document without nan, infinity and numbers out of all bounds. Raises ValueError."""
+    try:
+        return json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _refuse(word: str) -> NoReturn:
+    raise ValueError(f"{word} is no number")
+
+
+def _finite(word: str) -> float:
+    number = float(word)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {word[:40]} is beyond 1.8e308")
+    return number
+
+
+def _whole(word: str) -> int:
+    if len(word.lstrip("-")) > _MOST_DIGITS:
+        raise ValueError(f"the whole number {word[:20]}... has {len(word)} digits: {_MOST_DIGITS} at most are stored")
+    return int(word)
+
+
+def require_texts(document: Any) -> None:
+    """Raise ValueError for texts that are not taken, also in JSON that stands in a text, as an experiment in a plan."""
+    try:
+        require_plain_texts(document)
+        for inner in _inner_documents(document):
+            require_texts(inner)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _inner_documents(document: Any) -> Iterator[Any]:
+    parts = [document]
+    while parts:
+        part = parts.pop()
+        if isinstance(part, dict):
+            parts.extend(part.values())
+        elif isinstance(part, list):
+            parts.extend(part)
+        elif isinstance(part, str) and part.startswith(("{", "[")) and "\\" in part:
+            try:
+                yield json.loads(part)
+            except (ValueError, RecursionError):  # a text like any other
+                continue
+
+
+# Facts ---------------------------------------------------------------------------------------------
+#
+# What every export says of itself: what its samples are, in which units, of which run, and their
+# digest. Pure.
+
+
+FORMAT = 1
+SEAL = "facts_sha256"
+NOTATION = (
+    "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after governor or plan, "
+    "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. Equations: docs/notation.md."
+)
+
+Batch = dict[str, NDArray[Any]]
+"""Consecutive samples by column name, shape (n,) each: ``t`` [s] as float64, signals in SI as float32."""
+
+_FIRST = ("t", "q", "q_ref", "S", "S_ref", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B")
+ORDER: tuple[str, ...] = (*_FIRST, *(name for name in STORED_NAMES if name not in _FIRST))
+"""Columns in the order of every export; ``t`` [s] counts from the first sample."""
+
+_FIELD = {field.name: field for field in FIELDS}
+
+
+@dataclass(frozen=True)
+class Described:
+    """One column: its name, the symbol that a person reads, its unit (SI, "1" for counts and codes) and meaning."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """``fields`` are the columns in the order of the recording, which ``sha256`` is of; ``columns`` as written.
+
+    ``of`` is what the samples are, "run 12"; ``started_at`` the moment of t = 0 in ISO 8601, where it is known.
+    ``derived`` names columns that were computed for the file and are no part of the recording.
+    ``run`` is the run as stored, None of samples that are no run's; ``samples`` counts them, ``missed`` those lacking.
+    """
+
+    of: str
+    fields: list[str]
+    period_s: float
+    samples: int
+    sha256: str
+    columns: list[Described]
+    derived: list[str] = field(default_factory=list)
+    started_at: str | None = None
+    run: dict[str, Any] | None = None
+    missed: int = 0
+    problem: str = ""
+    notation: str = NOTATION
+    software: str = __version__
+    format: int = field(default=FORMAT)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns as written, ``t`` first."""
+        return [column.name for column in self.columns]
+
+    def to_json(self) -> str:
+        """Return them in one line, with their own digest at the end."""
+        document = asdict(self)
+        if not self.derived:
+            del document["derived"]
+        sealed = document | {SEAL: digest_of(document)}
+        return json.dumps(sealed, ensure_ascii=False, separators=(",", ":"))
+
+
+_FACTS: TypeAdapter[Facts] = TypeAdapter(Facts)
+
+
+def read_facts(text: str | bytes) -> Facts:
+    """Read what ``to_json`` wrote, of an older run too, whatever its texts are. Raises ImportRefusedError."""
+    try:
+        document = read_finite(text)
+        if not isinstance(document, Mapping) or document.get("format") != FORMAT:
+            raise ImportRefusedError(f"what it says of itself is not of format {FORMAT}: take the Sinew that wrote it")
+        said = {name: part for name, part in document.items() if name != SEAL}
+        if document.get(SEAL) != digest_of(said):
+            raise ImportRefusedError("what it says of itself was changed: its sha256 is another one")
+        facts = _FACTS.validate_python(said)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ImportRefusedError(f"what it says of itself: {first['loc'][0]}: {first['msg']}") from None
+    except ValueError as error:
+        if isinstance(error, ImportRefusedError):
+            raise
+        raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
+    if facts.period_s <= 0.0 or facts.samples < 1 or set(facts.names) != {"t", *facts.fields, *facts.derived}:
+        raise ImportRefusedError("what it says of itself: period, samples or columns do not fit together")
+    return facts
+
+
+def described(names: Iterable[str]) -> list[Described]:
+    """Return the columns of ``t`` and these signals in the order of every export; those of an older Sinew last."""
+    known = set(names) | {"t"}
+    ordered = [name for name in ORDER if name in known] + sorted(known - set(ORDER))
+    return [
+        Described(name, _FIELD[name].symbol, _FIELD[name].unit, _FIELD[name].meaning)
+        if name in _FIELD
+        else Described(name, name, "1", "of an earlier version")
+        for name in ordered
+    ]
+
+
+def table_of(batch: Batch, fields: list[str]) -> NDArray[np.float32]:
+    """Return the samples of a batch as they are stored: [rows, fields]."""
+    return np.column_stack([batch[name] for name in fields]).astype(np.float32, copy=False)
+
+
+# Source --------------------------------------------------------------------------------------------
+#
+# What is exported: samples as they come, a minute at a time, and the facts about them, looked
+# through beforehand.
+
+
+SLAB_S = 50.0
+"""Samples that are read at once [s]: 6 MB. Each in a snapshot of its own, as somebody may take hours to download."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """Facts, and the samples as often as they are asked for."""
+
+    facts: Facts
+    batches: Callable[[], Iterator[Batch]]
+
+
+def of_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Export:
+    """Return the export of a run, after reading all of it once: what cannot be read is refused beforehand.
+
+    ``derived`` are signals of formulas that stand behind its columns. Raises UnknownRecordError, ExportError.
+    """
+    with database.reading() as session:
+        run, document = runs.get(session, run_id), document_of(session, RUN, run_id)
+        recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+        written = {one.name: one for one in formulas.find(session) if one.name in derived}
+    length_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    lacking = [name for name in derived if name not in written]
+    if lacking:
+        raise ExportError(f"there is no formula {', '.join(lacking)}")
+    names = [*recording.fields, *derived] if derived else []
+    digest, samples = SamplesDigest(recording.fields, recording.period_s), 0
+
+    def batches() -> Iterator[Batch]:
+        for number in range(int(np.ceil(length_s / SLAB_S))):
+            yield from _slab(database, run_id, names, number * SLAB_S, min((number + 1) * SLAB_S, length_s))
+
+    for batch in batches():
+        samples += batch["t"].size
+        for tick, part in unbroken(batch, recording.period_s):
+            digest.add(tick, table_of(part, recording.fields))
+    facts = Facts(
+        of=f"run {run_id}",
+        fields=recording.fields,
+        period_s=recording.period_s,
+        samples=samples,
+        sha256=digest.hex(),
+        columns=[*described(recording.fields), *(_described(written[name]) for name in derived)],
+        derived=list(derived),
+        started_at=run.started_at.isoformat(),
+        run=document,
+        missed=recording.missed,
+        problem=recording.problem,
+    )
+    return Export(facts, batches)
+
+
+def stored_or_none(database: Database, run_id: int) -> Export:
+    """Return the export of a run, one without samples where none were recorded. Raises ExportError."""
+    try:
+        return of_run(database, run_id)
+    except UnknownRecordError:
+        return of_columns(recorded_columns(database, run_id)[0], f"run {run_id}")
+
+
+def of_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
+    """Return the export of samples in memory, of a flight record for example; ``of`` says what they are."""
+    batch: Batch = {name: column if name == "t" else column.astype(np.float32) for name, column in columns.items()}
+    fields = [name for name in batch if name != "t"]
+    digest = SamplesDigest(fields, period_s)
+    digest.add(0, table_of(batch, fields))
+    facts = Facts(
+        of=of,
+        fields=fields,
+        period_s=period_s,
+        samples=batch["t"].size,
+        sha256=digest.hex(),
+        columns=described(fields),
+    )
+    return Export(facts, lambda: iter((batch,)))
+
+
+def unbroken(batch: Batch, period_s: float) -> Iterator[tuple[int, Batch]]:
+    """Cut a batch where samples are missing: yield each part with the tick of its first, counted from t = 0."""
+    ticks = np.rint(batch["t"] / period_s).astype(np.int64)
+    cuts = [0, *(np.flatnonzero(np.diff(ticks) != 1) + 1).tolist(), ticks.size]
+    for begin, end in pairwise(cuts):
+        if end > begin:
+            yield int(ticks[begin]), {name: column[begin:end] for name, column in batch.items()}
+
+
+def _described(formula: Formula) -> Described:
+    meaning = f"{formula.meaning}, " if formula.meaning else ""
+    return Described(formula.name, formula.name, formula.unit, f"{meaning}computed: {formula.expression}")
+
+
+def _slab(database: Database, run_id: int, names: Sequence[str], from_s: float, to_s: float) -> Iterator[Batch]:
+    try:
+        with database.reading() as session:
+            samples = read_samples(session, run_id, names, from_s, to_s)
+    except (CodecError, UnknownRecordError) as error:
+        raise ExportError(f"run {run_id} cannot be exported: {error}") from error
+    if samples.t.size:  # a gap may be longer
+        yield {"t": samples.t, **samples.columns}

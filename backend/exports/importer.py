@@ -1,0 +1,303 @@
+"""Imports bundles and exported runs: checked whole first, then stored in one transaction."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from backend.exports.base import Batch, Facts, ImportRefusedError, require_texts, table_of, unbroken
+from backend.exports.bundle import Bundle, opened, recording_of, report_of
+from backend.exports.formats import file_digest, read
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import on_the_way, with_banks, without_bank
+from backend.recording.codec import SamplesDigest, digest_of_recording, pack, summarise
+from backend.recording.recorder import CHUNK_TICKS
+from backend.storage import identifications, origins, recordings, results, runs
+from backend.storage.database import IMPORTING, Database, Session
+from backend.storage.identifications import UnfitDocumentError, require_carried
+from backend.storage.imports import (
+    BANK,
+    ENTRIES,
+    IDENTIFICATION,
+    REFERENCES,
+    RESULT,
+    RUN,
+    connect,
+    find_same,
+    import_alone,
+    put,
+    required,
+)
+from backend.storage.origins import Origin
+from backend.storage.orm import Document
+from backend.storage.recordings import Chunk
+from backend.storage.runs import Run
+
+# Taking in -----------------------------------------------------------------------------------------
+#
+# Own exports taken in as runs: looked through whole first, then stored in one transaction or not at
+# all.
+
+
+LookOver = Callable[[Run], None]
+"""Raises ImportRefusedError for a run that is not accepted, before its samples are stored."""
+
+
+def accept(_run: Run) -> None:
+    """Accept each run: that of a file of one's own, as a test has."""
+
+
+@dataclass(frozen=True)
+class TakenIn:
+    """The number that a run has here; ``was`` is its number where it was made; ``new`` unless it was here before."""
+
+    run: int
+    was: int
+    new: bool
+
+
+def import_export(database: Database, file: Path, who: str, name: str = "", look_over: LookOver = accept) -> TakenIn:
+    """Store an exported run: with its samples, parameters and settings, but without its banks.
+
+    These are not in the file: its origin keeps by which numbers it named them. ``name`` is what the file is called
+    where its own name is another. ``backend.archive.imports`` looks over what the run was set to.
+
+    Raises ImportRefusedError, OSError.
+    """
+    facts = checked(file)
+    document, was = run_of(facts), number_of(facts)
+    named = on_the_way(document["settings"]).numbers | ({document["bank_id"]} - {None})
+    carried = {origins.BANKS: sorted(named)} if named else {}
+    with database.session() as session:
+        import_alone(session)
+        if (here := same_run(session, document, facts)) is not None:
+            return TakenIn(here, was, new=False)
+        alone = {**document, "bank_id": None, "settings": without_bank(document["settings"])}
+        run_id = store_run(session, alone if named else document, file, look_over)
+        origins.add(session, Origin(RUN, run_id, was, name or file.name, file_digest(file), who, carried))
+    return TakenIn(run_id, was, new=True)
+
+
+def checked(file: Path) -> Facts:
+    """Read all of an export and return its facts. Raises ImportRefusedError where its samples are others than told."""
+    facts, batches = read(file)
+    try:
+        require_texts(asdict(facts))
+    except ValueError as error:
+        raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
+    require_told(facts, batches)
+    return facts
+
+
+def require_told(facts: Facts, batches: Iterable[Batch]) -> None:
+    """Raise ImportRefusedError where samples, or their times, are others than the facts tell."""
+    digest, samples = SamplesDigest(facts.fields, facts.period_s), 0
+    try:
+        for tick, batch in _pieces(facts, batches):
+            digest.add(tick, table_of(batch, facts.fields))
+            samples += batch["t"].size
+    except (ValueError, OverflowError) as error:
+        raise ImportRefusedError(str(error)) from None
+    if samples != facts.samples:
+        raise ImportRefusedError(f"it holds {samples} samples, and says that it has {facts.samples}")
+    if digest.hex() != facts.sha256:
+        raise ImportRefusedError(f"its samples are not those that were exported: their sha256 is {digest.hex()}")
+
+
+def run_of(facts: Facts) -> dict[str, Any]:
+    """Return the run that an export is of. Raises ImportRefusedError."""
+    if facts.run is None:
+        raise ImportRefusedError(f"it is of {facts.of}, no run")
+    try:
+        return required(RUN, facts.run)
+    except UnfitDocumentError as error:
+        raise ImportRefusedError(f"its run: {error}") from None
+
+
+def number_of(facts: Facts) -> int:
+    """Return the number of the run where it was made. Raises ImportRefusedError."""
+    kind, _, number = facts.of.partition(" ")
+    if kind != RUN or not number.isdecimal() or len(number) > 9:
+        raise ImportRefusedError(f"it is of {facts.of[:40]}, no run")
+    return int(number)
+
+
+def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None) -> int | None:
+    """Return the run that is this one and here already. Raises ImportRefusedError where it is another one."""
+    try:
+        here = find_same(session, RUN, dict(document))
+    except UnfitDocumentError as error:
+        raise ImportRefusedError(str(error)) from None
+    recorded = here is not None and recordings.is_begun(session, here)
+    if here is not None and recorded and facts is not None:
+        removed = recordings.get(session, here).removed_at is not None
+        if not removed and digest_of_recording(session, here) != facts.sha256:
+            raise ImportRefusedError(f"run {here} is this one, and has other samples here")
+    return here
+
+
+def store_run(session: Session, document: Mapping[str, Any], file: Path | None, look_over: LookOver = accept) -> int:
+    """Store a run with the samples of an export that was ``checked``. Raises ImportRefusedError."""
+    run_id = put(session, RUN, dict(document))
+    try:
+        run = runs.get(session, run_id)
+        _ = run.set_to
+        look_over(run)
+    except UnreadableDocumentError as error:
+        raise ImportRefusedError(f"its run: {error}") from None
+    if file is not None:
+        facts, batches = read(file)
+        recordings.begin_imported(session, run_id, facts.fields, facts.period_s, facts.missed, facts.problem)
+        for tick, batch in _pieces(facts, batches):
+            table = table_of(batch, facts.fields)
+            chunks = [
+                Chunk(tick + begin, len(part), pack(summarise(part)), pack(part))
+                for begin in range(0, len(table), CHUNK_TICKS)
+                for part in (table[begin : begin + CHUNK_TICKS],)
+            ]
+            recordings.add_chunks(session, run_id, chunks)
+            session.expunge_all()  # or all of them would be held until the end
+    return run_id
+
+
+def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch]]:
+    """Yield stretches without a gap, in order of their ticks. Raises ImportRefusedError for times that are none."""
+    end = -1
+    for batch in batches:
+        ticks = batch["t"] / facts.period_s
+        if not np.all(np.abs(ticks) < 1e12) or not np.all(np.abs(ticks - np.rint(ticks)) < 0.01):
+            raise ImportRefusedError(f"its times t are no multiples of {facts.period_s:g} s")
+        for tick, part in unbroken(batch, facts.period_s):
+            if tick <= end or (end < 0 and tick != 0):
+                raise ImportRefusedError(f"its times t do not rise from 0: look at t = {tick * facts.period_s:g} s")
+            yield tick, part
+            end = tick + part["t"].size - 1
+
+
+# Bundle import -------------------------------------------------------------------------------------
+#
+# A bundle taken in: everything looked through first, then stored with new numbers in one
+# transaction.
+
+
+Numbers = dict[tuple[str, int], int]
+"""By kind and number there, the number here."""
+
+
+def import_bundle(
+    database: Database, file: Path, who: str, folder: Path, name: str = "", look_over: LookOver = accept
+) -> TakenIn:
+    """Store the run of a bundle with all that it came from, of which nothing that is here already is stored again.
+
+    ``folder`` has room for it unpacked, ``name`` is what the file is called where its own is another.
+    ``backend.archive.imports`` looks over what each run was set to.
+
+    Raises ImportRefusedError, OSError.
+    """
+    with opened(file) as bundle, TemporaryDirectory(prefix=IMPORTING, dir=folder) as unpacked:
+        recorded = _recordings(bundle, Path(unpacked))
+        numbers: Numbers = {}
+        new = False
+        origin = Origin("", 0, 0, name or file.name, bundle.sha256, who)
+        with database.session() as session:
+            import_alone(session)
+            for record in bundle.records:
+                new |= _take_in(session, record, numbers, recorded, origin, look_over)
+            if (RUN, bundle.run) not in numbers:
+                raise ImportRefusedError(f"run {bundle.run}, which it is of, is not among its records")
+            run_id = numbers[RUN, bundle.run]
+            if new and report_of(bundle.run) in bundle.names and results.newest_report(session, run_id, "html") is None:
+                results.add_report(session, run_id, "html", bundle.text(report_of(bundle.run)))
+    return TakenIn(run_id, bundle.run, new=new)
+
+
+def _recordings(bundle: Bundle, folder: Path) -> dict[int, tuple[Facts, Path]]:
+    """Unpack and read all recordings. Raises ImportRefusedError for one that is not that of its run."""
+    found = {}
+    for record in bundle.records:
+        member = recording_of(record["number"])
+        if record["kind"] == RUN and member in bundle.names:
+            file = folder / f"{record['number']}.parquet"
+            bundle.unpack(member, file)
+            try:
+                facts = checked(file)
+                if number_of(facts) != record["number"] or run_of(facts) != record["document"]:
+                    raise ImportRefusedError("it is of another run")
+            except ImportRefusedError as error:
+                raise ImportRefusedError(f"{member}: {error}") from None
+            found[record["number"]] = facts, file
+    known = {recording_of(number) for number in found} | {report_of(bundle.run)}
+    for name in sorted(bundle.names):
+        if "/" in name and name not in known:
+            raise ImportRefusedError(f"{name} belongs to no run of the bundle")
+    return found
+
+
+def _take_in(
+    session: Session,
+    record: Mapping[str, Any],
+    numbers: Numbers,
+    recorded: Mapping[int, tuple[Facts, Path]],
+    origin: Origin,
+    look_over: LookOver,
+) -> bool:
+    """Store one record unless it is here; return whether something was. Raises ImportRefusedError with its name."""
+    kind, was = record["kind"], record["number"]
+    try:
+        document, unconnected = required(kind, record["document"]), origins.BANKS in record["carried"]
+        require_carried(record["carried"], of_run=kind == RUN)
+        document = _renumbered(document, numbers, unconnected=unconnected)
+        facts, file = recorded.get(was, (None, None)) if kind == RUN else (None, None)
+        here = same_run(session, document, facts) if kind == RUN else find_same(session, kind, document)
+        new = here is None or (kind == RUN and not unconnected and connect(session, here, document))
+        if here is None:
+            here = _store(session, kind, document, file, look_over)
+            told = Origin(kind, here, was, origin.file, origin.sha256, origin.who, record["carried"])
+            origins.add(session, told)
+    except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
+        raise ImportRefusedError(f"{kind} {was}: {error}") from None
+    numbers[kind, was] = here
+    return new
+
+
+def _store(session: Session, kind: str, document: Document, file: Path | None, look_over: LookOver) -> int:
+    """Store a document, and see that what it says can be read. Raises ImportRefusedError, UnreadableDocumentError."""
+    if kind == RUN:
+        return store_run(session, document, file, look_over)
+    number = put(session, kind, document)
+    if kind == RESULT:
+        results.newest(session, document["run_id"])
+    elif kind == IDENTIFICATION:
+        identifications.get(session, number).readable()
+    return number
+
+
+def _renumbered(document: Document, numbers: Numbers, *, unconnected: bool) -> Document:
+    """Return a document that names other records by their numbers here; ``unconnected`` is a run without its banks.
+
+    Raises ImportRefusedError.
+    """
+
+    def here(part: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            name: value if name not in REFERENCES or value is None else _number(REFERENCES[name], value, numbers)
+            for name, value in part.items()
+        }
+
+    renumbered = here(document)
+    if ENTRIES in renumbered:
+        renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
+    if "settings" in document and not unconnected:
+        if computed := on_the_way(document["settings"]).computed:
+            raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: take its samples in alone")
+        renumbered["settings"] = with_banks(document["settings"], lambda was: _number(BANK, was, numbers))
+    return renumbered
+
+
+def _number(kind: str, was: Any, numbers: Numbers) -> int:
+    if (kind, was) not in numbers:
+        raise ImportRefusedError(f"it names {kind} {was}, which is not before it in the bundle")
+    return numbers[kind, was]

@@ -1,0 +1,164 @@
+"""Samples as a MATLAB 5 file: a column vector for each signal; units, symbols and meanings in structs, facts as text.
+
+The format has each vector in one piece, a recording has all signals side by side: they are turned in a file that is
+thrown away. Nothing is compressed, as the length of what is compressed stands before it. A vector has at most 2 GiB,
+which 74 hours fill.
+"""
+
+import io
+import os
+import struct
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backend.exports.base import Batch, Export, ExportError, Facts, ImportRefusedError, read_facts
+
+LARGEST = 2**31 - 1
+"""Bytes of a vector in a file of version 5."""
+FACTS = "sinew_export"
+
+_HEADER = struct.Struct("<116s8xHH")
+_TAG = struct.Struct("<II")
+_MATRIX, _INT8, _INT32, _UINT32, _SINGLE, _DOUBLE = 14, 1, 5, 6, 7, 9
+_COMPRESSED, _UTF8 = 15, 16
+_CLASS = {_SINGLE: 7, _DOUBLE: 6}
+_CHARACTERS = 4
+"""Class of a text, beside those of vectors."""
+_PIECE = 1 << 20
+_BATCH = 50_000
+
+
+def write(export: Export, folder: Path) -> Iterator[bytes]:
+    """Return the pieces of the file; ``folder`` has room for the samples, 124 bytes each, until it is written.
+
+    Raises ExportError at once for a recording that is too long.
+    """
+    rows = export.facts.samples
+    if 8 * rows + 128 > LARGEST:
+        raise ExportError(
+            f"{export.facts.of} has {rows} samples, a MATLAB file of version 5 takes {(LARGEST - 128) // 8} at most: "
+            "choose Parquet, which MATLAB reads with parquetread"
+        )
+    return _pieces(export, folder)
+
+
+def _pieces(export: Export, folder: Path) -> Iterator[bytes]:
+    facts = export.facts
+    text = f"MATLAB 5.0 MAT-file, {facts.of}, Sinew {facts.software}"
+    yield _HEADER.pack(text.encode("ascii", "replace")[:116].ljust(116), 0x100, 0x4D49)
+    yield _small(facts)
+    with tempfile.TemporaryFile(dir=folder) as turned:
+        file, done = turned.fileno(), 0
+        for batch in export.batches():
+            for place, name in enumerate(facts.names):
+                values = np.ascontiguousarray(batch[name], _kind(name))
+                os.pwrite(file, values.tobytes(), _start(place, facts.samples) + values.itemsize * done)
+            done += batch["t"].size
+        for place, name in enumerate(facts.names):
+            yield _vector_head(name, facts.samples)
+            start, size = _start(place, facts.samples), np.dtype(_kind(name)).itemsize * facts.samples
+            for begin in range(0, size, _PIECE):
+                yield os.pread(file, min(_PIECE, size - begin), start + begin)
+            yield bytes(-size % 8)
+
+
+def _kind(name: str) -> str:
+    return "<f8" if name == "t" else "<f4"
+
+
+def _start(place: int, rows: int) -> int:
+    """Where a column stands in the turned file; the first has twice the bytes of the others."""
+    return 4 * rows * (place + (place > 0))
+
+
+def _vector_head(name: str, rows: int) -> bytes:
+    kind = _DOUBLE if name == "t" else _SINGLE
+    size = (8 if name == "t" else 4) * rows
+    described = _element(_UINT32, struct.pack("<II", _CLASS[kind], 0)) + _element(_INT32, struct.pack("<ii", rows, 1))
+    inside = described + _element(_INT8, name.encode("ascii")) + _TAG.pack(kind, size)
+    return _TAG.pack(_MATRIX, len(inside) + size + -size % 8) + inside
+
+
+def _element(kind: int, content: bytes) -> bytes:
+    return _TAG.pack(kind, len(content)) + content + bytes(-len(content) % 8)
+
+
+def _small(facts: Facts) -> bytes:
+    """Return the texts as scipy writes them, without its header."""
+    from scipy.io import savemat
+
+    content: dict[str, Any] = {
+        FACTS: facts.to_json(),
+        "notation": facts.notation,
+        "units": {column.name: column.unit for column in facts.columns},
+        "symbols": {column.name: column.symbol for column in facts.columns},
+        "meanings": {column.name: column.meaning for column in facts.columns},
+    }
+    buffer = io.BytesIO()
+    savemat(buffer, content)  # type: ignore[arg-type]  # the stubs forget that files may be open
+    return buffer.getvalue()[_HEADER.size :]
+
+
+def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
+    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    found = _vectors(file)
+    if FACTS not in found:
+        raise ImportRefusedError(f"it has no text {FACTS}: it is no export of a run")
+    facts = read_facts(_text(file, found.pop(FACTS)[0]))
+    missing = [name for name in facts.names if found.get(name, (0, 0))[1] != facts.samples]
+    if missing:
+        raise ImportRefusedError(f"{missing[0]} has not {facts.samples} samples: the file was cut, or saved again")
+
+    def batches() -> Iterator[Batch]:
+        with file.open("rb") as opened:
+            for begin in range(0, facts.samples, _BATCH):
+                count = min(_BATCH, facts.samples - begin)
+                batch = {}
+                for name in facts.names:
+                    kind = np.dtype(_kind(name))
+                    opened.seek(found[name][0] + kind.itemsize * begin)
+                    batch[name] = np.frombuffer(opened.read(kind.itemsize * count), kind)
+                yield batch
+
+    return facts, batches()
+
+
+def _vectors(file: Path) -> dict[str, tuple[int, int]]:
+    """Return where the content of each vector and text of a file begins, and how many rows it has.
+
+    Structs are passed over; what is compressed is refused, as nobody knows what it swells to.
+    """
+    found: dict[str, tuple[int, int]] = {}
+    size = file.stat().st_size
+    with file.open("rb") as opened:
+        place = _HEADER.size
+        while place + _TAG.size <= size:
+            opened.seek(place)
+            head = opened.read(256)
+            kind, length = _TAG.unpack_from(head)
+            if place + _TAG.size + length > size:
+                raise ImportRefusedError("the file was cut off")
+            if kind == _COMPRESSED:
+                raise ImportRefusedError("it is compressed, which an export is not: it was saved again")
+            if kind == _MATRIX and len(head) >= 64 and head[16] in (_CHARACTERS, *_CLASS.values()):
+                rows, columns = struct.unpack_from("<ii", head, 32)
+                named, letters = _TAG.unpack_from(head, 40)
+                numbers = 48 + letters + -letters % 8
+                if named == _INT8 and (columns == 1 or head[16] == _CHARACTERS) and numbers + 8 <= len(head):
+                    found[head[48 : 48 + letters].decode("ascii", "replace")] = (place + numbers + 8, rows)
+            place += _TAG.size + length
+    return found
+
+
+def _text(file: Path, place: int) -> bytes:
+    """Return the text that begins at a place, behind its tag: no more than the file has."""
+    with file.open("rb") as opened:
+        opened.seek(place - _TAG.size)
+        kind, length = _TAG.unpack(opened.read(_TAG.size))
+        if kind != _UTF8:
+            raise ImportRefusedError(f"its text {FACTS} is not in UTF-8: it was saved again")
+        return opened.read(length)

@@ -1,0 +1,202 @@
+"""Samples as MCAP for Foxglove and Lichtblick, with the layout that shows them."""
+
+import json
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from backend.exports import writers
+from backend.exports.base import Batch, Export, Facts, ImportRefusedError, Sink, read_facts
+from backend.sample import FIELDS
+
+if TYPE_CHECKING:
+    from mcap.records import Chunk, McapRecord
+
+
+# Foxglove layout -----------------------------------------------------------------------------------
+#
+# The layout for Foxglove and Lichtblick, of an MCAP export or of the live stream: plots as on the
+# page, a table.
+
+
+TOPIC = "/sample"
+"""Topic of the samples."""
+
+_PLOTS: dict[str, tuple[str, ...]] = {
+    "Joint position": ("q", "q_ref", "q_ref_gov"),
+    "Joint stiffness": ("S", "S_ref", "S_ref_gov", "S_true"),
+    "Motor positions": ("theta_A", "theta_A_ref", "theta_B", "theta_B_ref"),
+    "Tendon forces": ("F_A", "F_B", "F_push"),
+    "Motor voltages": ("u_A", "u_B"),
+    "Mode, limits, fault": ("mode", "limits", "fault"),
+}
+_COLOURS = ("#1c7ed6", "#e8590c", "#2f9e44", "#862e9c")
+_FIELD = {field.name: field for field in FIELDS}
+
+
+def layout() -> str:
+    """Return the layout as the file that either program imports."""
+    panels = {f"Plot!sinew{number}": _plot(title, names) for number, (title, names) in enumerate(_PLOTS.items())}
+    table = {"RawMessages!sinew": {"topicPath": TOPIC, "expansion": "all", "diffEnabled": False}}
+    left, right = list(panels)[::2], [*list(panels)[1::2]]
+    document = {
+        "configById": panels | table,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {
+            "direction": "row",
+            "first": {"direction": "row", "first": _column(left), "second": _column(right), "splitPercentage": 50},
+            "second": "RawMessages!sinew",
+            "splitPercentage": 80,
+        },
+    }
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def _plot(title: str, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "title": f"{title} [{_FIELD[names[0]].unit}]",
+        "foxglovePanelTitle": f"{title} [{_FIELD[names[0]].unit}]",
+        "paths": [
+            {
+                "value": f"{TOPIC}.{name}",
+                "label": _FIELD[name].symbol,
+                "color": colour,
+                "enabled": True,
+                "timestampMethod": "receiveTime",
+            }
+            for name, colour in zip(names, _COLOURS, strict=False)
+        ],
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "isSynced": True,
+        "xAxisVal": "timestamp",
+        "sidebarDimension": 240,
+    }
+
+
+def _column(panels: list[str]) -> Any:
+    """Return panels one below the other, alike in height."""
+    if len(panels) == 1:
+        return panels[0]
+    share = 100.0 / len(panels)
+    return {"direction": "column", "first": panels[0], "second": _column(panels[1:]), "splitPercentage": share}
+
+
+# Mcap file -----------------------------------------------------------------------------------------
+#
+# Samples as MCAP, which Foxglove and Lichtblick play: a message in JSON for each sample.
+
+
+FACTS = "sinew"
+"""Name of the metadata record with the facts."""
+_LAYOUT = "foxglove-layout.json"
+_BATCH = 10_000
+_LARGEST = 8 << 20
+"""Bytes of a record, packed or not, that are read at once; a chunk has one million."""
+
+
+def write(export: Export) -> Iterator[bytes]:
+    """Yield the file. The time of a message is that of its sample, from the moment the run began."""
+    from mcap.writer import Writer
+
+    facts, sink = export.facts, Sink()
+    writer = Writer(cast(IO[bytes], sink))
+    writer.start(profile="", library=f"Sinew {facts.software}")
+    writer.add_metadata(FACTS, {"facts": facts.to_json(), "notation": facts.notation})
+    writer.add_attachment(0, 0, _LAYOUT, "application/json", layout().encode())
+    told = writers.json_schema(facts.columns, facts.notation)
+    schema = writer.register_schema(writers.NAME, "jsonschema", told)
+    channel = writer.register_channel(TOPIC, "json", schema, {"of": facts.of})
+    began = 0 if facts.started_at is None else _nanoseconds(datetime.fromisoformat(facts.started_at))
+    number = 0
+    for batch in export.batches():
+        stamps = began + np.rint(batch["t"] * 1e9).astype(np.int64)
+        for stamp, text in zip(stamps.tolist(), writers.lines(facts.names, batch), strict=True):
+            writer.add_message(channel, stamp, text, stamp, number)
+            number = (number + 1) & 0xFFFFFFFF
+        yield sink.taken()
+    writer.finish()  # type: ignore[no-untyped-call]  # the package does not say that it returns nothing
+    yield sink.taken()
+
+
+def _nanoseconds(at: datetime) -> int:
+    since = at.astimezone(UTC) - datetime(1970, 1, 1, tzinfo=UTC)
+    return (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1_000
+
+
+def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
+    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    from mcap.records import Metadata
+
+    with file.open("rb") as opened:
+        metadata = (one for one in _records(opened) if isinstance(one, Metadata) and one.name == FACTS)
+        told = next(metadata, None)
+    if told is None or "facts" not in told.metadata:
+        raise ImportRefusedError("it does not say which samples these are: it is no export of a run")
+    facts = read_facts(told.metadata["facts"])
+
+    def batches() -> Iterator[Batch]:
+        rows: list[list[float | None]] = []
+        for text in _messages(file):
+            said = json.loads(text, parse_int=float)  # or -0 would lose its sign
+            rows.append([said[name] for name in facts.names])
+            if len(rows) == _BATCH:
+                yield _batch(facts, rows)
+                rows = []
+        if rows:
+            yield _batch(facts, rows)
+
+    return facts, batches()
+
+
+def _messages(file: Path) -> Iterator[bytes]:
+    """Yield the messages with samples in the order of the file, with one chunk of it unpacked at a time."""
+    from mcap.records import Channel, Chunk, Message
+    from mcap.stream_reader import breakup_chunk
+
+    channels: set[int] = set()
+    with file.open("rb") as opened:
+        chunks = (record for record in _records(opened) if isinstance(record, Chunk))
+        for chunk in chunks:
+            _require_small(chunk)
+            for part in breakup_chunk(chunk, validate_crc=True):
+                if isinstance(part, Channel) and part.topic == TOPIC:
+                    channels.add(part.id)
+                elif isinstance(part, Message) and part.channel_id in channels:
+                    yield part.data
+
+
+def _records(opened: IO[bytes]) -> "Iterator[McapRecord]":
+    """Yield what a file consists of, chunks unopened, and nothing larger than ``_LARGEST``."""
+    from mcap.stream_reader import StreamReader
+
+    return StreamReader(opened, emit_chunks=True, record_size_limit=_LARGEST).records
+
+
+def _require_small(chunk: "Chunk") -> None:
+    """Refuse a chunk that would swell, by what itself and its packing say, before it is unpacked."""
+    from zstandard import frame_content_size
+
+    if chunk.compression not in ("", "zstd"):
+        raise ImportRefusedError(f"a chunk of it is packed by {chunk.compression[:20]}: an export is packed by zstd")
+    inside = frame_content_size(chunk.data) if chunk.compression else len(chunk.data)
+    if (size := max(inside, chunk.uncompressed_size)) > _LARGEST:
+        raise ImportRefusedError(
+            f"a chunk of it unpacks to {size} bytes, where {_LARGEST} are the most and an export has a million: "
+            "export the run again"
+        )
+
+
+def _batch(facts: Facts, rows: list[list[float | None]]) -> Batch:
+    table = np.array(rows, np.float64)  # None becomes nan
+    return {
+        name: table[:, place] if name == "t" else table[:, place].astype(np.float32)
+        for place, name in enumerate(facts.names)
+    }

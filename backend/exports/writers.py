@@ -1,0 +1,238 @@
+"""Samples as comma-separated text, as Parquet and as JSON messages."""
+
+import io
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.exports.base import Batch, Described, Export, Facts, ImportRefusedError, Sink, read_facts
+from backend.plain_text import as_cell, as_comment, as_json_cells
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+# Csv file ------------------------------------------------------------------------------------------
+#
+# Samples as comma-separated text: facts in lines that begin with #, a heading, a line for each
+# sample.
+
+
+_MARK = "# sinew-export: "
+_LONGEST = 16_000_000
+"""Characters of a line of facts: parameters and settings of a run take some ten thousand."""
+
+
+_SHOWN = 100
+"""Characters of a line that are told."""
+
+
+def write_csv(export: Export) -> Iterator[bytes]:
+    """Yield the file; a value that does not exist is nan, and each number has the digits that give it back exactly."""
+    import pyarrow.csv
+
+    facts = export.facts
+    yield _heading(facts).encode()
+    plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
+    for batch in export.batches():
+        buffer = io.BytesIO()
+        pyarrow.csv.write_csv(table(facts, batch), buffer, plain)
+        yield buffer.getvalue()
+
+
+def table(facts: Facts, batch: Batch) -> "pa.Table":
+    """Return a batch as a table of Arrow, each column with its notation."""
+    import pyarrow as pa
+
+    return pa.table([pa.array(np.asarray(batch[name])) for name in facts.names], schema=csv_schema(facts))
+
+
+def csv_schema(facts: Facts) -> "pa.Schema":
+    """Return the columns as Arrow knows them, with symbol, unit and meaning; signals in single precision, as stored."""
+    import pyarrow as pa
+
+    return pa.schema(
+        [
+            pa.field(
+                column.name,
+                pa.float64() if column.name == "t" else pa.float32(),
+                metadata={"unit": column.unit, "symbol": column.symbol, "meaning": column.meaning},
+            )
+            for column in facts.columns
+        ]
+    )
+
+
+def read_csv(file: Path) -> tuple[Facts, Iterator[Batch]]:
+    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    lines = heading_lines(file)
+    told = next((line for line in lines if line.startswith(_MARK)), None)
+    if told is None:
+        raise ImportRefusedError("it has no line that says which samples these are: it is no export of a run")
+    facts = read_facts(told.removeprefix(_MARK))
+    return facts, _batches(file, facts, len(lines))
+
+
+def heading_lines(file: Path) -> list[str]:
+    """Return the lines before the heading, which begin with #. Raises OSError, UnicodeDecodeError."""
+    lines: list[str] = []
+    with file.open(encoding="utf-8-sig") as text:  # editors put a byte order mark before the first line
+        while (line := text.readline(_LONGEST)).startswith("#"):
+            lines.append(line)
+    return lines
+
+
+def heading_problem(file: Path, facts: Facts) -> str:
+    """Return how the lines before the samples are not those that belong to the facts, "" where they are.
+
+    A person reads units and meanings there. Raises OSError, UnicodeDecodeError.
+    """
+    found, wanted = [line.rstrip("\n") for line in heading_lines(file)], _heading(facts).split("\n")[:-2]
+    as_before = f"{_MARK}{facts.to_json()}"  # of a file from before cells were guarded
+    for number, (line, due) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
+        if line not in (due, as_before if due.startswith(_MARK) else due):
+            return f"line {number} is “{line[:_SHOWN]}” where “{due[:_SHOWN]}” belongs"
+    return ""
+
+
+def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
+    import pyarrow
+    import pyarrow.csv
+
+    types = {name: pyarrow.float64() if name == "t" else pyarrow.float32() for name in facts.names}
+    convert = pyarrow.csv.ConvertOptions(column_types=types, null_values=[], strings_can_be_null=False)
+    reading = pyarrow.csv.ReadOptions(skip_rows=skip)
+    with pyarrow.csv.open_csv(file, read_options=reading, convert_options=convert) as rows:
+        if rows.schema.names != facts.names:
+            raise ImportRefusedError("its heading does not name the columns that it says it has")
+        for part in rows:
+            yield {name: part.column(name).to_numpy(zero_copy_only=False) for name in facts.names}
+
+
+def _heading(facts: Facts) -> str:
+    told = [as_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
+    told += [as_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
+    return "\n".join([*told, f"{_MARK}{as_json_cells(facts.to_json())}", ",".join(map(as_cell, facts.names))]) + "\n"
+
+
+# Json samples --------------------------------------------------------------------------------------
+#
+# A sample as a message in JSON, and the schema of such messages, as Foxglove and Lichtblick read
+# them.
+#
+# What JSON has no word for: nan is null, infinity 1e999, which readers of JSON take for infinity.
+
+
+NAME = "sinew.Sample"
+"""Name of the schema."""
+
+
+def json_schema(columns: Iterable[Described], notation: str) -> bytes:
+    """Return the JSON schema of a sample with these columns.
+
+    Each property has one type, a word: Lichtblick takes no list of types, and so does not get to hear of null here.
+    """
+    document = {
+        "title": NAME,
+        "description": notation,
+        "type": "object",
+        "properties": {
+            column.name: {
+                "type": "number",
+                "title": column.symbol,
+                "description": f"{column.meaning} [{column.unit}]",
+                "unit": column.unit,
+            }
+            for column in columns
+        },
+    }
+    return json.dumps(document, ensure_ascii=False).encode()
+
+
+def lines(names: Sequence[str], batch: Batch) -> list[bytes]:
+    """Return a line of JSON for each sample, written column by column: a tenth of the time that a sample each takes."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    parts: list[Any] = []
+    for place, name in enumerate(names):
+        parts += [("{" if place == 0 else ",") + json.dumps(name) + ":", _written(batch[name])]
+    joined = pc.binary_join_element_wise(*parts, "}", "")
+    written: list[bytes] = joined.cast(pa.binary()).to_pylist()
+    return written
+
+
+def _written(values: NDArray[Any]) -> "pa.Array":
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    text = pa.array(values).cast(pa.string())
+    if np.isfinite(values).all():
+        return text
+    for odd, word in ((np.isnan(values), "null"), (values == np.inf, "1e999"), (values == -np.inf, "-1e999")):
+        text = pc.if_else(pa.array(odd), word, text)
+    return text
+
+
+# Parquet file --------------------------------------------------------------------------------------
+#
+# Samples as Parquet: a row group for each batch, notation with each column, facts with the file.
+
+
+FACTS = "sinew"
+"""Name of the facts in the metadata of the file."""
+_ROWS = 50_000
+_LARGEST_GROUP = 64_000_000
+"""Bytes of a group of rows, unpacked."""
+
+
+def write_parquet(export: Export) -> Iterator[bytes]:
+    """Yield the file."""
+    import pyarrow.parquet
+
+    facts, sink = export.facts, Sink()
+    columns = csv_schema(facts).with_metadata({FACTS: facts.to_json(), "notation": facts.notation})
+    with pyarrow.parquet.ParquetWriter(sink, columns, compression="zstd") as writer:
+        for batch in export.batches():
+            writer.write_table(table(facts, batch).replace_schema_metadata(columns.metadata))
+            yield sink.taken()
+    yield sink.taken()
+
+
+def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
+    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    import pyarrow.parquet
+
+    opened = pyarrow.parquet.ParquetFile(file, pre_buffer=False)  # or it would hold all of the file
+    told = (opened.schema_arrow.metadata or {}).get(FACTS.encode())
+    if told is None:
+        raise ImportRefusedError("its metadata do not say which samples these are: it is no export of a run")
+    facts = read_facts(told)
+    groups = [opened.metadata.row_group(number) for number in range(opened.metadata.num_row_groups)]
+    if opened.schema_arrow.names != facts.names or opened.metadata.num_rows != facts.samples:
+        raise ImportRefusedError("it has not the columns or the samples that it says it has")
+    if any(group.total_byte_size > _LARGEST_GROUP for group in groups):
+        raise ImportRefusedError("it has larger groups of rows than an export of a run")
+
+    def batches() -> Iterator[Batch]:
+        with opened:
+            for part in opened.iter_batches(_ROWS):
+                yield {name: part.column(name).to_numpy(zero_copy_only=False) for name in facts.names}
+
+    return facts, batches()
+
+
+def schema_problem(file: Path, facts: Facts) -> str:
+    """Return how units, symbols and meanings of the columns are not those of the facts, "" where they are."""
+    import pyarrow.parquet
+
+    for found, due in zip(pyarrow.parquet.read_schema(file), csv_schema(facts), strict=True):
+        if (found.metadata or {}) != due.metadata:
+            said = {key.decode(): value.decode("utf-8", "replace") for key, value in (found.metadata or {}).items()}
+            return f"{found.name} has {said}"
+    return ""

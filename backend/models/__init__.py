@@ -1,0 +1,1 @@
+"""Versioned documents that the database stores as JSON, as dataclasses. Pure."""

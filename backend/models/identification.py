@@ -1,0 +1,508 @@
+"""What identifications of actuator, motors and springs store of their results. Pure."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from backend.identification.models import Grade
+from backend.identification.motor import judge_motor, spread_percent
+from backend.models.document import ABSENT, Edge, UnreadableDocumentError
+from plant.parameters import Side
+
+# Actuator ------------------------------------------------------------------------------------------
+#
+# What an actuator identification found: the models of G_q and G_S, how good they are, and which
+# samples they used.
+#
+# All numbers in SI; None stands for a figure that could not be had, or that an earlier version did
+# not keep.
+
+
+VERSION = 1
+ChannelName = Literal["G_q", "G_S"]
+CHANNELS: tuple[ChannelName, ...] = ("G_q", "G_S")
+
+Numbers = tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """K/(T s + 1) with gain and low-frequency phase of a larger model, with standard errors."""
+
+    K: float
+    T: float
+    K_std: float | None = None
+    T_std: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelModel:
+    """The transfer function of one channel; ``covariance`` in the order of its structure's parameters."""
+
+    structure: str
+    parameters: dict[str, float]
+    std_errors: dict[str, float | None] = field(default_factory=dict)
+    covariance: tuple[Numbers, ...] = ()
+    noise: Numbers = ()
+    method: str | None = None
+    first_order: Reduced
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorModel:
+    """Both channels, at the joint position and stiffness of rest before the excitation."""
+
+    S_nominal: float
+    q_nominal: float | None = None
+    G_q: ChannelModel
+    G_S: ChannelModel
+    version: int = VERSION
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualTest:
+    """Correlations at ``lags_s`` [s] beside their bounds; earlier versions kept one lag's 99 % ``band`` instead."""
+
+    lags_s: tuple[float, ...]
+    correlation: Numbers
+    bound: Numbers | None = field(default=None, metadata=ABSENT)
+    band: Numbers | None = field(default=None, metadata=ABSENT)
+    passed: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualTests:
+    """Tests of the whitened residuals, and information criteria."""
+
+    whiteness: ResidualTest
+    input_correlation: ResidualTest
+    std: float | None = None
+    AIC: float | None = None
+    BIC: float | None = None
+    FPE: float | None = None
+
+
+@dataclass(frozen=True)
+class FrequencyEstimate:
+    """The response without a model, line by line, and how far the model is from it where that can be trusted."""
+
+    omega: tuple[float, ...]
+    magnitude: Numbers
+    phase_deg: Numbers
+    coherence: Numbers
+    worst_gain_percent: float | None
+    worst_phase_deg: float | None
+    trusted_lines: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A structure that was tried, in brief."""
+
+    structure: str
+    parameters: dict[str, float] | None = field(default=None, metadata=ABSENT)
+    K: float | None
+    T: float | None
+    fit_percent: float | None
+    BIC: float | None
+    grade: Grade
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class FailedCandidate:
+    """A structure that gave no model, and why."""
+
+    structure: str
+    problem: Annotated[str, Field(min_length=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArxEstimate:
+    """What the paper's method gives on the same record."""
+
+    method: str | None = field(default=None, metadata=ABSENT)
+    fit_percent: float | None = None
+    K: float
+    T: float
+    K_std: float | None = None
+    T_std: float | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class NoArx:
+    """Why the paper's method gives nothing."""
+
+    problem: Annotated[str, Field(min_length=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelQuality:
+    """How good the model of one channel is; ``arx`` is None where it was not computed then."""
+
+    fit_percent: float | None = None
+    fit_all_percent: float | None = None
+    gain_geometry: float | None = None
+    gain_error_percent: float | None = None
+    y_resolution: float | None = None
+    residuals: ResidualTests
+    frequency: FrequencyEstimate | None = field(default=None, metadata=ABSENT)
+    usable: bool = False
+    grade: Grade
+    verdict: str = ""
+    candidates: tuple[Annotated[Candidate | FailedCandidate, Field(union_mode="left_to_right")], ...] = ()
+    arx: Annotated[ArxEstimate | NoArx | None, Field(union_mode="left_to_right")] = field(default=None, metadata=ABSENT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorQuality:
+    """How good both models are; ``motion_counts`` is the joint's motion, peak to peak."""
+
+    motion_counts: float | None = None
+    G_q: ChannelQuality
+    G_S: ChannelQuality
+    version: int = VERSION
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorRecord:
+    """Which samples of the run were used: from ``first_sample`` on, every ``period_s``."""
+
+    input: str = "theta_A_ref"
+    outputs: tuple[str, ...] = ("q", "S")
+    first_sample: int
+    samples: int
+    period_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorOptions:
+    """What was asked for: the tension [N] that was held, and the estimator where there was a choice."""
+
+    tension_N: float
+    estimator: str | None = None
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel: its model, and how good that is."""
+
+    model: ChannelModel
+    quality: ChannelQuality
+
+
+@dataclass(frozen=True)
+class ActuatorFound:
+    """All that is stored of an actuator identification."""
+
+    model: ActuatorModel
+    quality: ActuatorQuality
+
+    def channel(self, name: ChannelName) -> Channel:
+        """Return one channel."""
+        if name == "G_q":
+            return Channel(self.model.G_q, self.quality.G_q)
+        return Channel(self.model.G_S, self.quality.G_S)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartialReduced:
+    """What of a first-order model was kept."""
+
+    K: float | None = None
+    T: float | None = None
+    K_std: float | None = None
+    T_std: float | None = None
+
+
+@dataclass(frozen=True)
+class PartialChannelModel:
+    """What of a model a bank tells."""
+
+    first_order: PartialReduced | None = None
+    method: str | None = None
+
+
+@dataclass(frozen=True)
+class PartialModel:
+    """What of both models a bank tells, where it is there: the estimate may be an early one."""
+
+    S_nominal: float | None = None
+    q_nominal: float | None = None
+    G_q: PartialChannelModel | None = None
+    G_S: PartialChannelModel | None = None
+
+
+@dataclass(frozen=True)
+class PartialChannelQuality:
+    """What of a model's quality a bank tells."""
+
+    fit_percent: float | None = None
+    grade: Grade | None = None
+
+
+@dataclass(frozen=True)
+class PartialQuality:
+    """What of both models' quality a bank tells."""
+
+    G_q: PartialChannelQuality | None = None
+    G_S: PartialChannelQuality | None = None
+
+
+MODEL: Edge[ActuatorModel] = Edge(ActuatorModel, "its model", VERSION)
+QUALITY: Edge[ActuatorQuality] = Edge(ActuatorQuality, "the quality of its model", VERSION)
+RECORD: Edge[ActuatorRecord] = Edge(ActuatorRecord, "what is told of its samples", VERSION)
+OPTIONS: Edge[ActuatorOptions] = Edge(ActuatorOptions, "its options", VERSION)
+PARTIAL_MODEL: Edge[PartialModel] = Edge(PartialModel, "its model", VERSION)
+PARTIAL_QUALITY: Edge[PartialQuality] = Edge(PartialQuality, "the quality of its model", VERSION)
+
+
+# Motor ---------------------------------------------------------------------------------------------
+#
+# What a motor identification found of both motors: K_m [rad/(V·s)], T_m [s], Coulomb voltage u_c
+# [V], and how good.
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Least squares on position, or its standard errors."""
+
+    K_m: float | None
+    T_m: float | None
+    u_c: float | None
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Gain and time constant alone."""
+
+    K_m: float | None
+    T_m: float | None
+
+
+@dataclass(frozen=True)
+class RuleStep:
+    """The 63.21 % rule on one step [V]."""
+
+    voltage: float
+    K_m: float | None
+    T_m: float | None
+
+
+@dataclass(frozen=True)
+class MotorModel:
+    """One motor; ``before`` is what was in force."""
+
+    parameters: Fitted
+    std_errors: Fitted
+    coulomb: bool
+    rule: tuple[RuleStep, ...]
+    rule_mean: Pair
+    rule_spread: Pair
+    before: Pair
+
+
+@dataclass(frozen=True)
+class RefusedStep:
+    """A step [V] that could not be used, and why."""
+
+    voltage: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class StepCurve:
+    """A few points of a step [V] as measured and as the model says, to draw: t [s], turn [rad]."""
+
+    voltage: float
+    t: tuple[float, ...]
+    measured: tuple[float, ...]
+    model: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorQuality:
+    """How well the model of one motor describes its steps; ``grade`` is None where it was stored without."""
+
+    rms_counts: float | None
+    grade: Grade | None = field(default=None, metadata=ABSENT)
+    verdict: str
+    refused: tuple[RefusedStep, ...]
+    steps: tuple[StepCurve, ...]
+
+
+@dataclass(frozen=True)
+class MotorModels:
+    """Both motors."""
+
+    A: MotorModel
+    B: MotorModel
+    version: int = VERSION
+
+
+@dataclass(frozen=True)
+class MotorQualities:
+    """How good both are."""
+
+    A: MotorQuality
+    B: MotorQuality
+    version: int = VERSION
+
+
+@dataclass(frozen=True)
+class MotorFound:
+    """One motor: its model, and how good that is."""
+
+    model: MotorModel
+    quality: MotorQuality
+
+
+@dataclass(frozen=True)
+class MotorsFound:
+    """All that is stored of a motor identification."""
+
+    models: MotorModels
+    qualities: MotorQualities
+
+    def side(self, side: Side) -> MotorFound:
+        """Return one motor."""
+        if side == "A":
+            return MotorFound(self.models.A, self.qualities.A)
+        return MotorFound(self.models.B, self.qualities.B)
+
+
+MOTOR_MODELS: Edge[MotorModels] = Edge(MotorModels, "its model", VERSION)
+MOTOR_QUALITIES: Edge[MotorQualities] = Edge(MotorQualities, "the quality of its model", VERSION)
+
+
+# Motor grade ---------------------------------------------------------------------------------------
+#
+# The grade of an identified motor, of early documents too, which were stored without one. Pure.
+
+
+def grade_of(found: MotorFound) -> Grade:
+    """Return the grade as it is stored; where it was stored without, what its figures say."""
+    if found.quality.grade is not None:
+        return found.quality.grade
+    fitted, std = found.model.parameters, found.model.std_errors
+    K_m, T_m, std_K_m, std_T_m, counts = (
+        math.nan if value is None else value
+        for value in (fitted.K_m, fitted.T_m, std.K_m, std.T_m, found.quality.rms_counts)
+    )
+    return judge_motor(K_m, T_m, spread_percent(K_m, T_m, std_K_m, std_T_m), counts, 0.0)
+
+
+# Spring --------------------------------------------------------------------------------------------
+#
+# What a spring identification found of both springs, or of a table: polynomials F = k_0 + k_1 x + …
+# of several orders.
+#
+# Elongations in m, forces in N.
+
+
+@dataclass(frozen=True)
+class SpringFit:
+    """A polynomial of one order and its errors; ``rising`` where it rises over all elongations that were measured."""
+
+    order: int
+    k: tuple[float, ...]
+    std_errors: tuple[float | None, ...]
+    rms_N: float | None
+    max_N: float | None
+    cross_validation_N: float | None
+    rising: bool
+
+
+@dataclass(frozen=True)
+class SpringModel:
+    """One spring; ``before`` are the coefficients that were in force, none for a table."""
+
+    recommended: int
+    reason: str
+    fits: tuple[SpringFit, ...]
+    before: tuple[float, ...] | None = field(default=None, metadata=ABSENT)
+
+
+@dataclass(frozen=True)
+class SpringQuality:
+    """Measured pairs, thinned to be drawn, the errors of each order at them, and the curves by order, "x" the first."""
+
+    pairs: int
+    hysteresis_N: float | None
+    x: tuple[float, ...]
+    F: tuple[float, ...]
+    rising: tuple[bool, ...]
+    errors: dict[str, tuple[float, ...]]
+    curve: dict[str, tuple[float, ...]]
+
+    @property
+    def curve_x(self) -> tuple[float, ...]:
+        """Where the curves are drawn."""
+        return self.curve["x"]
+
+
+@dataclass(frozen=True)
+class SpringModels:
+    """Both springs of a sweep, or the one of a table."""
+
+    A: SpringModel | None = field(default=None, metadata=ABSENT)
+    B: SpringModel | None = field(default=None, metadata=ABSENT)
+    table: SpringModel | None = field(default=None, metadata=ABSENT)
+    version: int = VERSION
+
+
+@dataclass(frozen=True)
+class SpringQualities:
+    """How good they are."""
+
+    A: SpringQuality | None = field(default=None, metadata=ABSENT)
+    B: SpringQuality | None = field(default=None, metadata=ABSENT)
+    table: SpringQuality | None = field(default=None, metadata=ABSENT)
+    version: int = VERSION
+
+
+@dataclass(frozen=True)
+class SpringFound:
+    """One spring: its model, and how good that is."""
+
+    model: SpringModel
+    quality: SpringQuality
+
+
+@dataclass(frozen=True)
+class TableReading:
+    """What was read of a table: the units of x and F, how the file is laid out, other columns with the reason."""
+
+    x_unit: str
+    F_unit: str
+    layout: dict[str, str | int]
+    not_read: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TableRecord:
+    """The file that a table came from, and what was read of it; None for tables from before that was kept."""
+
+    file: str
+    sha256: str
+    points: int | None = None
+    read: TableReading | None = None
+
+
+SPRING_MODELS: Edge[SpringModels] = Edge(SpringModels, "its model", VERSION)
+SPRING_QUALITIES: Edge[SpringQualities] = Edge(SpringQualities, "the quality of its model", VERSION)
+TABLE: Edge[TableRecord] = Edge(TableRecord, "what is told of its file", VERSION)
+
+
+def springs_found(models: SpringModels, qualities: SpringQualities, of: str) -> dict[str, SpringFound]:
+    """Return the springs of ``of`` by name: "A" and "B", or "table". Raises UnreadableDocumentError."""
+    both = ((name, getattr(models, name), getattr(qualities, name)) for name in ("A", "B", "table"))
+    there = [(name, model, quality) for name, model, quality in both if model or quality]
+    missing = next((name for name, model, quality in there if not (model and quality)), "" if there else "A")
+    if missing:
+        raise UnreadableDocumentError(f"{of}: its model cannot be read, field {missing}: it is missing")
+    return {name: SpringFound(model, quality) for name, model, quality in there}

@@ -1,0 +1,73 @@
+"""Whether the recordings of a database are what was recorded: their digests computed again, their summaries too."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from backend.recording.codec import CodecError, Table, summarise, unpack
+from backend.storage import recordings
+from backend.storage.database import Database, Session
+from backend.storage.recordings import Chunk
+
+
+@dataclass(frozen=True)
+class Checked:
+    """How many recordings were looked at, what is wrong with them, and what could not be compared."""
+
+    recordings: int
+    problems: tuple[str, ...]
+    not_compared: tuple[str, ...]
+
+
+def check_recordings(database: Database) -> Checked:
+    """Compute the digest of every chunk of samples again and compare it with the one that was kept as it came.
+
+    Of samples from before digests were kept only their smallest and largest values can be compared.
+    """
+    problems: list[str] = []
+    not_compared: list[str] = []
+    with database.reading() as session:
+        numbers = recordings.recorded_runs(session)
+    for number in numbers:
+        with database.reading() as session:
+            found, without = _of_run(session, number)
+        problems += found
+        if without:
+            not_compared.append(
+                f"run {number}: {without} chunks of samples from before digests were kept, of which only smallest and "
+                "largest values were compared"
+            )
+    return Checked(len(numbers), tuple(problems), tuple(not_compared))
+
+
+def _of_run(session: Session, number: int) -> tuple[list[str], int]:
+    recording = recordings.get(session, number)
+    digests = recordings.recorded_digests(session, number)
+    if not digests:
+        return [], 0
+    first = next(iter(digests))
+    problems = []
+    for chunk in recordings.chunks(session, number, first, max(digests) + 1):
+        if why := _problem(chunk, digests[chunk.first_tick], len(recording.fields)):
+            at_s = (chunk.first_tick - first) * recording.period_s
+            problems.append(f"run {number}: the samples from {at_s:g} s on are not those that were recorded: {why}")
+    return problems, sum(digest == "" for digest in digests.values())
+
+
+def _problem(chunk: Chunk, digest: str, columns: int) -> str:
+    if digest and (found := hashlib.sha256(chunk.samples).hexdigest()) != digest:
+        return f"their sha256 is {found}, recorded was {digest}"
+    try:
+        table, summary = unpack(chunk.samples, columns), unpack(chunk.summary, columns)
+    except CodecError as error:
+        return str(error)
+    if len(table) != chunk.count:
+        return f"they are {len(table)}, recorded were {chunk.count}"
+    if not _alike(summarise(table), summary):
+        return "their smallest or largest values are others than those that were kept beside them"
+    return ""
+
+
+def _alike(one: Table, other: Table) -> bool:
+    return one.shape == other.shape and bool(np.array_equal(one, other, equal_nan=True))

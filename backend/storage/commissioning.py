@@ -1,0 +1,81 @@
+"""Results of the steps that bring a rig up: each attempt is a row, the newest of a step counts."""
+
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.orm import BringUpRow, to_record
+from backend.storage.stations import station_of
+
+
+@dataclass(frozen=True)
+class NewStepResult:
+    """What a step came to with the wiring ``wiring``, which ``fingerprint`` tells from any other.
+
+    ``figures`` are (words, value, unit) by name, ``calibrations`` what takes effect, by name too.
+    """
+
+    step: str
+    wiring: str
+    fingerprint: str
+    passed: bool
+    text: str
+    who: str
+    figures: list[dict[str, Any]] = field(default_factory=list)
+    calibrations: list[dict[str, Any]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class StepResult(NewStepResult):
+    """A stored result."""
+
+    id: int = 0
+    at: datetime = datetime.min
+
+
+def add(session: Session, new: NewStepResult) -> StepResult:
+    """Keep a result."""
+    row = BringUpRow(at=datetime.now(UTC), station=station_of(session), **asdict(new))
+    session.add(row)
+    session.flush()
+    return to_record(StepResult, row)
+
+
+def newest(session: Session) -> dict[str, StepResult]:
+    """Return the newest result of each step at the station."""
+    last = select(func.max(BringUpRow.id)).where(BringUpRow.station == station_of(session)).group_by(BringUpRow.step)
+    rows = session.scalars(select(BringUpRow).where(BringUpRow.id.in_(last)))
+    return {row.step: to_record(StepResult, row) for row in rows}
+
+
+def calibrations(session: Session, station: str) -> list[StepResult]:
+    """Return all that was calibrated at a station, oldest first."""
+    query = select(BringUpRow).where(BringUpRow.station == station, BringUpRow.passed).order_by(BringUpRow.id)
+    return [to_record(StepResult, row) for row in session.scalars(query) if row.calibrations]
+
+
+def held_at(session: Session, station: str, at: datetime) -> list[StepResult]:
+    """Return what was calibrated at a station up to a moment, of each step the newest."""
+    return list({one.step: one for one in calibrations(session, station) if one.at <= at}.values())
+
+
+def told(result: StepResult) -> dict[str, Any]:
+    """Return what a lineage tells of a calibration."""
+    return {"step": result.step, "fingerprint": result.fingerprint, "calibrations": result.calibrations}
+
+
+def last_failure(session: Session, step: str) -> int:
+    """Return the number of the newest result of a step that did not pass, with whatever wiring; 0 for none."""
+    failed = (BringUpRow.step == step, BringUpRow.passed.is_(False), BringUpRow.station == station_of(session))
+    query = select(func.max(BringUpRow.id)).where(*failed)
+    return session.scalar(query) or 0
+
+
+def passed_with(session: Session, fingerprint: str) -> list[StepResult]:
+    """Return all that passed with one wiring, oldest first."""
+    passed = (BringUpRow.fingerprint == fingerprint, BringUpRow.passed, BringUpRow.station == station_of(session))
+    query = select(BringUpRow).where(*passed).order_by(BringUpRow.id)
+    return [to_record(StepResult, row) for row in session.scalars(query)]

@@ -1,0 +1,175 @@
+"""Records as documents that another installation takes in: all their columns, but for number and station.
+
+Numbers of other records in them (``REFERENCES``) are those of the installation that wrote them.
+"""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Column, func, select
+from sqlalchemy.orm import Session
+
+from backend.models.run import with_banks, without_bank
+from backend.storage import origins
+from backend.storage.identifications import (
+    UnfitDocumentError,
+    require_entry,
+    require_fit,
+    require_lines,
+    require_run,
+    unfit,
+)
+from backend.storage.orm import (
+    BankEntryRow,
+    BankRow,
+    Base,
+    Document,
+    IdentificationRow,
+    OfStation,
+    ResultRow,
+    RunRow,
+    UtcDateTime,
+    require,
+    touch,
+)
+from backend.storage.stations import one_at_a_time, station_of
+
+RUN, IDENTIFICATION, BANK, RESULT = "run", "identification", "bank", "result"
+_TABLES: dict[str, type[Base]] = {RUN: RunRow, IDENTIFICATION: IdentificationRow, BANK: BankRow, RESULT: ResultRow}
+KINDS = tuple(_TABLES)
+REFERENCES = {"run_id": RUN, "bank_id": BANK, "identification_id": IDENTIFICATION}
+ENTRIES = "entries"
+_OWN = ("id", "station")
+_CHANGES = {RUN: ("note", "evaluation_problem"), BANK: ("version", ENTRIES)}
+"""What may change of a record where it lies, or names others by their numbers."""
+_MADE = {RUN: "started_at"}
+"""The moment that tells a record from all others; ``created_at`` where nothing is said."""
+
+
+def document_of(session: Session, kind: str, number: int) -> Document:
+    """Return a record as JSON: instants in ISO 8601, a bank with its entries. Raises UnknownRecordError."""
+    row = require(session, _TABLES[kind], number, kind)
+    document = {column.name: _plain(getattr(row, column.name)) for column in _columns(_TABLES[kind])}
+    if kind == BANK:
+        query = select(BankEntryRow).where(BankEntryRow.bank_id == number).order_by(BankEntryRow.position)
+        own = ("bank_id", "position")
+        document[ENTRIES] = [
+            {name: _plain(getattr(entry, name)) for name in _names(BankEntryRow) if name not in own}
+            for entry in session.scalars(query)
+        ]
+    return document
+
+
+def required(kind: str, document: Any) -> Document:
+    """Return a document that is a record of this kind. Raises UnfitDocumentError."""
+    if kind not in _TABLES:
+        raise UnfitDocumentError(f"there are no records of kind {str(kind)[:40]!r}")
+    columns = _columns(_TABLES[kind])
+    parts = {column.name for column in columns} | ({ENTRIES} if kind == BANK else set())
+    if not isinstance(document, Mapping) or set(document) != parts:
+        raise UnfitDocumentError(f"a {kind} has the parts {', '.join(sorted(parts))}")
+    for column in columns:
+        require_fit(kind, column, document[column.name])
+    require_lines(document)
+    if kind == RUN:
+        require_run(dict(document))
+    if kind == BANK:
+        _require_entries(document[ENTRIES])
+    return dict(document)
+
+
+def _require_entries(entries: Any) -> None:
+    if not isinstance(entries, list) or not entries:
+        raise unfit("entries of a bank", entries, "a list of one or more")
+    for entry in entries:
+        wanted = [column for column in _columns(BankEntryRow) if column.name not in ("bank_id", "position")]
+        if not isinstance(entry, Mapping) or set(entry) != {column.name for column in wanted}:
+            raise UnfitDocumentError(f"an entry of a bank has the parts {', '.join(column.name for column in wanted)}")
+        for column in wanted:
+            require_fit("bank entry", column, entry[column.name])
+        require_entry(entry)
+
+
+def import_alone(session: Session) -> None:
+    """Wait until no other import is under way on the database server: two of one file would store it twice."""
+    one_at_a_time(session.connection(), "import")
+
+
+def find_same(session: Session, kind: str, document: Document) -> int | None:
+    """Return the number of the station's record that was made at the same moment, None where there is none.
+
+    A result is one of the run that the document names, by its number here. Raises UnfitDocumentError where the record
+    says something else than the document.
+    """
+    table: Any = _TABLES[kind]
+    made = _MADE.get(kind, "created_at")
+    query = select(table).where(getattr(table, made) == datetime.fromisoformat(document[made]))
+    mine = table.station == station_of(session) if issubclass(table, OfStation) else table.run_id == document["run_id"]
+    for row in session.scalars(query.where(mine)):
+        here = document_of(session, kind, row.id)
+        changing = (*_CHANGES.get(kind, ()), *REFERENCES)
+        if all(_compared(name, here) == _compared(name, document) for name in here if name not in changing):
+            return int(row.id)
+        raise UnfitDocumentError(f"{kind} {row.id} was made at the same moment here, and says something else")
+    return None
+
+
+def put(session: Session, kind: str, document: Document) -> int:
+    """Store a document as a new record of the station and return its number; its references are those of here.
+
+    A bank whose version is taken becomes the next of its name.
+    """
+    table = _TABLES[kind]
+    values = {
+        column.name: datetime.fromisoformat(document[column.name])
+        if isinstance(column.type, UtcDateTime) and document[column.name] is not None
+        else document[column.name]
+        for column in _columns(table)
+    }
+    if issubclass(table, OfStation):
+        values["station"] = station_of(session)
+    if kind == BANK:
+        of_name = (BankRow.name == document["name"], BankRow.station == station_of(session))
+        taken = set(session.scalars(select(BankRow.version).where(*of_name)))
+        newest = session.scalar(select(func.max(BankRow.version)).where(*of_name)) or 0
+        values["version"] = newest + 1 if document["version"] in taken else document["version"]
+    row: Any = table(**values)
+    session.add(row)
+    session.flush()
+    for position, entry in enumerate(document.get(ENTRIES, [])):
+        session.add(BankEntryRow(bank_id=row.id, position=position, **entry))
+    session.flush()
+    if kind == RUN or document.get("run_id") is not None:
+        touch(session, row.id if kind == RUN else document["run_id"])
+    return int(row.id)
+
+
+def connect(session: Session, run_id: int, document: Document) -> bool:
+    """Give a run that was imported without its banks those of a document; return whether it was without them."""
+    row = require(session, RunRow, run_id, RUN)
+    has_more = row.bank_id is None and document["bank_id"] is not None
+    if not origins.bring_banks(session, run_id, where_there_are=has_more):
+        return False
+    row.bank_id, row.settings = document["bank_id"], document["settings"]
+    touch(session, run_id)
+    return True
+
+
+def _compared(name: str, document: Document) -> Any:
+    """Return what is compared of a part of a record: settings name banks by their numbers."""
+    part = document[name]
+    return with_banks(without_bank(part), lambda _: 0) if name == "settings" else part
+
+
+def _names(table: type[Base]) -> list[str]:
+    return [column.name for column in table.__table__.columns]
+
+
+def _columns(table: type[Base]) -> list[Column[Any]]:
+    columns: list[Any] = list(table.__table__.columns)
+    return [column for column in columns if column.name not in _OWN]
+
+
+def _plain(value: Any) -> Any:
+    return value.astimezone(UTC).isoformat() if isinstance(value, datetime) else value

@@ -1,0 +1,41 @@
+"""Which figure a list of runs shows: the criterion that failed, else the first that was measured."""
+
+import pytest
+
+from backend.models.run import Criterion, Figure, Metrics, headline_of
+
+PASSED = Criterion("settling_q_s", "Settling of q", "<", 2.0, 1.5, "s", True)
+FAILED = Criterion("overshoot_q_percent", "Overshoot of q", "<", 2.0, 3.5, "%", False)
+UNSEEN = Criterion("min_tension_N", "Smallest tension", ">", 1.0, None, "N", None, "the run ended early")
+GAP = Figure("rise_q_s", "s", "Rise of q", "10 to 90 %", None, "no step")
+PEAK = Figure("peak_voltage_V", "V", "Peak voltage", "largest |u|", 6.5)
+
+
+@pytest.mark.parametrize(
+    ("figures", "criteria", "shown"),
+    [
+        ((PEAK,), (PASSED, FAILED), ("overshoot_q_percent", 3.5, "<", 2.0)),
+        ((PEAK,), (UNSEEN, PASSED), ("settling_q_s", 1.5, "<", 2.0)),
+        ((GAP, PEAK), (UNSEEN,), ("peak_voltage_V", 6.5, "", None)),
+        ((GAP,), (), None),
+        (None, (), None),
+    ],
+)
+def test_the_criterion_that_failed_comes_before_what_was_measured(
+    figures: tuple[Figure, ...] | None,
+    criteria: tuple[Criterion, ...],
+    shown: tuple[str, float, str, float | None] | None,
+) -> None:
+    metrics = None if figures is None else Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=figures)
+    found = headline_of(metrics, criteria)
+    assert (None if found is None else (found.name, found.value, found.relation, found.bound)) == shown
+
+
+def test_the_lower_fit_of_an_identification_comes_before_its_motion() -> None:
+    metrics = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(PEAK,))
+    found = headline_of(metrics, (), {"G_q": 97.2, "G_S": 91.4})
+    assert found is not None
+    assert (found.name, found.label, found.value, found.unit) == ("fit_percent", "Fit of G_S", 91.4, "%")
+    judged = headline_of(metrics, (PASSED,), {"G_q": 97.2})
+    assert judged is not None
+    assert judged.name == "settling_q_s"

@@ -1,0 +1,141 @@
+"""Identifications of earlier versions are read, written as they were, and listed where one of them cannot be read."""
+
+import asyncio
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from backend.archive.stored_identifications import StoredIdentifications
+from backend.experiments.results.identification_curves import curves_of
+from backend.identification.validation import judged
+from backend.models import identification
+from backend.models.document import Edge, UnreadableDocumentError
+from backend.models.identification import ArxEstimate, FailedCandidate
+from backend.operating.tuning_in_use import by_default
+from backend.storage import identifications
+from backend.storage.banks import method_of
+from backend.storage.database import Database, open_database
+from backend.workers import Offload
+from plant.parameters import load_parameters
+from tests.models import earlier_identifications as earlier
+from tests.models.earlier_identifications import put_identification
+
+TUNING = by_default(load_parameters("ideal"))[0]
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    with closing(open_database(tmp_path)) as opened:
+        put_identification(opened, 1, "motor", earlier.MOTORS)
+        put_identification(opened, 2, "spring", earlier.SPRINGS)
+        put_identification(opened, 3, "actuator", earlier.ACTUATOR)
+        put_identification(opened, None, "spring", earlier.TABLE)
+        yield opened
+
+
+def stored(database: Database) -> StoredIdentifications:
+    return StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING)
+
+
+@pytest.mark.parametrize(
+    ("edge", "document"),
+    [
+        (identification.MODEL, earlier.ACTUATOR["model"]),
+        (identification.QUALITY, earlier.ACTUATOR["quality"]),
+        (identification.MOTOR_MODELS, earlier.MOTORS["model"]),
+        (identification.MOTOR_QUALITIES, earlier.MOTORS["quality"]),
+        (identification.SPRING_MODELS, earlier.SPRINGS["model"]),
+        (identification.SPRING_QUALITIES, earlier.SPRINGS["quality"]),
+        (identification.SPRING_MODELS, earlier.TABLE["model"]),
+        (identification.SPRING_QUALITIES, earlier.TABLE["quality"]),
+    ],
+)
+def test_what_is_read_is_written_as_it_was_with_a_version(edge: Edge[Any], document: Any) -> None:
+    written = edge.write(edge.read(document, "run 7"))
+    assert written == {**document, "version": 1}
+    assert list(written)[:-1] == list(document)
+    assert edge.write(edge.read(written, "run 7")) == written
+
+
+def test_the_page_shows_them(database: Database) -> None:
+    views = asyncio.run(stored(database).identifications())
+    assert [view.kind for view in views] == ["actuator", "spring", "motor"]
+    assert views[0].G_q is not None
+    assert (views[0].S_nominal, views[0].G_q.K) == (10.5, 0.05)
+    assert [one.name for one in views[1].springs] == ["A", "B"]
+    assert [one.fitted.K_m for one in views[2].motors] == [2.88, 2.88]
+    [table] = asyncio.run(stored(database).spring_tables())
+    assert (table.file, table.spring.fits[0].order) == ("spring.csv", 2)
+    with database.reading() as session:
+        for estimate in identifications.find(session):
+            assert any(curves_of(estimate).values())
+
+
+def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> None:
+    early = json.loads(json.dumps(earlier.ACTUATOR))
+    del early["options"]["estimator"]
+    for name in ("G_q", "G_S"):
+        del early["model"][name]["method"]
+        quality = early["quality"][name]
+        for part in ("arx", "candidates", "frequency"):
+            del quality[part]
+        quality["residuals"] = {"whiteness": earlier.BAND, "input_correlation": earlier.BAND}
+    put_identification(database, 4, "actuator", early)
+    with database.reading() as session:
+        found, now = identifications.of_run(session, 4), identifications.of_run(session, 3)
+    quality = found.actuator.channel("G_q").quality
+    assert (quality.arx, quality.candidates, quality.frequency) == (None, (), None)
+    assert found.actuator_options.estimator is None
+    assert method_of(found) == "output error"
+    early_bound, bound = (judged(one.residuals.whiteness).bound for one in (quality, now.actuator.quality.G_q))
+    assert early_bound[0] > bound[0]  # what was kept is the band of one lag alone
+    assert isinstance(now.actuator.channel("G_q").quality.candidates[1], FailedCandidate)
+    assert not isinstance(now.actuator.channel("G_q").quality.arx, ArxEstimate)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"model": {**earlier.ACTUATOR["model"], "version": 2}}, "run 3: its model is of version 2"),
+        (
+            {"model": {**earlier.ACTUATOR["model"], "S_nominal": "stiff"}},
+            "run 3: its model cannot be read, field S_nom",
+        ),
+        (
+            {"quality": {**earlier.ACTUATOR["quality"], "G_S": {**earlier.QUALITY, "grade": "fine"}}},
+            "run 3: the quality of its model cannot be read, field G_S.grade",
+        ),
+        (
+            {
+                "quality": {
+                    **earlier.ACTUATOR["quality"],
+                    "G_S": {**earlier.QUALITY, "candidates": [{"structure": "first", "grade": "usable", "BIC": 1.0}]},
+                }
+            },
+            "run 3: the quality of its model cannot be read, field G_S.candidates.0",
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_refused_by_run_and_field(tmp_path: Path, changed: Any, said: str) -> None:
+    with closing(open_database(tmp_path)) as database:
+        put_identification(database, 2, "spring", earlier.SPRINGS)
+        put_identification(database, 3, "actuator", earlier.ACTUATOR | changed)
+        with pytest.raises(UnreadableDocumentError, match=said):
+            asyncio.run(stored(database).identification(3))
+        views = asyncio.run(stored(database).identifications())
+        assert [(view.id, view.G_q) for view in views] == [(3, None), (2, None)]
+        assert said in views[0].message
+        assert [one.name for one in views[1].springs] == ["A", "B"]
+
+
+@pytest.mark.parametrize("part", ["model", "quality"])
+def test_half_a_spring_is_refused(tmp_path: Path, part: str) -> None:
+    document = {name: kept for name, kept in earlier.SPRINGS[part].items() if name != "B"}
+    with closing(open_database(tmp_path)) as database:
+        put_identification(database, 2, "spring", earlier.SPRINGS | {part: document})
+        with pytest.raises(UnreadableDocumentError, match="run 2: its model cannot be read, field B: it is missing"):
+            asyncio.run(stored(database).identification(2))
