@@ -15,6 +15,7 @@ from backend.access.control import PART as CONTROL
 from backend.access.control import Control
 from backend.access.hand_over import PART as HAND_OVER
 from backend.access.hand_over import HandOver
+from backend.analysis.evaluation import evaluate
 from backend.api.auth import signed_in
 from backend.api.service import Service
 from backend.archive.downloads import Downloads
@@ -36,8 +37,7 @@ from backend.archive.stored_runs import StoredRuns
 from backend.archive.timeline import StoredTimeline
 from backend.data_folder import PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
-from backend.experiments.playing.runner import Station
-from backend.experiments.results.evaluation import evaluate
+from backend.execution.runner import Station
 from backend.faults import Fault
 from backend.messages.live import EventMessage, MarkKind, StateMessage
 from backend.operating.actuator import Actuator

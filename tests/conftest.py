@@ -23,7 +23,7 @@ collect_ignore = [] if "FUZZ_EXAMPLES" in os.environ else ["fuzz"]
 """Thousands of requests are a lane of their own, `make fuzz`."""
 ONLY_COMPUTES = {
     "bench",
-    "bring_up",
+    "commissioning",
     "cli",
     "closed_loop",
     "control",

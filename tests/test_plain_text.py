@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 
 from backend.banks.builder import BankError, read_file, require_name
-from backend.documents.study import STUDY
 from backend.errors import RefusalError
-from backend.experiments.composing import text
-from backend.experiments.composing.refused import ExperimentError
+from backend.experiments import parser
+from backend.experiments.parser import ExperimentError
 from backend.exports.base import read_strict
 from backend.messages.bank import BankFile, BankRequest
 from backend.messages.identification import SpringTableRequest
@@ -32,6 +31,7 @@ from backend.plain_text import (
     require_plain_texts,
 )
 from backend.storage.identifications import UnfitDocumentError, require_lines
+from backend.studies.design import STUDY
 from backend.web_server.bodies import require_writable
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]
@@ -57,8 +57,8 @@ PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a text": (PlainTextError, require_plain),
     "a key": (PlainTextError, lambda words: require_plain_texts([{"a": {words: 1}}])),
     "a request": (RefusalError, lambda words: require_writable(json.dumps({"note": words}).encode())),
-    "YAML": (ExperimentError, lambda words: text.read(as_yaml(description=words))),
-    "JSON as a text": (ExperimentError, lambda words: text.read(json.dumps(described(f"x{words}y")))),
+    "YAML": (ExperimentError, lambda words: parser.read(as_yaml(description=words))),
+    "JSON as a text": (ExperimentError, lambda words: parser.read(json.dumps(described(f"x{words}y")))),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),
     "an experiment in an import": (
         ValueError,
@@ -77,22 +77,22 @@ def with_setting(**parts: Any) -> str:
 
 LINES: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a line": (PlainTextError, require_line),
-    "a title in YAML": (ExperimentError, lambda words: text.read(as_yaml(words))),
-    "a title in JSON": (ExperimentError, lambda words: text.read(json.dumps(experiment(words)))),
+    "a title in YAML": (ExperimentError, lambda words: parser.read(as_yaml(words))),
+    "a title in JSON": (ExperimentError, lambda words: parser.read(json.dumps(experiment(words)))),
     "a phase": (
         ExperimentError,
-        lambda words: text.read(json.dumps({**experiment("x"), "phases": [{**PARTS[0], "title": words}]})),
+        lambda words: parser.read(json.dumps({**experiment("x"), "phases": [{**PARTS[0], "title": words}]})),
     ),
-    "a symbol": (ExperimentError, lambda words: text.read(with_setting(symbol=words))),
-    "a unit": (ExperimentError, lambda words: text.read(with_setting(unit=words))),
-    "a meaning": (ExperimentError, lambda words: text.read(with_setting(meaning=words))),
+    "a symbol": (ExperimentError, lambda words: parser.read(with_setting(symbol=words))),
+    "a unit": (ExperimentError, lambda words: parser.read(with_setting(unit=words))),
+    "a meaning": (ExperimentError, lambda words: parser.read(with_setting(meaning=words))),
     "a choice": (
         ExperimentError,
-        lambda words: text.read(with_setting(kind="choice", choices=[words], default=words)),
+        lambda words: parser.read(with_setting(kind="choice", choices=[words], default=words)),
     ),
     "a remedy": (
         ExperimentError,
-        lambda words: text.read(json.dumps({**experiment("x"), "rules": [{"that": "1 < 2", "remedy": words}]})),
+        lambda words: parser.read(json.dumps({**experiment("x"), "rules": [{"that": "1 < 2", "remedy": words}]})),
     ),
     "the title of a study": (
         ValueError,
@@ -148,14 +148,14 @@ def test_names_of_any_language_are_taken(path: str, words: str) -> None:
 @pytest.mark.parametrize("words", [*LINES_REFUSED, " "], ids=ascii)
 def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) -> None:
     title = f"x{words}y" if words.strip() else words
-    read = text.of_canonical(json.dumps(experiment(title)))
+    read = parser.of_canonical(json.dumps(experiment(title)))
     assert read.title == as_line(title)
     assert read.title.isprintable()
-    assert text.read(json.dumps(experiment(title)), stored=True)[0].title == as_line(title)
+    assert parser.read(json.dumps(experiment(title)), stored=True)[0].title == as_line(title)
     assert STUDY.validate_json(
         json.dumps({"format": 1, "name": "a", "title": as_line(title)}), context=STORED
     ).title == as_line(title)
-    assert text.of_canonical(text.canonical(read)) == read
+    assert parser.of_canonical(parser.canonical(read)) == read
 
 
 def test_a_terminal_is_given_escapes() -> None:
@@ -226,16 +226,16 @@ def test_lines_and_letters_of_any_language_are_taken(path: str, words: str) -> N
 def test_json_may_write_a_character_as_a_pair_of_escapes() -> None:
     written = json.dumps(experiment("😀"))
     assert "\\ud83d\\ude00" in written
-    assert text.read(written)[0].title == "😀"
+    assert parser.read(written)[0].title == "😀"
 
 
 def test_an_escape_beyond_all_characters_is_refused() -> None:
     with pytest.raises(ExperimentError):
-        text.read('title: "\\Uffffffff"')
+        parser.read('title: "\\Uffffffff"')
 
 
 def test_a_refusal_says_where_the_character_stands() -> None:
     with pytest.raises(ExperimentError) as refused:
-        text.read(as_yaml("\0"))
+        parser.read(as_yaml("\0"))
     assert refused.value.line == 3
     assert refused.value.path == ("title",)

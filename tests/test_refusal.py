@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.errors import Because, OutOfRangeError, RefusalError, RefusedValueError, bound_text, require_within
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.library import ready_plan
+from backend.experiments.parser import ExperimentError
+from backend.experiments.plans import SequencePlan
 from backend.models.settings import SettingError
 from backend.units import Angles
 

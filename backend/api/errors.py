@@ -11,12 +11,12 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from backend.analysis.evaluation import NotEvaluableError
+from backend.analysis.identification import NotComparableError
 from backend.banks.builder import BankError
 from backend.errors import Because, OutOfRangeError, RefusalError
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.playing.play import NotReadyError
-from backend.experiments.results.again import NotEvaluableError
-from backend.experiments.results.unseen_prediction import NotComparableError
+from backend.execution.runner import NotReadyError
+from backend.experiments.parser import ExperimentError
 from backend.exports.base import ExportError
 from backend.identification.records import DataFileError, IdentificationError
 from backend.messages.base import Problem, Refusal

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from backend.analysis.evaluation import catch_up
 from backend.archive.imports import look_over
-from backend.experiments.results.again import catch_up
 from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
 from backend.reports.rendering import render

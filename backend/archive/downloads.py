@@ -8,11 +8,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
+from backend.analysis.evaluation import left_behind
 from backend.archive.bundling import bundle_pieces
 from backend.archive.comparison_file import curves_file, table_file
 from backend.archive.differences import differences, samples_of
 from backend.errors import Because, RefusalError
-from backend.experiments.results.again import left_behind
 from backend.exports.base import of_columns, of_run
 from backend.exports.formats import DataFormat, pieces
 from backend.messages.comparison import Differences, DifferencesAsked

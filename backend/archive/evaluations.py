@@ -3,8 +3,8 @@
 import asyncio
 from collections.abc import Callable
 
+from backend.analysis.evaluation import evaluate_again, require_evaluable
 from backend.errors import Because, RefusalError
-from backend.experiments.results.again import evaluate_again, require_evaluable
 from backend.messages.state import TaskView
 from backend.storage import runs
 from backend.storage.database import Database

@@ -4,8 +4,7 @@ import asyncio
 from dataclasses import asdict
 
 from backend.errors import Because, RefusalError
-from backend.experiments.composing.expressions import ExpressionError
-from backend.experiments.composing.formula import derived_of
+from backend.experiments.parser import ExpressionError, derived_of
 from backend.messages.formula import FormulaList, FormulaText, FormulaView, StepView
 from backend.recording.derived_signals import derived_from
 from backend.storage import formulas

@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 from backend.errors import OutOfRangeError
-from backend.experiments.composing import text
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import stored_plan
+from backend.experiments import parser
+from backend.experiments.library import stored_plan
+from backend.experiments.parser import ExperimentError
+from backend.experiments.plans import LoopSettings
 from backend.exports import importer
 from backend.exports.base import ImportRefusedError
 from backend.exports.importer import TakenIn
@@ -17,7 +17,7 @@ from backend.plain_text import as_line
 from backend.storage.database import Database
 from backend.storage.runs import Run
 
-_LONGEST_EXPERIMENT = 4 * text.MAX_CHARACTERS
+_LONGEST_EXPERIMENT = 4 * parser.MAX_CHARACTERS
 """Characters of an experiment as a run keeps it: its JSON has more of them than the YAML that was sent."""
 
 
@@ -53,7 +53,7 @@ def _require_experiment(kept: str) -> None:
     if len(kept) > _LONGEST_EXPERIMENT:
         raise ExperimentError(f"the experiment has {len(kept)} characters, at most {_LONGEST_EXPERIMENT} are accepted")
     try:
-        text.of_document(json.loads(kept), {})
+        parser.of_document(json.loads(kept), {})
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise

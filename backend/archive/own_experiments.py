@@ -6,15 +6,13 @@ from typing import Any
 
 from backend.archive.recorded_experiment import recorded_experiment
 from backend.banks.tuning_settings import TuningChoice
-from backend.experiments.composing import ready_made, text
-from backend.experiments.composing.refused import ExperimentError, line_of
-from backend.experiments.composing.told import Played, played_parts
-from backend.experiments.plans.catalogue import Entry, entry_of, experiments
-from backend.experiments.plans.catalogue import experiment as ready
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.loop_settings import LoopSettings, split_values
-from backend.experiments.plans.plan import Plan
-from backend.experiments.playing.playable import banks_in, playable
+from backend.execution.runner import banks_in, playable
+from backend.experiments import library, parser
+from backend.experiments.compiler import Played, played_parts
+from backend.experiments.library import Entry, entry_of, experiments
+from backend.experiments.library import experiment as ready
+from backend.experiments.parser import ExperimentError, line_of
+from backend.experiments.plans import ComposedPlan, LoopSettings, Plan, split_values
 from backend.messages.experiment import DryRunView
 from backend.messages.own_experiment import (
     CheckedExperiment,
@@ -114,8 +112,8 @@ class OwnExperiments:
 
     def written(self, name: str) -> WrittenExperiment:
         """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
-        written = ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
-        return WrittenExperiment(text=written, document=text.document_of(written, stored=True)[0])
+        written = library.text_of(name) if name in library.NAMES else self._stored(name).text
+        return WrittenExperiment(text=written, document=parser.document_of(written, stored=True)[0])
 
     def as_run(self, run_id: int) -> RecordedExperiment:
         """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
@@ -147,7 +145,7 @@ class OwnExperiments:
 
     def checked(self, written: str, parameters: PlantParameters, tuning: TuningChoice) -> Checked:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
-        experiment, lines = text.read(written)
+        experiment, lines = parser.read(written)
         if as_folded(experiment.name) in map(as_folded, experiments()):
             why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
             raise ExperimentError(why, ("name",), line_of(("name",), lines))
@@ -162,7 +160,7 @@ class OwnExperiments:
             program.duration_s,
             len(program.segments),
             len(program.tunings),
-            text.document_of(written)[0],
+            parser.document_of(written)[0],
             played_parts(plan.laid),
         )
 
@@ -183,7 +181,7 @@ def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
 
 
 def _entry_of(kept: StoredExperiment) -> Entry:
-    experiment, lines = text.read(kept.text, stored=True)
+    experiment, lines = parser.read(kept.text, stored=True)
     return entry_of(experiment, lines, name=f"{kept.name}@{kept.version}")
 
 

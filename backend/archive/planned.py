@@ -5,10 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.forecasts.timetable import timetable
-from backend.experiments.plans.plan import IdentificationPlan
-from backend.experiments.plans.profile import profile
-from backend.experiments.plans.stored_plan import stored_plan
+from backend.experiments.forecast import timetable
+from backend.experiments.library import stored_plan
+from backend.experiments.plans import IdentificationPlan, profile
 from backend.messages.history import Planned, PlannedLine, PlannedPart
 from backend.models.document import UnreadableDocumentError
 from backend.recording.reader import read_samples

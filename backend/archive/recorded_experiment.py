@@ -8,10 +8,9 @@ import numpy as np
 
 from backend.archive.history import marks_of
 from backend.banks.tuning_settings import changes_told
-from backend.documents.experiment import FORMAT
-from backend.experiments.composing.recorded import LEAST, Change, Column, Followed, commanded, followed
-from backend.experiments.plans.composed_plan import LAWS, ComposedPlan
-from backend.experiments.plans.stored_plan import stored_plan
+from backend.experiments.library import LEAST, Change, Column, Followed, commanded, followed, stored_plan
+from backend.experiments.plans import LAWS, ComposedPlan
+from backend.experiments.schema import FORMAT
 from backend.messages.history import RunMark
 from backend.messages.own_experiment import RecordedExperiment
 from backend.models.document import UnreadableDocumentError

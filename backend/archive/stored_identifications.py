@@ -4,11 +4,9 @@ import asyncio
 import logging
 from collections.abc import Callable
 
+from backend.analysis.identification import curves_of, trend_of, unseen_of
 from backend.archive import identification_views
 from backend.archive.stored_banks import TuningInForce
-from backend.experiments.results.identification_curves import curves_of
-from backend.experiments.results.over_stiffness import trend_of
-from backend.experiments.results.unseen_prediction import unseen_of
 from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import IdentificationView, SpringTableView

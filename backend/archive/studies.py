@@ -6,9 +6,9 @@ from typing import Any
 
 from backend.archive.own_experiments import OwnExperiments
 from backend.errors import RefusedValueError
-from backend.experiments.composing import text
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.playable import banks_in
+from backend.execution.runner import banks_in
+from backend.experiments import parser
+from backend.experiments.plans import LoopSettings
 from backend.messages.study import (
     CheckedStudy,
     StudyAxis,
@@ -58,7 +58,7 @@ class Studies:
         """Return what a text says, and whether it is a study that could be begun. Nothing is kept."""
         document: dict[str, Any] | None = None
         try:
-            said = text.document_of(written)[0]
+            said = parser.document_of(written)[0]
             document = said if isinstance(said, dict) else None
             own = OwnExperiments(self._database)
             new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), "")
@@ -95,7 +95,7 @@ class Studies:
     def detail(self, study_id: int, rows: int | None = ROWS_SHOWN, pick: str = maps.WORST) -> StudyDetail:
         """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
         kept, points, design = self._read(study_id)
-        named = maps.figure_names(text.of_canonical(design.base.experiment))
+        named = maps.figure_names(parser.of_canonical(design.base.experiment))
         spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
         figures = [
             StudyFigure(**vars(named[name]), **{of: value for of, value in vars(item).items() if of != "figure"})
@@ -188,6 +188,6 @@ def symbol_of(name: str, design: Design) -> str:
 
 def _settings(design: Design) -> dict[str, tuple[str, str]]:
     """Symbol and unit of each setting of the experiment and of the loop, by name."""
-    written = text.of_canonical(design.base.experiment).settings
+    written = parser.of_canonical(design.base.experiment).settings
     found = {item.name: (item.symbol or item.name, item.unit) for item in written}
     return found | {item.name: (item.symbol, item.unit) for item in describe(LoopSettings)}

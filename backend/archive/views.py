@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis.evaluation import used_settings
 from backend.banks.builder import MODEL_NAMES, point_of
-from backend.experiments.results.used_settings import used_settings
 from backend.messages.bank import BankEntryView, BankView
 from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
 from backend.messages.flight import FlightView

@@ -88,11 +88,11 @@ def main() -> None:
 def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
     from backend.access.tokens import TokenError
+    from backend.analysis.evaluation import NotEvaluableError
     from backend.banks.builder import BankError
     from backend.data_folder import AlreadyRunningError, DataFolderError
     from backend.errors import OutOfRangeError, RefusalError
-    from backend.experiments.composing.refused import ExperimentError
-    from backend.experiments.results.again import NotEvaluableError
+    from backend.experiments.parser import ExperimentError
     from backend.models.document import UnreadableDocumentError
     from backend.models.settings import SettingError
     from backend.realtime.supervisor import LoopDiedError

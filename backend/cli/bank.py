@@ -110,7 +110,7 @@ def diff(
     Settings: lam_q, lam_S, lam_motor [s].
     """
     from backend.banks.builder import difference, entry_of, with_entries
-    from backend.experiments.plans.loop_settings import LoopSettings
+    from backend.experiments.plans import LoopSettings
     from backend.models.settings import from_values
     from backend.storage import banks, identifications
 

@@ -20,7 +20,7 @@ from backend.cli.place import (
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.experiments.plans.catalogue import Entry
+    from backend.experiments.library import Entry
 
 SetWords = Annotated[
     list[str] | None,
@@ -62,7 +62,7 @@ def experiment(
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
     interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.playing.runner import Order
+    from backend.execution.runner import Order
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = settings_with(
@@ -83,13 +83,12 @@ def experiment(
 def entry_of(name: str, settings: Settings) -> "Entry":
     """Return the experiment of a name or a file. Raises SettingError, ExperimentError."""
     from backend.archive.own_experiments import OwnExperiments
-    from backend.experiments.composing import text
-    from backend.experiments.plans import catalogue
+    from backend.experiments import library, parser
 
     if Path(name).suffix in (".yaml", ".yml", ".json"):
-        return catalogue.entry_of(*text.read(text_in(Path(name))))
-    if name in catalogue.experiments():
-        return catalogue.experiment(name)
+        return library.entry_of(*parser.read(text_in(Path(name))))
+    if name in library.experiments():
+        return library.experiment(name)
     with database_of(settings, reading=True) as database:
         return OwnExperiments(database).entry(name)
 

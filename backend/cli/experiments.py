@@ -110,7 +110,7 @@ def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
 @app.command()
 def schema() -> None:
     """Print the JSON schema of an experiment, for editors."""
-    from backend.documents.experiment import schema as schema_of
+    from backend.experiments.schema import schema as schema_of
 
     print_json(schema_of())
 
@@ -121,10 +121,9 @@ def _peaks(
     """Play an experiment on a simulator of its own, with its banks, and return its figures by name."""
     from tempfile import TemporaryDirectory
 
-    from backend.experiments.plans.loop_settings import LoopSettings
-    from backend.experiments.playing.dry_run import dry_run
-    from backend.experiments.playing.playable import banks_of
-    from backend.experiments.playing.runner import Order
+    from backend.execution.runner import Order, banks_of
+    from backend.execution.simulation import dry_run
+    from backend.experiments.plans import LoopSettings
     from backend.storage import banks
 
     plan = checked.plan

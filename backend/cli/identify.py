@@ -34,8 +34,8 @@ from backend.cli.place import (
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.experiments.plans.plan import IdentificationPlan
-    from backend.experiments.playing.runner import Order
+    from backend.execution.runner import Order
+    from backend.experiments.plans import IdentificationPlan
     from backend.reports.source import Source
 
 app = typer.Typer(
@@ -77,7 +77,7 @@ def motor(
     Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
     Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans.identification_plans import MotorIdentificationPlan
+    from backend.experiments.plans import MotorIdentificationPlan
 
     _identify(
         MotorIdentificationPlan,
@@ -108,7 +108,7 @@ def spring(
     Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
     Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans.identification_plans import SpringIdentificationPlan
+    from backend.experiments.plans import SpringIdentificationPlan
 
     settings = settings_with(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
@@ -144,7 +144,7 @@ def actuator(
     estimator (default or arx, the paper's).
     Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans.plan import ActuatorIdentificationPlan
+    from backend.experiments.plans import ActuatorIdentificationPlan
 
     settings, chosen = (
         settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
@@ -164,7 +164,7 @@ def actuator(
 
 def _load_friction(sources: "Sequence[Source]") -> tuple[dict[str, Any], str]:
     """Return the friction of motor A over the load from all runs of the command, or why it is not measured."""
-    from backend.experiments.results.load_friction import MOTOR_B, document_of, load_friction_of
+    from backend.analysis.identification import MOTOR_B, document_of, load_friction_of
 
     found = load_friction_of([(source.run, source.columns) for source in sources])
     return {"load_friction": document_of(found)}, "; ".join((found.sentence, *found.left_out, MOTOR_B))
@@ -185,7 +185,7 @@ def _identify(
 def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing: Standing) -> "tuple[Order, str]":
     from functools import partial
 
-    from backend.experiments.playing.runner import Order
+    from backend.execution.runner import Order
     from backend.models.settings import describe, from_values
 
     chosen, loop_settings, tuning = ordered(describe(plan), partial(from_values, plan), values, standing)
@@ -194,8 +194,8 @@ def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing
 
 def _identify_table(table: Path, settings: Settings, header: int | None, decimal: str | None, *, as_json: bool) -> None:
     from backend import __version__
+    from backend.analysis.identification import from_table
     from backend.cli.identify_data import decimal_mark, show_layout
-    from backend.experiments.results.spring_identification import from_table
     from backend.identification.importer import decoded
     from backend.identification.records import IdentificationError
     from backend.storage import identifications

@@ -16,8 +16,8 @@ from backend.cli.run_tables import show_run
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.experiments.plans.loop_settings import LoopSettings
-    from backend.experiments.playing.runner import Order, Outcome
+    from backend.execution.runner import Order, Outcome
+    from backend.experiments.plans import LoopSettings
     from backend.models.settings import Setting
     from backend.operating.kept_figures import KeptFigures
     from backend.reports.source import Source
@@ -74,7 +74,7 @@ def ordered(
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
-    from backend.experiments.plans.loop_settings import split_values
+    from backend.experiments.plans import split_values
     from backend.models.run import with_motion
 
     values = with_motion(values)
@@ -174,8 +174,8 @@ def run_in_turn(
 def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.data_folder import playing_in
-    from backend.experiments.playing.headless_station import headless_station
-    from backend.experiments.playing.runner import run_experiment
+    from backend.execution.runner import run_experiment
+    from backend.execution.simulation import headless_station
     from backend.reports.source import load_source
 
     with (

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
 from backend.plain_text import as_json, as_line, as_lines
 from backend.units import Angles, in_words
 

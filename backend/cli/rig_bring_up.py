@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from backend.bring_up.steps import MORE_WEIGHTS, STEPS, StepId
 from backend.cli.output import AsJson, fail
 from backend.cli.place import (
     CardAddress,
@@ -18,6 +17,7 @@ from backend.cli.place import (
     settings_with,
 )
 from backend.cli.rig_steps import Order, not_done, play, require_rig, show
+from backend.commissioning.steps import MORE_WEIGHTS, STEPS, StepId
 
 
 class LoadCell(StrEnum):
@@ -110,7 +110,7 @@ def calibrate(
 
     Calibration counts as done once both load cells have been calibrated with this wiring.
     """
-    from backend.bring_up.engine import values_of
+    from backend.commissioning.session import values_of
 
     most = 2 + len(MORE_WEIGHTS)
     if not 2 <= len(weight) <= most:

@@ -7,17 +7,17 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from backend.bring_up.steps import INSTEAD, STEP, STEPS, StepId
 from backend.cli.asking import GivenUpError, Terminal, say
 from backend.cli.ordering import current_user
 from backend.cli.output import angles, fail, print_json, print_table
 from backend.cli.place import database_of
+from backend.commissioning.steps import INSTEAD, STEP, STEPS, StepId
 from backend.settings import Settings
 from backend.units import in_words, read, reading_of, with_unit
 
 if TYPE_CHECKING:
-    from backend.bring_up.session import Session
-    from backend.bring_up.standing import Standing
+    from backend.commissioning.session import Session
+    from backend.commissioning.steps import Standing
     from backend.storage.commissioning import StepResult
     from backend.storage.database import Database
 
@@ -52,7 +52,7 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     """How the steps stand while no loop runs: whatever a loop before has counted from is lost."""
     from datetime import UTC, datetime
 
-    from backend.bring_up import standing
+    from backend.commissioning import steps as standing
     from plant.factory import wiring_of_choice
 
     return standing.states(standing.kept(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
@@ -60,7 +60,7 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
 
 def not_done(settings: Settings) -> list[StepId]:
     """Return what is to be done; the zero, which no loop leaves to the next, by hand and only where it is needed."""
-    from backend.bring_up.standing import StepState
+    from backend.commissioning.steps import StepState
 
     with database_of(settings, reading=True) as database:
         states = _states_at_rest(settings, database)
@@ -97,7 +97,7 @@ def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
 
 def _require_free(settings: Settings, database: "Database", orders: Sequence[Order]) -> None:
     """Refuse before any card is opened."""
-    from backend.bring_up.standing import blocked_by
+    from backend.commissioning.steps import blocked_by
 
     first = STEP[orders[0].step]
     blocked = blocked_by(first, _states_at_rest(settings, database))
@@ -108,8 +108,8 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ord
 async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> "_BringUp":
     from backend.banks.builder import tuning_command
     from backend.banks.tuning_settings import default_choice
-    from backend.bring_up.session import BlockedError, Person, session
-    from backend.bring_up.standing import brought_up_of
+    from backend.commissioning.session import BlockedError, Person, session
+    from backend.commissioning.steps import brought_up_of
     from backend.realtime.ipc import Setup
     from plant.parameters import load_parameters
 
@@ -164,7 +164,7 @@ async def _one(at_rig: "Session", terminal: Terminal, order: Order) -> "StepResu
 
 async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
     """Ask for the numbers of a step until they are good."""
-    from backend.bring_up.engine import values_of
+    from backend.commissioning.session import values_of
     from backend.errors import RefusedValueError
 
     while True:
@@ -216,7 +216,7 @@ class _BringUp:
 def _standing_of(
     settings: Settings, states: "dict[StepId, Standing]", database: "Database", ended: str = ""
 ) -> _BringUp:
-    from backend.bring_up import standing
+    from backend.commissioning import steps as standing
 
     results = standing.newest(database)
     steps = tuple(

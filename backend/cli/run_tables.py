@@ -35,7 +35,7 @@ def show_run(source: "Source", files: Sequence[Path] = ()) -> None:
 
 def show_settings(source: "Source") -> None:
     """Print what a run was set to."""
-    from backend.experiments.results.used_settings import used_settings
+    from backend.analysis.evaluation import used_settings
 
     used = used_settings(source.run)
     rows = [

@@ -47,7 +47,7 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
 @app.command()
 def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
-    from backend.experiments.results.again import evaluate_again
+    from backend.analysis.evaluation import evaluate_again
 
     with database_of(settings_with(data=data, station=station)) as database:
         evaluation = evaluate_again(database, run)

@@ -144,7 +144,7 @@ def draw(
     from dataclasses import asdict
 
     from backend.archive.studies import Studies, symbol_of, unit_of
-    from backend.experiments.composing.text import of_canonical
+    from backend.experiments.parser import of_canonical
     from backend.studies.maps import PICK_WORDS, SHARES, axis_labels, figure_names
     from backend.studies.point import UNSTABLE
 

@@ -4,7 +4,7 @@ import importlib
 import pkgutil
 from dataclasses import fields, is_dataclass
 
-from backend.experiments import results
+from backend import analysis
 from backend.glossary.entry import Entry, Kind
 
 _RMS = "√(1/N Σ ({error})²)"
@@ -91,7 +91,7 @@ def _entry(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> 
 def _declared() -> list[tuple[str, str, str, str, str]]:
     """Return what is declared: of which result, name, label, unit, definition."""
     modules = [
-        importlib.import_module(f"{results.__name__}.{found.name}") for found in pkgutil.iter_modules(results.__path__)
+        importlib.import_module(f"{analysis.__name__}.{found.name}") for found in pkgutil.iter_modules(analysis.__path__)
     ]
     return [
         (

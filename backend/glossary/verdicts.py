@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import get_args
 
-from backend.bring_up.standing import StepState
-from backend.experiments.results.rest import SETTLING_BAND
+from backend.analysis.step_metrics import SETTLING_BAND
+from backend.commissioning.steps import StepState
 from backend.glossary.entry import Entry, Kind
 from backend.identification import validation as rule
 from backend.identification.models import Grade

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.bring_up.standing import StepState
-from backend.bring_up.steps import StepId
+from backend.commissioning.steps import StepId, StepState
 from backend.messages.base import Finite, Schema, quantity
 
 

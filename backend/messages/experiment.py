@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
 from backend.messages.base import Finite, Schema, quantity
 from backend.messages.run import SamplesView
 from backend.models.run import Outcome

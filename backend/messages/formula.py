@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.experiments.composing.expressions import MAX_LENGTH
+from backend.experiments.parser import MAX_LENGTH
 from backend.messages.base import Schema
 from backend.plain_text import ONE_LINE
 from backend.recording.derived_signals import Operation

@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import Field
 
-from backend.experiments.composing.text import MAX_CHARACTERS
+from backend.experiments.parser import MAX_CHARACTERS
 from backend.messages.base import Schema, quantity
 from backend.messages.experiment import DryRunView
 

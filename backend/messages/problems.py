@@ -1,7 +1,7 @@
 """What is said of a refused number, setting or experiment, and what of a refused value can be shown."""
 
 from backend.errors import OutOfRangeError
-from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.parser import ExperimentError
 from backend.messages.base import Problem
 from backend.messages.malformed import SHOWN
 from backend.models.settings import SettingError

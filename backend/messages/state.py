@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from backend.experiments.forecasts.stretches import Stage
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
+from backend.experiments.forecast import Stage
 from backend.faults import Fault
 from backend.messages.base import ANY_SIZE, Schema, quantity
 from backend.messages.control import HolderView, WishView

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from backend.experiments.composing.text import MAX_CHARACTERS
+from backend.experiments.parser import MAX_CHARACTERS
 from backend.messages.base import Schema, quantity
 from backend.models.run import Value
 

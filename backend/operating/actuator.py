@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from backend.bring_up.hands import KeptHands, switch_drives
+from backend.commissioning.session import KeptHands, switch_drives
 from backend.errors import Because, RefusalError, require_within
 from backend.faults import EXPLAINED, Fault
 from backend.messages.live import MarkKind

@@ -6,12 +6,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from backend.bring_up import standing
-from backend.bring_up.engine import perform, values_of
-from backend.bring_up.hands import KeptHands, switch_drives
-from backend.bring_up.standing import Kept, Standing, StepState, blocked_by
-from backend.bring_up.steps import STEP, STEPS, Step, StepId
-from backend.bring_up.work import Finding, Work
+from backend.commissioning import steps as standing
+from backend.commissioning.session import KeptHands, perform, switch_drives, values_of
+from backend.commissioning.steps import STEP, STEPS, Finding, Kept, Standing, Step, StepId, StepState, Work, blocked_by
 from backend.errors import Because, RefusalError, RefusedValueError
 from backend.faults import Fault
 from backend.messages.bring_up import BringUpView, DrivesLeft, RunningStep

@@ -1,7 +1,6 @@
 """How the steps of the bring-up are shown."""
 
-from backend.bring_up.standing import Standing, StepState
-from backend.bring_up.steps import STEPS, Step
+from backend.commissioning.steps import STEPS, Standing, Step, StepState
 from backend.messages.bring_up import BringUpStep, BringUpView, RunningStep, StepFigure, StepInput, StepResult
 from backend.storage.commissioning import StepResult as Stored
 

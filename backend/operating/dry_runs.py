@@ -14,11 +14,10 @@ from backend.access.people import Person
 from backend.archive.views import dry_run_view
 from backend.departure import HasLeft, unless_left
 from backend.errors import require_within
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import values_of
-from backend.experiments.playing.dry_run import dry_run, get_ready, progress_in
-from backend.experiments.playing.progress import Doing
-from backend.experiments.playing.runner import Order
+from backend.execution.runner import Doing, Order
+from backend.execution.simulation import dry_run, get_ready, progress_in
+from backend.experiments.library import values_of
+from backend.experiments.plans import LoopSettings
 from backend.messages.experiment import DryRunProgress, DryRunView
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.work_places import WorkPlaces

@@ -4,9 +4,8 @@ import asyncio
 import logging
 from dataclasses import replace
 
-from backend.bring_up import standing
-from backend.bring_up.steps import STEP, StepId
-from backend.bring_up.work import Finding
+from backend.commissioning import steps
+from backend.commissioning.steps import STEP, Finding, StepId
 from backend.errors import RefusalError
 from backend.faults import Fault
 from backend.operating.actuator import Actuator
@@ -49,8 +48,8 @@ class Findings:
 
     async def keep(self, step: StepId, wiring: Wiring, finding: Finding, who: str) -> None:
         """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
-        await asyncio.to_thread(standing.keep, self._database, step, wiring, finding, who)
-        brought_up = await asyncio.to_thread(standing.in_effect, self._database, wiring)
+        await asyncio.to_thread(steps.keep, self._database, step, wiring, finding, who)
+        brought_up = await asyncio.to_thread(steps.in_effect, self._database, wiring)
         self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         if not (finding.calibrations and finding.passed):
             return
@@ -99,4 +98,4 @@ class Findings:
         except PlantError:
             return NOT_BROUGHT_UP  # the loop says itself why it does not start
         # a start with the wiring of before waits for no database
-        return known if fingerprint(wiring) == known.wired else standing.in_effect(self._database, wiring)
+        return known if fingerprint(wiring) == known.wired else steps.in_effect(self._database, wiring)

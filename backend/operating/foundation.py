@@ -5,8 +5,8 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 
 from backend.archive.soundness import Soundness
-from backend.bring_up.hands import KeptHands
-from backend.bring_up.standing import brought_up_of
+from backend.commissioning.session import KeptHands
+from backend.commissioning.steps import brought_up_of
 from backend.experiments import applied_parameters
 from backend.models.document import UnreadableDocumentError
 from backend.operating.kept_figures import KeptFigures

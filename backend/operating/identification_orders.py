@@ -4,12 +4,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from backend.errors import OutOfRangeError
-from backend.experiments.forecasts.forecast import forecast
-from backend.experiments.forecasts.prediction import predict
-from backend.experiments.forecasts.unloaded_prediction import PredictedRun, predict_motor, predict_spring
-from backend.experiments.forecasts.way import Start
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
+from backend.experiments.forecast import Start, forecast
+from backend.experiments.plans import (
+    ActuatorIdentificationPlan,
+    IdentificationPlan,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+)
+from backend.experiments.prediction import PredictedRun, predict, predict_motor, predict_spring
 from backend.messages.experiment import Metric
 from backend.messages.identification import (
     ActuatorRequest,

@@ -12,16 +12,24 @@ from backend.archive.stored_banks import StoredBanks
 from backend.banks.tuning_settings import TuningChoice
 from backend.departure import HasLeft
 from backend.errors import Because, RefusalError, RefusedValueError
-from backend.experiments.forecasts.forecast import expected, forecast
-from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.catalogue import experiments
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import Plan
-from backend.experiments.plans.stored_plan import values_of
-from backend.experiments.playing.play import NotReadyError, require_ready
-from backend.experiments.playing.playable import banks_in, banks_of, choices_of, playable
-from backend.experiments.playing.progress import Doing, Notify
-from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
+from backend.execution.runner import (
+    Doing,
+    Notify,
+    NotReadyError,
+    Order,
+    Station,
+    banks_in,
+    banks_of,
+    choices_of,
+    create_run,
+    evaluated,
+    playable,
+    played,
+    require_ready,
+)
+from backend.experiments.forecast import expected, forecast, start_from
+from backend.experiments.library import experiments, values_of
+from backend.experiments.plans import LoopSettings, Plan
 from backend.faults import Fault
 from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
 from backend.messages.identification import IdentificationRequest, Prediction

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from backend.errors import Because, RefusalError
-from backend.experiments.playing.play import SLICE_S, NotReadyError, mode_of
+from backend.execution.runner import SLICE_S, NotReadyError, mode_of
 from backend.operating.present_state import PresentState
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopAccess

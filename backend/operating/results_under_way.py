@@ -2,7 +2,7 @@
 
 import asyncio
 
-from backend.experiments.results.evaluation import Evaluation
+from backend.analysis.evaluation import Evaluation
 from backend.storage.runs import EndState
 
 

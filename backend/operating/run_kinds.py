@@ -3,9 +3,8 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 
-from backend.experiments.plans.catalogue import IDENTIFICATIONS, Entry
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.sequence_plan import SequencePlan
+from backend.experiments.library import IDENTIFICATIONS, Entry
+from backend.experiments.plans import LoopSettings, SequencePlan
 from backend.messages.experiment import ExperimentKind, SettingView
 from backend.messages.identification import IdentificationKind
 from backend.messages.tuning import TuningView

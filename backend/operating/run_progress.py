@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-from backend.experiments.forecasts.forecast import Expected
-from backend.experiments.forecasts.stretches import Stage
-from backend.experiments.plans.composed_plan import KIND, ComposedPlan
-from backend.experiments.plans.plan import Plan
-from backend.experiments.playing.progress import Doing, Notify
+from backend.execution.runner import Doing, Notify
+from backend.experiments.forecast import Expected, Stage
+from backend.experiments.plans import KIND, ComposedPlan, Plan
 from backend.messages.state import PartView, TaskView
 from backend.operating.pause import Pause
 from backend.operating.present_state import PresentState

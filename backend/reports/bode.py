@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import matplotlib
 import numpy as np
 
-from backend.experiments.results.bode import UNLIKE, Array, Complex, Lines
+from backend.analysis.frequency_metrics import UNLIKE, Array, Complex, Lines
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
 from backend.reports.drawing import (
     COLOURS,

@@ -4,16 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from backend.documents.experiment import Measure
-from backend.experiments.plans.composed_plan import KIND, ComposedPlan
-from backend.experiments.plans.stored_plan import stored_plan
-from backend.experiments.results.bode import Lines, bode_lines
-from backend.experiments.results.held import holds_seen
-from backend.experiments.results.impact import hits_of
-from backend.experiments.results.in_force import InForce, kept_tuning, points_in
-from backend.experiments.results.pushed import pushes_seen
-from backend.experiments.results.response import Response, responses
-from backend.experiments.results.windows import pushes
+from backend.analysis.context import InForce, kept_tuning, points_in
+from backend.analysis.disturbance_metrics import hits_of, holds_seen, pushes_seen
+from backend.analysis.frequency_metrics import Lines, Response, bode_lines, responses
+from backend.analysis.step_metrics import pushes
+from backend.experiments.library import stored_plan
+from backend.experiments.plans import KIND, ComposedPlan
+from backend.experiments.schema import Measure
 from backend.recording.reader import Columns
 from backend.reports import bode, held, pushed
 from backend.reports.compliance import force_panels

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from backend.experiments.results.again import catch_up
+from backend.analysis.evaluation import catch_up
 from backend.exports.base import stored_or_none
 from backend.exports.formats import DataFormat, pieces, write_all
 from backend.models.run import CRITERIA

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis.evaluation import law_of
 from backend.banks.builder import BankError, points_of
 from backend.banks.tuning_settings import TuningChoice
-from backend.experiments.results.used_settings import law_of
 from backend.models.run import StepFigures
 from backend.realtime.program import Law
 from backend.reports.document import Column, Table, shown

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from backend.experiments.results.held import JOINT_STEP, Held
+from backend.analysis.disturbance_metrics import JOINT_STEP, Held
 from backend.recording.reader import Columns
 from backend.reports.document import Block, Column, Figure, Section, Table, shown
 from backend.reports.drawing import COLOURS, figure, panel_letter, thinned, to_svg, upper_legend

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from backend.experiments.results.load_friction import MOTOR_B, load_friction_of
+from backend.analysis.identification import MOTOR_B, load_friction_of
 from backend.models.identification import CHANNELS, grade_of
 from backend.reports.document import Column, Paragraph, Section, Table, share, shown
 from backend.reports.source import Source

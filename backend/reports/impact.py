@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backend.experiments.results.impact import Hit, beside_each_other
+from backend.analysis.disturbance_metrics import Hit, beside_each_other
 from backend.recording.reader import Columns
 from backend.reports.document import NO_FIGURE, Column, Table, shown
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, to_svg, upper_legend

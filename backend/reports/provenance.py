@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from backend.experiments.results.used_settings import USED, law_of, used_settings
+from backend.analysis.evaluation import USED, law_of, used_settings
 from backend.models.identification import CHANNELS
 from backend.models.run import PLANT_NUMBERS, DeclaredValue
 from backend.realtime.program import Law

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.results.pushed import REST_S, Push
+from backend.analysis.disturbance_metrics import PUSH_REST_S, Push
 from backend.recording.reader import Columns
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
 from backend.reports.drawing import (
@@ -109,7 +109,7 @@ def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angl
             at, label = columns["t"][start : start + one.expected.size], "expected" if place == 0 else None
             expected = in_unit(one.expected, "rad", angles)
             axes[1].plot(*thinned(at, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label=label)
-            before = max(start - round(REST_S / T_s), 0)
+            before = max(start - round(PUSH_REST_S / T_s), 0)
             measured = columns["q"][start : start + one.expected.size] - columns["q"][before : start + 1].mean()
             apart.append((at[: measured.size], in_unit(measured - one.expected[: measured.size], "rad", angles)))
         reach = max((float(np.abs(error).max(initial=0.0)) for _, error in apart), default=0.0)

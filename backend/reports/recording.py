@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from backend.experiments.results.used_settings import used_settings
+from backend.analysis.evaluation import used_settings
 from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, exact
 from backend.reports.judgement import results_section, verdict
 from backend.reports.provenance import (

@@ -4,9 +4,8 @@ import json
 import shlex
 from collections.abc import Iterator, Sequence
 
-from backend.experiments.composing import ready_made, text
-from backend.experiments.plans.catalogue import experiments
-from backend.experiments.plans.stored_plan import OF_THE_PAPER
+from backend.experiments import library, parser
+from backend.experiments.library import OF_THE_PAPER, experiments
 from backend.models.run import PLANT_NUMBERS, Value
 from backend.reports.document import Block, Code, Paragraph
 from backend.reports.source import Source
@@ -103,7 +102,7 @@ def _ready_made(experiment: str) -> str:
     if name not in OF_THE_PAPER and name not in experiments():
         return ""
     try:
-        return name if text.canonical(ready_made.ready_made(name)[0]) == experiment else ""
+        return name if parser.canonical(library.ready_made(name)[0]) == experiment else ""
     except (KeyError, OSError):
         return ""
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from contextlib import suppress
 
+from backend.analysis.evaluation import catch_up
 from backend.errors import Because, RefusalError
-from backend.experiments.results.again import catch_up
 from backend.reports.source import Source, load_source
 from backend.storage import recordings, runs
 from backend.storage.database import Database

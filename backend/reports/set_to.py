@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from backend.experiments.results.used_settings import used_settings
+from backend.analysis.evaluation import used_settings
 from backend.models.document import digest_of
 from backend.models.run import PLANT_NUMBERS
 from backend.reports.evidence import carried

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from backend.experiments.results.rest import AT_REST, SETTLING_BAND
+from backend.analysis.step_metrics import AT_REST, SETTLING_BAND
 from backend.models.run import StepFigures
 from backend.reports.drawing import (
     COLOURS,

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from backend.experiments.plans.stored_plan import stored_plan
-from backend.experiments.results.evaluation import computed
-from backend.experiments.results.in_force import points_in
-from backend.experiments.results.metrics import NoSamplesError
+from backend.analysis.context import points_in
+from backend.analysis.evaluation import computed
+from backend.analysis.step_metrics import NoSamplesError
+from backend.experiments.library import stored_plan
 from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
 from backend.recording.reader import Columns, missing_between
 from backend.reports.build import build_report

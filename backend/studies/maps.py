@@ -11,12 +11,12 @@ from functools import partial
 from statistics import NormalDist, fmean, median
 from typing import TypeVar
 
-from backend.documents.experiment import Experiment
-from backend.experiments.results.measures import FIGURES
+from backend.analysis.evaluation import FIGURES
+from backend.experiments.schema import Experiment
 from backend.models.run import Value
 from backend.models.settings import SettingError
 from backend.storage.studies import StoredPoint
-from backend.studies.loop_figures import LOOP_FIGURES, MARGINS, TRUE
+from backend.studies.point import LOOP_FIGURES, MARGINS, TRUE
 from backend.units import Angles, digits_apart, in_digits, read
 
 _T = TypeVar("_T")

@@ -5,19 +5,18 @@ from dataclasses import dataclass, replace
 
 from pydantic import TypeAdapter
 
-from backend.documents.study import FORMAT, STUDY, Study
 from backend.errors import Path
-from backend.experiments.composing import text
-from backend.experiments.composing.refused import ExperimentError, Lines, line_of
-from backend.experiments.plans.catalogue import Entry, entry_of
-from backend.experiments.plans.composed_plan import KIND
-from backend.experiments.playing.playable import BankOf, banks_of
+from backend.execution.runner import BankOf, banks_of
+from backend.experiments import parser
+from backend.experiments.library import Entry, entry_of
+from backend.experiments.parser import ExperimentError, Lines, line_of
+from backend.experiments.plans import KIND
 from backend.models.document import Edge
 from backend.models.run import Value, with_motion
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredStudy
-from backend.studies.design import Design, designed
+from backend.studies.design import FORMAT, STUDY, Design, Study, designed
 from backend.studies.point import Base, planned
 from plant.parameters import PlantParameters
 
@@ -40,10 +39,10 @@ def read(written: str, *, stored: bool = False) -> tuple[Study, Lines]:
 
     A ``stored`` text is read as it was accepted.
     """
-    document, lines = text.document_of(written, stored=stored)
+    document, lines = parser.document_of(written, stored=stored)
     if not isinstance(document, Mapping):
         raise ExperimentError("a study is a mapping with format, name, title and axes or spread", (), 1)
-    return text.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
+    return parser.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
 def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
@@ -54,7 +53,7 @@ def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
         why = f"{entry.name} is no experiment that is data: write it as one"
         raise ExperimentError(why, ("experiment",), line_of(("experiment",), lines))
     base = Base(
-        text.canonical(entry.written),
+        parser.canonical(entry.written),
         entry.run_kind,
         around.parameters.name,
         around.parameters.document(),

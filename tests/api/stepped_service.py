@@ -11,8 +11,8 @@ from backend.archive.own_experiments import OwnExperiments
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
-from backend.bring_up.hands import KeptHands
-from backend.experiments.playing.runner import Station
+from backend.commissioning.session import KeptHands
+from backend.execution.runner import Station
 from backend.messages.session import Role
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from backend.archive.stored_banks import StoredBanks
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
 from backend.messages.identification import ActuatorRequest
 from backend.messages.state import TaskView
 from backend.realtime.commands import Accepted, SetMode

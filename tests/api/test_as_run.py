@@ -12,12 +12,11 @@ import pytest
 from backend.archive.history import marks_of
 from backend.archive.own_experiments import OwnExperiments
 from backend.banks.tuning_settings import default_choice
-from backend.experiments.composing.recorded import LEAST, WITHIN_Q_RAD, WITHIN_S
-from backend.experiments.composing.text import read
-from backend.experiments.plans.catalogue import entry_of
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, entry_of
+from backend.experiments.parser import read
+from backend.experiments.plans import LoopSettings
 from backend.messages.history import RunMark
 from backend.messages.own_experiment import RecordedExperiment
 from backend.messages.state import Push, Wall, WallOrder

@@ -11,13 +11,11 @@ from typing import Any
 import pytest
 
 import plant
-from backend.bring_up import standing
-from backend.bring_up.hands import KeptHands
-from backend.bring_up.standing import StepState
-from backend.bring_up.steps import StepId
-from backend.bring_up.work import Finding
+from backend.commissioning import steps as standing
+from backend.commissioning.session import KeptHands
+from backend.commissioning.steps import Finding, StepId, StepState
 from backend.errors import RefusalError
-from backend.experiments.playing.runner import create_run
+from backend.execution.runner import create_run
 from backend.messages.bring_up import BringUpStep
 from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp

@@ -10,11 +10,10 @@ import pytest
 
 from backend.access.people import BEARER, Person
 from backend.errors import RefusalError
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.dry_run import _Progress
-from backend.experiments.playing.progress import Doing
-from backend.experiments.playing.runner import Order
+from backend.execution.runner import Doing, Order
+from backend.execution.simulation import _Progress
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.messages.session import Role
 from backend.operating.dry_runs import DryRuns
 from backend.workers import Offload

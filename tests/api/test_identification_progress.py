@@ -11,8 +11,8 @@ import pytest
 from backend.archive.planned import planned as planned_in
 from backend.control.motion_primitives import ZERO_VOLTS_S
 from backend.errors import RefusalError
-from backend.experiments.forecasts.stretches import Stage
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
+from backend.experiments.forecast import Stage
 from backend.messages.history import Planned
 from backend.messages.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
 from backend.messages.state import TaskView

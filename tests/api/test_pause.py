@@ -8,11 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from backend.analysis.evaluation import Evaluation
 from backend.errors import OutOfRangeError, RefusalError
-from backend.experiments.playing.play import NotReadyError
-from backend.experiments.playing.progress import Doing, Notify
-from backend.experiments.playing.runner import Order, Station, create_run
-from backend.experiments.results.evaluation import Evaluation
+from backend.execution.runner import Doing, Notify, NotReadyError, Order, Station, create_run
 from backend.messages.identification import ActuatorRequest
 from backend.messages.state import TaskView
 from backend.operating import ordered_runs

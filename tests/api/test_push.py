@@ -9,8 +9,8 @@ import pytest
 from backend.access.control import LOOK_S, LOST_S, Control
 from backend.access.people import Person
 from backend.errors import OutOfRangeError, RefusalError
-from backend.experiments.plans.catalogue import experiments
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.library import experiments
+from backend.experiments.plans import LoopSettings
 from backend.messages.session import Role
 from backend.messages.state import Push
 from backend.operating.run_kinds import experiment_kinds

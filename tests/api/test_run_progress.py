@@ -5,9 +5,9 @@ from typing import Any, cast
 
 import pytest
 
-from backend.experiments.forecasts.forecast import Expected
-from backend.experiments.plans.catalogue import experiment
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
+from backend.experiments.forecast import Expected
+from backend.experiments.library import experiment
 from backend.operating.run_progress import Ordered, run_progress
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.experiments.plans.catalogue import experiments
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.library import experiments
+from backend.experiments.plans import LoopSettings
 from backend.tuning.gains import Lambdas, designed_point
 from plant.parameters import load_parameters
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from backend.errors import RefusalError
-from backend.experiments.playing.progress import Doing
+from backend.execution.runner import Doing
 from backend.faults import Fault
 from backend.messages.state import Push, TaskView
 from backend.messages.touch import SweepView, TouchOrder

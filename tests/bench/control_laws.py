@@ -7,11 +7,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from backend.analysis.step_metrics import Overall, tracking_metrics
 from backend.control import setpoint_player
 from backend.control.motion_types import Target
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.metrics import Overall, tracking_metrics
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ComposedPlan
 from backend.realtime.motions import player_of
 from backend.tuning.gains import Lambdas, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.simulation import Array, Trajectory, run

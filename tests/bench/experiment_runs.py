@@ -10,10 +10,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from backend.experiments.plans.catalogue import experiment
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import experiment
+from backend.experiments.plans import LoopSettings
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from plant.parameters import PlantParameters, load_parameters

@@ -11,7 +11,7 @@ from rich.console import Console
 from scipy.optimize import brentq
 
 from backend.banks.builder import tuning_command
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetReferences
 from backend.realtime.control_loop import Loop
 from backend.tuning.gains import Lambdas, cascade_tuning

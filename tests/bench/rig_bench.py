@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from backend.banks.builder import tuning_command
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetMode
 from backend.realtime.control_loop import Loop
 from backend.realtime.program import Mode

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.composing.formula import derived_of
+from backend.experiments.parser import derived_of
 from backend.storage import formulas
 from backend.storage.database import open_database
 from tests.cli.conftest import Command

@@ -15,8 +15,8 @@ import pytest
 
 from backend.archive.imports import look_over
 from backend.archive.planned import planned
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.plans.stored_plan import kept_values, ready_plan
+from backend.experiments.library import kept_values, ready_plan
+from backend.experiments.parser import ExperimentError
 from backend.exports.base import SEAL, ImportRefusedError
 from backend.models.document import digest_of
 from backend.storage import runs

@@ -15,14 +15,13 @@ from pathlib import Path
 import pytest
 
 from backend.banks.builder import tuning_command
-from backend.bring_up import standing
-from backend.bring_up.session import Person, session
-from backend.bring_up.steps import STEPS, StepId
-from backend.bring_up.work import Finding
 from backend.cli import main
 from backend.cli.asking import GivenUpError, Terminal
 from backend.cli.ordering import current_user
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.commissioning import steps as standing
+from backend.commissioning.session import Person, session
+from backend.commissioning.steps import STEPS, Finding, StepId
+from backend.experiments.plans import LoopSettings
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX

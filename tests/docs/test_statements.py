@@ -12,7 +12,7 @@ from backend import main
 from backend.access import control
 from backend.control import fault_detection, motion_primitives, motion_types
 from backend.control.step import KINDS, Resting
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.messages.state import TimingView
 from backend.realtime import commands, control_loop, heartbeat, process, supervisor, timing  # noqa: F401  # with what it plays
 from backend.realtime.motions import Interpreted

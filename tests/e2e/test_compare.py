@@ -16,10 +16,10 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from backend.banks.tuning_settings import default_choice
-from backend.experiments.plans.catalogue import experiment
-from backend.experiments.plans.loop_settings import split_values
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import experiment
+from backend.experiments.plans import split_values
 from backend.exports import writers
 from backend.exports.base import of_run
 from backend.storage import events, recordings, runs

@@ -8,9 +8,8 @@ import pytest
 from playwright.sync_api import expect
 
 import plant
-from backend.bring_up import standing
-from backend.bring_up.steps import StepId
-from backend.bring_up.work import Finding
+from backend.commissioning import steps as standing
+from backend.commissioning.steps import Finding, StepId
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring

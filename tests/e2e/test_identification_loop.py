@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Locator, expect
 from scipy.signal import lsim
 
-from backend.experiments.plans.catalogue import IDENTIFICATIONS
+from backend.experiments.library import IDENTIFICATIONS
 from plant.parameters import load_parameters
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator

@@ -8,12 +8,11 @@ import pytest
 from playwright.sync_api import Browser, Response, expect
 
 from backend.banks.tuning_settings import default_choice
-from backend.experiments.composing.ready_made import text_of
-from backend.experiments.composing.text import read
-from backend.experiments.plans.catalogue import entry_of
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import entry_of, text_of
+from backend.experiments.parser import read
+from backend.experiments.plans import LoopSettings
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.e2e.browser import DESKTOP

@@ -10,9 +10,8 @@ import pytest
 from playwright.sync_api import Locator, expect
 
 from backend.banks.tuning_settings import default_choice
-from backend.experiments.plans.catalogue import IDENTIFICATIONS, experiment, experiments
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import Plan
+from backend.experiments.library import IDENTIFICATIONS, experiment, experiments
+from backend.experiments.plans import LoopSettings, Plan
 from backend.models.settings import from_values
 from plant.interface import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed

@@ -6,8 +6,8 @@ from typing import Any
 
 from playwright.sync_api import Locator
 
-from backend.experiments.composing.ready_made import NAMES, ready_made
-from backend.experiments.composing.text import canonical
+from backend.experiments.library import NAMES, ready_made
+from backend.experiments.parser import canonical
 from tests.e2e import forms
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS

@@ -2,14 +2,10 @@
 
 from typing import Any
 
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.compliance import ComplianceFigures
-from backend.experiments.results.composed import criteria_of
-from backend.experiments.results.criteria import ended_early, unseen
-from backend.experiments.results.document import figure_documents
-from backend.experiments.results.measures import known_to_bounds
-from backend.experiments.results.metrics import TrackingMetrics
-from backend.experiments.results.robustness import RobustnessFigures
+from backend.analysis.disturbance_metrics import ComplianceFigures, RobustnessFigures
+from backend.analysis.evaluation import criteria_of, figure_documents, known_to_bounds
+from backend.analysis.step_metrics import TrackingMetrics, ended_early, unseen
+from backend.experiments.library import ready_plan
 from backend.models.run import Criterion
 from backend.tuning.gains import LAM_MOTOR, Lambdas
 from plant.parameters import load_parameters

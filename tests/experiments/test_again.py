@@ -6,13 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, create_run, run_experiment
-from backend.experiments.results.again import NotEvaluableError, evaluate_again
-from backend.experiments.results.evaluation import Evaluation
+from backend.analysis.evaluation import Evaluation, NotEvaluableError, evaluate_again
+from backend.execution.runner import Order, create_run, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
 from backend.storage import results, runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState

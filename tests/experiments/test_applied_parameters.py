@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.analysis.identification import from_table
 from backend.control.decoupler import decoupler_for, stiffness
 from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
-from backend.experiments.results.spring_identification import from_table
 from backend.identification.models import Grade
 from backend.models.identification import (
     MOTOR_MODELS,

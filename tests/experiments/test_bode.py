@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from backend.analysis.context import InForce, kept_tuning, points_in
+from backend.analysis.frequency_metrics import BodeFigures, bode_figures, bode_lines
+from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningChoice
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.in_memory import Played, play_in_memory
-from backend.experiments.results.bode import BodeFigures, bode_figures, bode_lines
-from backend.experiments.results.in_force import InForce, kept_tuning, points_in
-from backend.experiments.results.metrics import NoSamplesError
+from backend.execution.simulation import Played, play_in_memory
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.faults import Limit
 from backend.models.run import LAMBDA, TIME_OPTIMAL, KeptLoop
 from backend.storage.banks import Bank, BankEntry

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.experiments.results.compliance import compliance_figures
-from backend.experiments.results.metrics import NoSamplesError
+from backend.analysis.disturbance_metrics import compliance_figures
+from backend.analysis.step_metrics import NoSamplesError
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 
 R_J = 0.075

@@ -6,14 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+from backend.analysis.context import InForce
+from backend.analysis.evaluation import (
+    FIGURES,
+    composed_result,
+    criteria_of,
+    known_to_bounds,
+    names_of,
+    require_measurable,
+)
+from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningChoice
-from backend.documents.experiment import Bound, Experiment, Measure
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.results.composed import composed_result, criteria_of
-from backend.experiments.results.in_force import InForce
-from backend.experiments.results.measures import FIGURES, known_to_bounds, names_of, require_measurable
-from backend.experiments.results.metrics import NoSamplesError
+from backend.experiments.parser import ExperimentError
+from backend.experiments.plans import ComposedPlan
+from backend.experiments.schema import Bound, Experiment, Measure
 from backend.models.run import Figure, Metrics
 from backend.tuning.gains import Lambdas
 from plant.parameters import load_parameters

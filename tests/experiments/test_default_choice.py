@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from backend.analysis.context import kept_tuning
 from backend.banks.builder import NamedEntry, require_consistent
 from backend.banks.tuning_settings import TuningChoice, default_choice
 from backend.errors import OutOfRangeError
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.results.in_force import kept_tuning
+from backend.execution.simulation import headless_station
+from backend.experiments.plans import LoopSettings
 from backend.models.run import KeptLoop
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database

@@ -7,14 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.composing.text import read
-from backend.experiments.plans.composed_plan import composed
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.dry_run import dry_run, get_ready, progress_in
-from backend.experiments.playing.progress import Doing
-from backend.experiments.playing.runner import Order
+from backend.execution.runner import Doing, Order
+from backend.execution.simulation import dry_run, get_ready, progress_in
+from backend.experiments.library import ready_plan
+from backend.experiments.parser import ExperimentError, read
+from backend.experiments.plans import LoopSettings, composed
 from backend.models.run import ENTRY, EntryModel
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState

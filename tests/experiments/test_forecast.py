@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.forecasts.forecast import Forecast, forecast
-from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
+from backend.experiments.forecast import Forecast, forecast, start_from
+from backend.experiments.plans import (
+    ActuatorIdentificationPlan,
+    IdentificationPlan,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+)
 from backend.realtime.commands import Accepted, RunProgram, SetMode, SetReferences
 from backend.realtime.program import Mode
 from backend.tuning.gains import LAM_MOTOR

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.results.held import hold_figures, hold_windows, holds_seen
-from backend.experiments.results.metrics import NoSamplesError
+from backend.analysis.disturbance_metrics import hold_figures, hold_windows, holds_seen
+from backend.analysis.step_metrics import NoSamplesError
+from backend.experiments.plans import ComposedPlan
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.forecasts.forecast import expected
-from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
+from backend.execution.runner import Order, Outcome, Station, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.forecast import expected, start_from
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import Accepted, SetMode, SetReferences
 from backend.realtime.program import Mode
 from backend.recording.reader import recorded_columns

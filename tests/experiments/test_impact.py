@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from backend.analysis.disturbance_metrics import Hit, beside_each_other, hits_of, impact_figures
+from backend.analysis.step_metrics import NoSamplesError
 from backend.control.disturbance_observer import POLE
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.impact import Hit, beside_each_other, hits_of, impact_figures
-from backend.experiments.results.metrics import NoSamplesError
+from backend.experiments.library import ready_plan
 from backend.realtime.commands import Accepted, RunProgram
 from backend.realtime.gains import tuning_for
 from backend.realtime.program import Law, Mode, Program, Segment, Touch

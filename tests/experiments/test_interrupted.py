@@ -7,12 +7,11 @@ from itertools import cycle
 
 import pytest
 
-from backend.experiments.composing import ready_made
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.progress import Doing
-from backend.experiments.playing.runner import Order, Station, run_experiment
+from backend.execution.runner import Doing, Order, Station, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments import library
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Command, Inject, Stop
 from backend.reports.build import build_report
@@ -81,7 +80,7 @@ other."""
 
 
 def test_all_that_is_ready_made_is_cut_short_here_and_by_every_ending() -> None:
-    assert {*AFTER_S, *TOO_EARLY} == set(ready_made.NAMES)
+    assert {*AFTER_S, *TOO_EARLY} == set(library.NAMES)
     assert {name for name, _ in PAIRS} == set(AFTER_S)
     assert min(Counter(ending for _, ending in PAIRS).values()) > 2
 

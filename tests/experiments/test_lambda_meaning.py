@@ -2,10 +2,9 @@
 
 import pytest
 
-from backend.experiments.plans.catalogue import experiment
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.in_memory import Played, play_in_memory
+from backend.execution.simulation import Played, play_in_memory
+from backend.experiments.library import experiment
+from backend.experiments.plans import ComposedPlan, LoopSettings
 from backend.models.run import LAMBDA, MOTIONS, TIME_OPTIMAL, StepFigures
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.experiments.results.load_friction import document_of, load_friction_of
+from backend.analysis.identification import document_of, load_friction_of
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.recording.reader import Columns
 from backend.reports.document import Paragraph
 from backend.reports.identified import identifications_section

@@ -8,11 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.measures import known_to_bounds
-from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
-from backend.experiments.results.steps import Step, step_metrics, steps_of
+from backend.analysis.evaluation import known_to_bounds
+from backend.analysis.step_metrics import NoSamplesError, Step, step_metrics, steps_of, tracking_metrics
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ComposedPlan
 from backend.models.run import Phase
 from backend.realtime.program import Law, Program, Segment, Shape
 from backend.tuning.gains import Lambdas

@@ -5,12 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.compliance import compliance_figures
-from backend.experiments.results.criteria import judge
-from backend.experiments.results.metrics import TrackingMetrics, tracking_metrics
-from backend.experiments.results.steps import Step, step_metrics
+from backend.analysis.disturbance_metrics import compliance_figures
+from backend.analysis.step_metrics import Step, TrackingMetrics, judge, step_metrics, tracking_metrics
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ComposedPlan
 from backend.models.run import Criterion
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
 from tests.experiments.test_compliance import R_J, pushed

@@ -7,9 +7,8 @@ import pytest
 
 from backend.control import setpoint_player
 from backend.control.motion_types import Target
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.experiments.plans.profile import POINTS, profile
-from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import POINTS, ActuatorIdentificationPlan, profile
 from backend.realtime.motions import player_of
 from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s

@@ -5,13 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from backend.analysis.context import InForce
+from backend.analysis.disturbance_metrics import push_figures, push_windows, pushes_seen
+from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningChoice
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.in_memory import play_in_memory
-from backend.experiments.results.in_force import InForce
-from backend.experiments.results.metrics import NoSamplesError
-from backend.experiments.results.pushed import push_figures, push_windows, pushes_seen
+from backend.execution.simulation import play_in_memory
+from backend.experiments.plans import ComposedPlan, LoopSettings
 from backend.models.run import MOTIONS, TIME_OPTIMAL
 from backend.tuning.gains import Lambdas, cascade_tuning
 from backend.tuning.simulation import INPUTS, OUTPUTS, sampled_loop

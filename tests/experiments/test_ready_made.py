@@ -8,19 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.analysis.evaluation import evaluate_again
 from backend.archive.own_experiments import OwnExperiments
 from backend.banks.tuning_settings import TuningChoice
-from backend.documents.experiment import schema
-from backend.experiments.composing import text
-from backend.experiments.composing.ready_made import NAMES, ready_made, text_of
-from backend.experiments.plans.catalogue import experiment
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import kept_values, ready_plan, stored_plan
-from backend.experiments.playing.dry_run import dry_run
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
-from backend.experiments.results.again import evaluate_again
+from backend.execution.runner import Order, Outcome, Station, run_experiment
+from backend.execution.simulation import dry_run, headless_station
+from backend.experiments import parser
+from backend.experiments.library import NAMES, experiment, kept_values, ready_made, ready_plan, stored_plan, text_of
+from backend.experiments.plans import ComposedPlan, LoopSettings
+from backend.experiments.schema import schema
 from backend.recording.reader import recorded_columns
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
@@ -68,7 +64,7 @@ def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path
 @pytest.mark.parametrize("name", NAMES)
 def test_writing_and_reading_gives_it_back(name: str) -> None:
     written, _ = ready_made(name)
-    assert text.of_canonical(text.canonical(written)) == written
+    assert parser.of_canonical(parser.canonical(written)) == written
     plan = ready_plan(name)
     assert stored_plan(plan.kind, kept_values(plan)) == plan
 

@@ -5,10 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from backend.control.motion_types import Target
-from backend.control.setpoint_player import play
-from backend.experiments.results.metrics import NoSamplesError
-from backend.experiments.results.response import (
+from backend.analysis.frequency_metrics import (
     LEAST_LOW_GAIN,
     Response,
     bandwidth,
@@ -17,7 +14,9 @@ from backend.experiments.results.response import (
     response_figures,
     responses,
 )
-from backend.experiments.results.windows import excitations
+from backend.analysis.step_metrics import NoSamplesError, excitations
+from backend.control.motion_types import Target
+from backend.control.setpoint_player import play
 from backend.realtime.motions import player_of
 from backend.realtime.program import Program
 from plant.interface import T_s

@@ -11,15 +11,12 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from backend.experiments.plans.catalogue import experiments
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
-from backend.experiments.results.metrics import NoSamplesError
-from backend.experiments.results.robustness import BACK_SHARE, Columns, robustness_figures
-from backend.experiments.results.windows import load_steps
+from backend.analysis.disturbance_metrics import BACK_SHARE, RobustnessColumns, robustness_figures
+from backend.analysis.step_metrics import NoSamplesError, load_steps
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import experiments, ready_plan
+from backend.experiments.plans import ComposedPlan, LoopSettings
 from backend.realtime.commands import Accepted, Refused, RunProgram
 from backend.realtime.program import Law, Mode, Program, Segment, Shape
 from backend.reports.build import build_report
@@ -56,11 +53,11 @@ def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 @pytest.fixture(scope="module")
-def columns(source: Source) -> Columns:
+def columns(source: Source) -> RobustnessColumns:
     return source.columns
 
 
-def linear_turn(parameters: PlantParameters, columns: Columns, side: str, load_s: float) -> np.ndarray:
+def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: str, load_s: float) -> np.ndarray:
     """Turn of a motor from ``load_s`` on by its continuous loop, L/R and filter in it, its reference as it moved."""
     motor, law = parameters.dynamics().motor_A, motor_loops(parameters, 0.0854).A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
@@ -76,7 +73,7 @@ def linear_turn(parameters: PlantParameters, columns: Columns, side: str, load_s
 
 @pytest.mark.parametrize(("side", "load_s"), [("A", LEAD_IN_S), ("B", LEAD_IN_S + 2.0 * HOLD_S)])
 def test_both_motors_answer_the_load_as_the_linear_loop_does(
-    ideal: PlantParameters, columns: Columns, side: str, load_s: float
+    ideal: PlantParameters, columns: RobustnessColumns, side: str, load_s: float
 ) -> None:
     """Within what tendons and sampling add, a few per cent of the largest turn."""
     expected = linear_turn(ideal, columns, side, load_s)
@@ -87,7 +84,7 @@ def test_both_motors_answer_the_load_as_the_linear_loop_does(
 
 
 def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
-    ideal: PlantParameters, columns: Columns
+    ideal: PlantParameters, columns: RobustnessColumns
 ) -> None:
     found = robustness_figures(columns, STEPS, 0.0)
     law, K_t = motor_loops(ideal, 0.0854).A, ideal.dynamics().motor_A.K_t
@@ -98,13 +95,13 @@ def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     assert all(item.passed for item in robustness_criteria(found, LAM))
 
 
-def test_the_load_is_on_when_the_plan_says_so(columns: Columns) -> None:
+def test_the_load_is_on_when_the_plan_says_so(columns: RobustnessColumns) -> None:
     error = np.abs(columns["theta_A_ref"] - columns["theta_A"])
     before, after = round(LEAD_IN_S / T_s), round((LEAD_IN_S + 0.3) / T_s)
     assert np.max(error[before - 1000 : before]) < 0.02 * np.max(error[before:after])
 
 
-def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: Columns) -> None:
+def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: RobustnessColumns) -> None:
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
     coarse = robustness_figures(columns, STEPS, 1.0)
     for found, reason in (
@@ -153,7 +150,7 @@ def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_pat
     assert any("at least this: motor A was not back" in cell for cell in cells_of(report))
 
 
-def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns) -> None:
+def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: RobustnessColumns) -> None:
     early = {name: column[:-3000] for name, column in columns.items()}
     with pytest.raises(NoSamplesError, match="loaded and let go"):
         robustness_figures(early, STEPS, 0.0)
@@ -173,7 +170,7 @@ def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> 
 @pytest.mark.parametrize(
     ("figure", "reason"), [(np.nan, "the angles of motor A hold no number"), (0.0, "motor A moved by less than")]
 )
-def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: float, reason: str) -> None:
+def test_what_is_no_deviation_at_all_passes_nothing(columns: RobustnessColumns, figure: float, reason: str) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
     found = robustness_figures(still, STEPS, 0.0)
     back = robustness_criteria(found, LAM)[0]

@@ -7,16 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.analysis.step_metrics import tracking_metrics
 from backend.banks.builder import BankError, build_bank, points_of, tuning_command
 from backend.errors import OutOfRangeError
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.play import NotReadyError
-from backend.experiments.playing.progress import Doing
-from backend.experiments.playing.runner import Order, Outcome, Station, create_run, run_experiment
-from backend.experiments.results.metrics import tracking_metrics
+from backend.execution.runner import Doing, NotReadyError, Order, Outcome, Station, create_run, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Reset, Stop
 from backend.recording.reader import recorded_columns

@@ -6,10 +6,9 @@ import pytest
 import yaml
 from jsonschema_rs import Draft202012Validator
 
-from backend.documents.experiment import EXPERIMENT, schema
-from backend.experiments.composing.ready_made import NAMES, ready_made, text_of
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.composing.text import of_document
+from backend.experiments.library import NAMES, ready_made, text_of
+from backend.experiments.parser import ExperimentError, of_document
+from backend.experiments.schema import EXPERIMENT, schema
 
 VALIDATOR = Draft202012Validator(schema())
 

@@ -6,9 +6,8 @@ from dataclasses import asdict
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
-from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan, SequencePlan
 from backend.models.settings import SettingError, describe, from_values
 from backend.realtime.program import Law, Segment, Shape
 

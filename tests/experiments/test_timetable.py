@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.experiments.forecasts.stretches import Stage
-from backend.experiments.forecasts.timetable import CORNERS, POINTS, Timetable, timetable
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
+from backend.experiments.forecast import CORNERS, POINTS, Stage, Timetable, timetable
+from backend.experiments.plans import (
+    ActuatorIdentificationPlan,
+    IdentificationPlan,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+)
 from backend.realtime.commands import Accepted, RunProgram
 from backend.realtime.program import MODE_CODE, Mode
 from plant.interface import T_s

@@ -11,8 +11,7 @@ import pytest
 from backend.banks import tuning_settings
 from backend.banks.builder import tuning_command
 from backend.banks.tuning_settings import TuningChoice, changes_told
-from backend.experiments.plans.loop_settings import LoopSettings, split_values
-from backend.experiments.plans.sequence_plan import SequencePlan
+from backend.experiments.plans import LoopSettings, SequencePlan, split_values
 from backend.messages.state import TrialView
 from backend.messages.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.models.settings import describe, from_values

@@ -6,15 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from backend.analysis.identification import from_table, identify_motors, side_steps
 from backend.errors import OutOfRangeError
-from backend.experiments.forecasts.unloaded_prediction import predict_motor, predict_spring
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.progress import Doing
-from backend.experiments.playing.runner import Order, Station, run_experiment
-from backend.experiments.results.motor_identification import identify, side_steps
-from backend.experiments.results.spring_identification import from_table
+from backend.execution.runner import Doing, Order, Station, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.prediction import predict_motor, predict_spring
 from backend.identification.records import IdentificationError
 from backend.models.settings import from_values
 from backend.realtime.commands import Stop
@@ -150,7 +147,7 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
     assert "saturates" in cut.refused[0][1]
     assert "load touches" in cut.refused[1][1]
     with pytest.raises(ValueError, match=r"motor A: .*different voltages.*saturates.*load touches"):
-        identify(columns, lab)
+        identify_motors(columns, lab)
 
 
 def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameters) -> None:

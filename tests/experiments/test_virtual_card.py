@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import Plan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
+from backend.execution.runner import Order, Outcome, Station, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, Plan, SpringIdentificationPlan
 from backend.realtime.commands import SetMode
 from backend.realtime.program import Mode
 from backend.recording.reader import read_samples

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from backend.experiments.results.disturbance import disturbance_figures
-from backend.experiments.results.metrics import NoSamplesError
-from backend.experiments.results.windows import load_steps, pushes, undisturbed_from
+from backend.analysis.disturbance_metrics import disturbance_figures
+from backend.analysis.step_metrics import NoSamplesError, load_steps, pushes, undisturbed_from
 from backend.realtime.program import Law, Program, Segment
 
 HELD = Segment(1.0, 0.0, 10.0)

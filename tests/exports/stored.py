@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import text
 
+from backend.analysis.evaluation import evaluate_again
 from backend.archive.history import History
-from backend.experiments.results.again import evaluate_again
 from backend.messages.history import LineageNode
 from backend.recording.codec import pack, summarise
 from backend.sample import STORED_NAMES

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.composing.formula import derived_of
+from backend.experiments.parser import derived_of
 from backend.exports.base import ExportError, of_run
 from backend.exports.formats import DataFormat, write_file
 from backend.exports.importer import import_export

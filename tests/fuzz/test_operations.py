@@ -14,7 +14,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from backend.api.export import openapi
-from backend.experiments.plans.catalogue import experiments
+from backend.experiments.library import experiments
 from tests.fuzz.conftest import EXAMPLES, SEED
 from tests.fuzz.target import TIMEOUT_S, Role, Target
 

@@ -4,8 +4,8 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from backend.errors import RefusedValueError
-from backend.experiments.plans.catalogue import experiments
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.library import experiments
+from backend.experiments.plans import LoopSettings
 from backend.glossary.entry import Kind
 from backend.glossary.fields import FORMS, bounds, fields
 from backend.messages.base import UNITS

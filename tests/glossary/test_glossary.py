@@ -7,11 +7,10 @@ from typing import get_args
 
 import pytest
 
+from backend.analysis.evaluation import FIGURES, figure_documents
+from backend.analysis.step_metrics import Whole
 from backend.api.export import files
-from backend.bring_up.standing import StepState
-from backend.experiments.results.document import figure_documents
-from backend.experiments.results.measures import FIGURES
-from backend.experiments.results.whole import Whole
+from backend.commissioning.steps import StepState
 from backend.faults import EXPLAINED, Fault, Limit
 from backend.glossary import pages
 from backend.glossary.entry import Entry, Kind

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import decoupler_for, stiffness_slope
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.estimation import estimate
 from backend.identification.models import TABLE_1, Estimate, Grade

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from backend.analysis.identification import curves_of
 from backend.archive.stored_identifications import StoredIdentifications
-from backend.experiments.results.identification_curves import curves_of
 from backend.identification.validation import judged
 from backend.models import identification
 from backend.models.document import Edge, UnreadableDocumentError

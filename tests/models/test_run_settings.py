@@ -12,7 +12,7 @@ import pytest
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import Asked, StoredRuns
 from backend.banks.tuning_settings import TuningChoice
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans import LoopSettings
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import SETTINGS, KeptLoop
 from backend.operating.tuning_in_use import by_default

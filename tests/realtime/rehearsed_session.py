@@ -31,7 +31,7 @@ from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
-from tests.bring_up.rigs import WIRING
+from tests.commissioning.rigs import WIRING
 
 SINE = Segment(0.02, q_ref=0.1, S_ref=10.0, F_push=1.0, shape=Shape.SINE, period_s=0.01)
 PUSHED = Segment(0.1, q_ref=0.0, S_ref=10.0, F_push=6.0)

@@ -30,7 +30,7 @@ from plant.manual_input import NO_HAND, Hand
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
-from tests.bring_up.rigs import WIRING, with_entries
+from tests.commissioning.rigs import WIRING, with_entries
 
 PARAMETERS = load_parameters("lab")
 COUNT_RAD = 2.0 * math.pi / WIRING.encoder_q.counts_per_rev

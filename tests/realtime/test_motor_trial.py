@@ -8,7 +8,7 @@ import pytest
 from backend.banks.builder import tuning_command
 from backend.control import pid
 from backend.control.motion_types import NO_REFERENCE, Carry
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, Stop, TryMotor
 from backend.realtime.commissioning_motions import ModuleTrial, MotorTrial

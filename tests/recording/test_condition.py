@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from backend.experiments.composing.formula import derived_of
+from backend.experiments.parser import derived_of
 from backend.recording.trigger import Condition, ConditionKind
 from backend.sample import INDEX, NAMES
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.composing.expressions import ExpressionError, number_of, truth_of
-from backend.experiments.composing.formula import KNOWN, derived_of
+from backend.experiments.parser import KNOWN, ExpressionError, derived_of, number_of, truth_of
 from backend.sample import COMBINED, STORED_NAMES
 
 CASES = json.loads((Path(__file__).parent / "formula_cases.json").read_text())

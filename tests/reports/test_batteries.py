@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
 from backend.reports.composed import lines_of

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from backend.experiments.results.held import Held
+from backend.analysis.disturbance_metrics import Held
 from backend.reports.document import Paragraph, Report, Section
 from backend.reports.drawing import figure, frequency_axis, limit_line
 from backend.reports.held import hold_panels

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.results.held import Held
+from backend.analysis.disturbance_metrics import Held
 from backend.reports.drawn_once import drawn_once, forget_drawings
 from backend.reports.html import to_html
 from backend.reports.source import Source

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Drawn
 
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.models import Model
 from backend.models.run import Figure as Measured
 from backend.models.run import Metrics

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
-from backend.experiments.results.impact import hits_of
+from backend.analysis.disturbance_metrics import hits_of
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.document import NO_FIGURE, Figure, Table

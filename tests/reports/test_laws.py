@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from backend.analysis.evaluation import USED, law_of, used_settings
 from backend.banks.tuning_settings import NAMES
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import declared, kept_values, ready_plan
-from backend.experiments.results.used_settings import USED, law_of, used_settings
+from backend.experiments.library import declared, kept_values, ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.models.settings import declared_values
 from backend.realtime.program import Law
 from backend.reports.build import build_report

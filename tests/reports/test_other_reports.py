@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.compliance import compliance_figures
-from backend.experiments.results.document import figure_documents
+from backend.analysis.disturbance_metrics import compliance_figures
+from backend.analysis.evaluation import figure_documents
+from backend.experiments.library import ready_plan
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table

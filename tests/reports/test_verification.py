@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
 from backend.reports.differences import Verified

@@ -7,12 +7,16 @@ from typing import Any
 
 import pytest
 
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
-from backend.experiments.results.again import evaluate_again
+from backend.analysis.evaluation import evaluate_again
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.plans import (
+    ActuatorIdentificationPlan,
+    IdentificationPlan,
+    LoopSettings,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+)
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
 from backend.reports.evidence import ACCOUNT, LAYOUT, Evidence, account_hash, element_of, read, to_element

@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.stored_plan import kept_values, ready_plan
-from backend.experiments.results.document import tracking_document
-from backend.experiments.results.metrics import tracking_metrics
+from backend.analysis.evaluation import tracking_document
+from backend.analysis.step_metrics import tracking_metrics
+from backend.experiments.library import kept_values, ready_plan
+from backend.experiments.plans import ComposedPlan
 from backend.reports.source import Source
 from backend.sample import STORED_NAMES
 from backend.storage.banks import Bank, BankEntry

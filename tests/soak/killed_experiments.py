@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
-from backend.experiments.composing import ready_made
+from backend.experiments import library
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
 PLAYED_S = 4.0
@@ -26,7 +26,7 @@ def killed_experiments(console: Console) -> bool:
     folder = Path(tempfile.mkdtemp(prefix="sinew-killed-"))
     try:
         found = [
-            _after(victim, name, folder, console) for name in ready_made.NAMES for victim in ("the loop", "the service")
+            _after(victim, name, folder, console) for name in library.NAMES for victim in ("the loop", "the service")
         ]
     finally:
         shutil.rmtree(folder)

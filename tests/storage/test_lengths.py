@@ -12,9 +12,9 @@ from sqlalchemy import String, text
 
 from backend import __version__
 from backend.banks.tuning_settings import saved_for
-from backend.bring_up.steps import StepId
+from backend.commissioning.steps import StepId
 from backend.errors import STATION_MAX
-from backend.experiments.composing import ready_made
+from backend.experiments import library
 from backend.faults import Fault
 from backend.identification.fitting import Fit
 from backend.identification.models import joint_method
@@ -59,7 +59,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "bring_up.fingerprint": DIGEST,
     "chunk.sha256": DIGEST,
     "event.kind": EventKind,
-    "experiment.name": ready_made.NAMES,
+    "experiment.name": library.NAMES,
     "flight_record.fault": Fault,
     "formula.name": ["x" * 20],  # as the API bounds it
     "formula.unit": ["x" * 20],

@@ -6,11 +6,15 @@ from pathlib import Path
 import pytest
 
 from backend.archive.bundling import bundle_pieces
-from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.plans import (
+    ActuatorIdentificationPlan,
+    IdentificationPlan,
+    LoopSettings,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+)
 from backend.exports.importer import import_bundle
 from backend.identification.fitting import Method
 from backend.storage import identifications

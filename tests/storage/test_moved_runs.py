@@ -13,13 +13,10 @@ import pytest
 
 from backend.archive.bundling import bundle_pieces
 from backend.archive.imports import take_in
-from backend.experiments.composing.ready_made import NAMES
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import Plan
-from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.plans.stored_plan import ready_plan, settings_of
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import NAMES, ready_plan, settings_of
+from backend.experiments.plans import LoopSettings, Plan, SequencePlan
 from backend.recording.codec import digest_of_recording
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES

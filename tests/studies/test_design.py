@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from backend.banks.tuning_settings import TuningChoice
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.plans.catalogue import experiment
+from backend.experiments.library import experiment
+from backend.experiments.parser import ExperimentError
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import StoredStudy

@@ -10,8 +10,7 @@ from backend.banks.tuning_settings import TuningChoice
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.studies.design import Design
-from backend.studies.loop_figures import LOOP_FIGURES, loop_figures
-from backend.studies.point import planned, run_point
+from backend.studies.point import LOOP_FIGURES, loop_figures, planned, run_point
 from backend.studies.stored import design_of
 from backend.tuning.gains import MotorModel, motor_gains
 from backend.tuning.robustness import motor_robustness

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from backend.experiments.results.measures import FIGURES
+from backend.analysis.evaluation import FIGURES
 from backend.models.settings import SettingError
 from backend.reports import study_map
 from backend.storage.studies import StoredPoint
-from backend.studies.loop_figures import LOOP_FIGURES
 from backend.studies.maps import LEAST_IS_WORST, NEITHER_IS_WORST, PICKS, WORST, axis_labels, map_of, shares, spreadings
-from backend.studies.point import UNSTABLE, PointResult
+from backend.studies.point import LOOP_FIGURES, UNSTABLE, PointResult
 from backend.studies.runner import as_stored
 from backend.units import Angles
 

@@ -18,18 +18,17 @@ import pytest
 from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
 from backend.cli.study import _in_time
-from backend.experiments.plans.catalogue import experiment
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.playing.headless_station import headless_station
-from backend.experiments.playing.runner import Order, run_experiment
+from backend.execution.runner import Order, run_experiment
+from backend.execution.simulation import headless_station
+from backend.experiments.library import experiment
+from backend.experiments.plans import LoopSettings
 from backend.storage import banks, studies
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.studies import StoredPoint
 from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
-from backend.studies.loop_figures import LOOP_FIGURES
-from backend.studies.point import FAILED, LOST, REFUSED, UNSTABLE, Base, OtherSoftwareError
+from backend.studies.point import FAILED, LOOP_FIGURES, LOST, REFUSED, UNSTABLE, Base, OtherSoftwareError
 from backend.studies.runner import Progress, TakenError, local, run_study
 from backend.studies.stored import design_of
 from backend.tuning.gains import designed_point

@@ -4,7 +4,7 @@ from fastapi import APIRouter
 
 from backend.api.auth import SignedIn
 from backend.api.service import InControl, ServiceInUse
-from backend.bring_up.steps import StepId
+from backend.commissioning.steps import StepId
 from backend.messages.bring_up import BringUpView, DrivesSwitch, StepValues
 
 router = APIRouter(prefix="/api/bring-up", tags=["bring-up"])

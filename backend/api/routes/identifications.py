@@ -3,9 +3,9 @@
 from fastapi import APIRouter, Request
 
 from backend import __version__
+from backend.analysis.identification import from_table
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
-from backend.experiments.results.spring_identification import from_table
 from backend.messages import identification as told
 from backend.messages.base import RowNumber
 from backend.messages.compared_models import Trend, UnseenView

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Path, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
-from backend.documents.experiment import schema
+from backend.experiments.schema import schema
 from backend.messages.own_experiment import (
     CheckedExperiment,
     ExperimentText,

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
-from backend.experiments.results.bode import bode_lines
-from backend.experiments.results.pushed import Push, pushes_seen
-from backend.experiments.results.windows import load_steps
+from backend.analysis.disturbance_metrics import Push, pushes_seen
+from backend.analysis.frequency_metrics import bode_lines
+from backend.analysis.step_metrics import load_steps
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Place, Prose, Rows, Table, Values

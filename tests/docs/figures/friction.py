@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.results.robustness import robustness_figures
-from backend.experiments.results.windows import load_steps
+from backend.analysis.disturbance_metrics import robustness_figures
+from backend.analysis.step_metrics import load_steps
+from backend.experiments.plans import LoopSettings
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Table

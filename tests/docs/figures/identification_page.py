@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from backend.control.decoupler import decoupler_for, stiffness_slope
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.estimation import estimate
 from backend.identification.fitting import Method
 from backend.identification.models import TABLE_1

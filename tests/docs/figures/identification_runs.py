@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.motor import VoltageStep
 from backend.realtime.commands import Refused, RunProgram, SetMode
 from backend.realtime.control_loop import Loop

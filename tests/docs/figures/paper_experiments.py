@@ -6,10 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from backend.experiments.results.compliance import compliance_figures
-from backend.experiments.results.metrics import Overall, tracking_metrics
-from backend.experiments.results.robustness import robustness_figures
-from backend.experiments.results.windows import load_steps
+from backend.analysis.disturbance_metrics import compliance_figures, robustness_figures
+from backend.analysis.step_metrics import Overall, load_steps, tracking_metrics
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from backend.banks.builder import tuning_command
-from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import Push
 from backend.realtime.gains import tuning_of
 from backend.tuning.gains import knowledge

@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis.context import InForce
 from backend.banks.builder import tuning_command
-from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.playing.headless_station import headless_loop
-from backend.experiments.playing.in_memory import Played, play_in_memory
-from backend.experiments.results.in_force import InForce
+from backend.execution.simulation import Played, headless_loop, play_in_memory
+from backend.experiments.library import ready_plan
+from backend.experiments.plans import ComposedPlan, LoopSettings
 from backend.realtime.commands import Accepted, Command, SetMode, SetReferences
 from backend.realtime.headless import Headless
 from backend.realtime.program import Mode, SetTouch

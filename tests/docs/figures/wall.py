@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from backend.experiments.results.impact import Hit, beside_each_other, hits_of
+from backend.analysis.disturbance_metrics import Hit, beside_each_other, hits_of
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
 from tests.docs.figures.runs import experiment

@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.parser import ExperimentError
 from tests.experiments.composing.written import plan_of, with_parts
 
 HOW = "settings:\n  - {name: how, kind: choice, symbol: how, meaning: way, default: up, choices: [up, down]}\n"

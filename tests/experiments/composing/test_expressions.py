@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.composing.expressions import ExpressionError, Names, number_of, require_known, truth_of
+from backend.experiments.parser import ExpressionError, Names, number_of, require_known, truth_of
 
 KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.experiments.composing.hand import PIECE_S, PushPiece, pushes_of_a_hand, smooth
+from backend.experiments.compiler import PIECE_S, PushPiece, pushes_of_a_hand, smooth
 from backend.realtime.program import Shape
 
 

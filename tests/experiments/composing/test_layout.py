@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.experiments.composing.multisine import peak_of
+from backend.experiments.compiler import peak_of
 from backend.realtime.program import Law, Segment, Shape, Touch
 from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 
 from backend.control.decoupler import bounds_for
-from backend.experiments.composing.laid import Laid
-from backend.experiments.composing.reach import require_reach
-from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.compiler import Laid, require_reach
+from backend.experiments.parser import ExperimentError
 from backend.realtime.program import OSCILLATING, Segment, Shape
 from plant.parameters import load_parameters
 

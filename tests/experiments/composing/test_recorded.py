@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.composing.recorded import WITHIN_F_N, WITHIN_Q_RAD, WITHIN_S, Change, commanded, followed
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.composing.text import of_document
-from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.library import WITHIN_F_N, WITHIN_Q_RAD, WITHIN_S, Change, commanded, followed
+from backend.experiments.parser import ExperimentError, of_document
+from backend.experiments.plans import ComposedPlan
 from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s
 from tests.experiments.test_profile import played

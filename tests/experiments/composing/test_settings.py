@@ -5,10 +5,9 @@ from typing import Any
 
 import pytest
 
-from backend.documents.experiment import Declared, Experiment, Hold, Rule, Section
 from backend.errors import OutOfRangeError
-from backend.experiments.composing.refused import ExperimentError
-from backend.experiments.composing.settings import parsed, require_rules, settings_of
+from backend.experiments.parser import ExperimentError, parsed_setting, require_rules, settings_of
+from backend.experiments.schema import Declared, Experiment, Hold, Rule, Section
 from backend.models.settings import Setting, SettingError
 
 DEPTH = Declared(
@@ -40,7 +39,7 @@ def test_each_kind_is_declared_as_it_was_written() -> None:
 
 def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None:
     settings = settings_of(experiment(DEPTH, TURNS, HOW, SURE), {})
-    assert parsed(settings, {"turns": "5", "sure": "no"}) == {
+    assert parsed_setting(settings, {"turns": "5", "sure": "no"}) == {
         "depth": math.pi / 4.0, "turns": 5, "how": "a", "sure": False,
     }  # fmt: skip
 
@@ -64,7 +63,7 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
     values: dict[str, object], error: type[Exception], told: str
 ) -> None:
     with pytest.raises(error) as refused:
-        parsed(settings_of(experiment(DEPTH, TURNS, HOW, SURE), {}), values)
+        parsed_setting(settings_of(experiment(DEPTH, TURNS, HOW, SURE), {}), values)
     assert told in str(refused.value)
 
 

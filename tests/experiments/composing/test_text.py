@@ -8,10 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.documents.experiment import EXPERIMENT, Experiment, Hold, Section, Step
-from backend.experiments.composing.ready_made import NAMES, text_of
-from backend.experiments.composing.refused import ExperimentError, in_words, line_of
-from backend.experiments.composing.text import MAX_CHARACTERS, canonical, of_canonical, of_document, read
+from backend.experiments.library import NAMES, text_of
+from backend.experiments.parser import (
+    MAX_CHARACTERS,
+    ExperimentError,
+    canonical,
+    in_words,
+    line_of,
+    of_canonical,
+    of_document,
+    read,
+)
+from backend.experiments.schema import EXPERIMENT, Experiment, Hold, Section, Step
 from backend.plain_text import as_line
 
 SMALL = """\

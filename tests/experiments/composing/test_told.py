@@ -1,8 +1,8 @@
 """What is told of each part against what the program plays."""
 
-from backend.experiments.composing.text import read
-from backend.experiments.composing.told import played_parts
-from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.compiler import played_parts
+from backend.experiments.parser import read
+from backend.experiments.plans import ComposedPlan
 
 WRITTEN = """format: 1
 name: loops

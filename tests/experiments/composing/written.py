@@ -1,7 +1,7 @@
 """Experiments as somebody might write them."""
 
-from backend.experiments.composing.text import read
-from backend.experiments.plans.composed_plan import ComposedPlan, composed
+from backend.experiments.parser import read
+from backend.experiments.plans import ComposedPlan, composed
 
 WOBBLE = """format: 1
 name: wobble

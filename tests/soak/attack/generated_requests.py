@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
 
-from backend.experiments.composing.ready_made import NAMES, text_of
+from backend.experiments.library import NAMES, text_of
 from backend.plain_text import as_line
 
 Request = tuple[str, str, Any]

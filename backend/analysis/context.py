@@ -1,0 +1,83 @@
+"""What controlled at a sample of a run, as far as a prediction has to know it: gains, law, references. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from backend.analysis.step_metrics import timed
+from backend.banks.builder import BankError, HasEntries, points_of
+from backend.banks.tuning_settings import NAMES, TuningChoice
+from backend.control import cascade
+from backend.experiments.plans import ComposedPlan
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import KeptLoop, with_motion
+from backend.realtime.program import Law, left_at
+from backend.tuning.gains import PointModel, TuningError, cascade_tuning
+from plant.parameters import PlantParameters
+
+
+class NotPredictedError(ValueError):
+    """There is nothing to compare a measurement with; says why."""
+
+
+def kept_tuning(loop: KeptLoop) -> TuningChoice:
+    """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
+    known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
+    return TuningChoice(**with_motion(known))
+
+
+def points_in(bank: HasEntries | None) -> tuple[PointModel, ...]:
+    """Return the models of a bank; of one that cannot be read none, so that all but the prediction is told."""
+    try:
+        return points_of(bank)
+    except (BankError, UnreadableDocumentError):
+        return ()
+
+
+@dataclass(frozen=True)
+class InForce:
+    """``tuning`` is the one that the run began with, ``points`` the models of its bank, none for geometry."""
+
+    parameters: PlantParameters
+    plan: ComposedPlan
+    tuning: TuningChoice
+    points: Sequence[PointModel] = ()
+
+    @property
+    def position_loop(self) -> bool:
+        """Whether the joint loop is closed."""
+        return self.plan.law is not Law.COMPLIANCE
+
+    def choice_at(self, sample: int) -> TuningChoice:
+        """Return the tuning in use at a sample of the program."""
+        number = 0
+        for start, _, segment in timed(self.plan.program()):
+            if start > sample:
+                break
+            number = segment.tuning or number
+        return self.tuning.with_parts(self.plan.laid.changes[number - 1]) if number else self.tuning
+
+    def references_before(self, sample: int) -> tuple[float, float]:
+        """Return q_ref [rad] and S_ref [N·m/rad] as they were left by what ended at a sample."""
+        q, S = 0.0, 10.0
+        for _, end, segment in timed(self.plan.program()):
+            if end > sample:
+                break
+            q, S = left_at(segment, q, S)
+        return q, S
+
+    def gains_at(self, sample: int) -> cascade.CascadeTuning:
+        """Return the gains of the cascade at a sample. Raises NotPredictedError."""
+        if self.plan.law not in (Law.CASCADE, Law.COMPLIANCE):
+            raise NotPredictedError(f"of the law {self.plan.law} no prediction is made")
+        choice = self.choice_at(sample)
+        if choice.bank != self.tuning.bank:
+            raise NotPredictedError("a bank was in use that the run did not begin with")
+        if choice.bank and not self.points:
+            raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
+        try:
+            return cascade_tuning(
+                self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.budget, choice.k_ext
+            )
+        except TuningError as error:
+            raise NotPredictedError(str(error)) from None

@@ -1,0 +1,847 @@
+"""Metrics of disturbances: pushes, impacts, loads, compliance, rest. Pure."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.analysis.context import InForce, NotPredictedError
+from backend.analysis.step_metrics import (
+    AT_REST,
+    NO_NUMBER,
+    Columns,
+    LoadStep,
+    NoSamplesError,
+    Whole,
+    figure,
+    pushes,
+    rms,
+    timed,
+    undisturbed_from,
+    whole,
+)
+from backend.faults import Limit
+from backend.realtime.program import Program, Shape
+from backend.tuning.simulation import INPUTS, OUTPUTS, answered, sampled_loop
+from plant.interface import T_s
+from plant.parameters import SIDES, PlantParameters, Side
+
+# Compliance ----------------------------------------------------------------------------------------
+#
+# Metrics of the compliance experiment: does the joint feel as stiff as it was told to be? Pure.
+#
+# The force that the hand exerts is F_ext = F_A − F_B (equation 22, a reaction); geometry and the
+# commanded stiffness expect F_expected = −S_ref q/r_j (equation 25).
+
+
+Array = NDArray[np.float64]
+ComplianceColumns = Mapping[str, Array]
+
+COMPLIANCE_REST_S = 1.0
+"""Stretch before the first push that forces are counted from [s]."""
+
+MAX_DELAY_S = 0.040
+"""Longest delay of the load cells that is looked for [s]; the paper's have 10-15 ms."""
+
+BOUND_ALIGNED_N = 0.5
+
+LEAST_PUSH_N = 5.0 * BOUND_ALIGNED_N
+"""Strongest push below which the forces agree to the bound whatever the stiffness: nothing is measured then [N]."""
+
+
+@dataclass(frozen=True)
+class ComplianceFigures:
+    """Figures of one compliance run, over the time from the first push on.
+
+    ``reasons`` tells by name which could not be measured and why.
+    """
+
+    rmse_raw_N: float = figure("N", "RMSE, raw", "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N")
+    rmse_aligned_N: float | None = figure(
+        "N", "RMSE, aligned", "the same without sensor delay, each minus its mean before"
+    )
+    rmse_estimated_N: float | None = figure(
+        "N", "RMSE, estimated", "F_ext_hat against F_B − F_A, aligned, each minus its mean before"
+    )
+    delay_s: float | None = figure("s", "Sensor delay", "of the load cells behind the encoder, that which aligns best")
+    stiffness_felt: float | None = figure("N·m/rad", "Stiffness felt", "slope of −r_j (F_A − F_B) over q, aligned")
+    largest_push_N: float = figure("N", "Strongest push", "largest |F_A − F_B|, aligned")
+    deviation_S: float = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while pushed")
+    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
+def compliance_figures(columns: ComplianceColumns, r_j: float, first_push_s: float) -> ComplianceFigures:
+    """Compare measured and expected force. ``columns`` holds q, S, S_ref, F_A, F_B, u_A, u_B, one sample a millisecond.
+
+    With F_ext_hat in it, the estimate is compared with what the load cells say. ``r_j`` [m] is the joint pulley's
+    radius. Raises NoSamplesError when the run ended before its first push, or when there was no rest before it to
+    count from.
+    """
+    pushed = round(first_push_s / T_s)
+    if pushed < round(COMPLIANCE_REST_S / T_s):
+        raise NoSamplesError(
+            f"the first push begins at {first_push_s:g} s: forces are counted from {COMPLIANCE_REST_S:g} s of rest"
+            " before it"
+        )
+    longest = round(MAX_DELAY_S / T_s)
+    if columns["q"].size < pushed + 10 * longest:
+        raise NoSamplesError(f"the run ended before the pushes began at {first_push_s:g} s")
+    measured = columns["F_A"] - columns["F_B"]
+    expected = -columns["S_ref"] * columns["q"] / r_j
+    rest = slice(pushed - round(COMPLIANCE_REST_S / T_s), pushed)
+    F = measured - measured[rest].mean()
+    F_expected = expected - expected[rest].mean()
+    errors = [rms(F[pushed + delay :] - F_expected[pushed : F.size - delay]) for delay in range(longest + 1)]
+    delay = int(np.argmin(errors))
+    felt, q = F[pushed + delay :], columns["q"][pushed : F.size - delay]
+    tensions = np.concatenate([columns["F_A"], columns["F_B"]])
+    largest_push_N = float(np.abs(felt).max())
+    reasons = _why_not(largest_push_N, delay == longest)
+    estimated = _estimated(columns, rest, slice(pushed, F.size - delay))
+    if estimated is None:
+        reasons["rmse_estimated_N"] = "this recording has no estimate of the outside force"
+    return ComplianceFigures(
+        rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
+        rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
+        rmse_estimated_N=None if estimated is None or "rmse_estimated_N" in reasons else rms(estimated + felt),
+        delay_s=None if "delay_s" in reasons else delay * T_s,
+        stiffness_felt=None if "stiffness_felt" in reasons else _slope(q, -r_j * felt),
+        largest_push_N=largest_push_N,
+        deviation_S=float(np.abs(columns["S"] - columns["S_ref"])[pushed:].max()),
+        min_tension_N=float(tensions.min()),
+        max_tension_N=float(tensions.max()),
+        peak_voltage_V=float(np.abs(np.concatenate([columns["u_A"], columns["u_B"]])).max()),
+        reasons=reasons,
+    )
+
+
+def _estimated(columns: ComplianceColumns, rest: slice, pushed: slice) -> Array | None:
+    """Outside force [N] while pushed, from its mean at rest; None where it was not recorded as a number throughout."""
+    F_ext_hat = columns.get("F_ext_hat")
+    if F_ext_hat is None or not np.all(np.isfinite(F_ext_hat[rest.start :])):
+        return None
+    estimated: Array = F_ext_hat[pushed] - F_ext_hat[rest].mean()
+    return estimated
+
+
+def _why_not(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
+    if largest_push_N < LEAST_PUSH_N:
+        reason = (
+            f"the strongest push was {largest_push_N:.1f} N: below {LEAST_PUSH_N:g} N any stiffness keeps the bound of "
+            f"{BOUND_ALIGNED_N:g} N"
+        )
+        return dict.fromkeys(("rmse_aligned_N", "rmse_estimated_N", "delay_s", "stiffness_felt"), reason)
+    if delay_at_end:
+        return {"delay_s": f"the forces agree best at {1000 * MAX_DELAY_S:.0f} ms, where the search ends"}
+    return {}
+
+
+def _slope(x: Array, y: Array) -> float:
+    x, y = x - x.mean(), y - y.mean()
+    spread = float(x @ x)
+    return float(x @ y) / spread if spread > 0.0 else float("nan")
+
+
+# Disturbance ---------------------------------------------------------------------------------------
+#
+# Metrics of pushes in closed loop: how far joint and stiffness give way, and how soon the joint is
+# back. Pure.
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbanceFigures(Whole):
+    """Figures over all pushes. ``reasons`` tells by name which could not be measured and why."""
+
+    push_deviation_q: float = figure("rad", "Joint deviation under pushes", "max |q − q_ref| while the joint is pushed")
+    push_deviation_S: float = figure(
+        "N·m/rad", "Stiffness deviation under pushes", "max |S − S_ref| while the joint is pushed"
+    )
+    push_back_s: float | None = figure(
+        "s",
+        "Back after a push",
+        f"longest time from the end of a push until |q − q_ref| stays below {AT_REST['q']} rad",
+    )
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
+def disturbance_figures(columns: Columns, program: Program) -> DisturbanceFigures:
+    """Measure one run. ``columns`` holds q, S, their references, tensions and voltages, one sample a millisecond.
+
+    Raises NoSamplesError when the run ended before the last push was over.
+    """
+    pushed = pushes(program)
+    if not pushed or columns["q"].size < pushed[-1].stop:
+        raise NoSamplesError("the run ended before the pushes were over" if pushed else "nothing pushes the joint")
+    off_q, off_S = (np.abs(columns[name] - columns[f"{name}_ref"]) for name in ("q", "S"))
+    times: list[float] = []
+    reasons: dict[str, str] = {}
+    for push in pushed:
+        after = off_q[push.stop : min(undisturbed_from(program, push.stop), off_q.size)]
+        if after.size == 0:
+            reasons["push_back_s"] = f"nothing was held after the push that ended at {push.stop * T_s:g} s"
+            continue
+        away = np.flatnonzero(~(after <= AT_REST["q"]))
+        if away.size and away[-1] == after.size - 1:
+            reasons["push_back_s"] = (
+                f"after the push that ended at {push.stop * T_s:g} s the joint was still {after[-1]:.3g} rad off when "
+                f"something moved again after {after.size * T_s:g} s"
+            )
+            continue
+        times.append(0.0 if away.size == 0 else float(away[-1] + 1) * T_s)
+    under = np.concatenate([np.arange(push.start, push.stop) for push in pushed])
+    return DisturbanceFigures(
+        **whole(columns),
+        push_deviation_q=float(off_q[under].max()),
+        push_deviation_S=float(off_S[under].max()),
+        push_back_s=None if reasons or not times else max(times),
+        reasons=reasons,
+    )
+
+
+# Held ----------------------------------------------------------------------------------------------
+#
+# How quiet the actuator is while nothing moves its references: stretches that are held, each on its
+# own. Pure.
+#
+# A stretch counts where the references stand as they stood before it, and neither push nor load
+# acts: a ``hold`` after a step that had its time.
+
+
+LEAST_S = 1.0
+"""Shorter stretches are no rest [s]."""
+
+JOINT_STEP, MOTOR_STEP = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
+"""Counts of the paper's encoders [rad]: in these it is told where readings are exact."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One stretch of rest from ``start_s`` to ``end_s`` [s] at ``q_ref`` [rad] and ``S_ref`` [N·m/rad].
+
+    Peak to peak of q [rad, counts], S [N·m/rad] and of the motor that swings more [V]; ``off_counts``: the joint's
+    largest distance from its reference, ``off`` [rad] its mean one; ``moving_percent``: ticks in which a motor's count
+    changed.
+    """
+
+    start_s: float
+    end_s: float
+    q_ref: float
+    S_ref: float
+    q_swing: float
+    q_swing_counts: float
+    off: float
+    off_counts: float
+    u_swing: float
+    S_swing: float
+    moving_percent: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoldFigures(Whole):
+    """Figures over all stretches, each the largest. ``reasons`` tells by name which were not measured and why."""
+
+    held_q_swing_counts: float | None = figure(
+        "1", "Swing of q, in counts", "max − min of q while held, in counts of the joint encoder (4000 where exact)"
+    )
+    held_q_swing: float | None = figure("rad", "Swing of q", "max − min of q while held")
+    held_off_counts: float | None = figure(
+        "1", "Off the reference, in counts", "max |q − q_ref| while held, less the half count that a reading tells to"
+    )
+    held_u_swing_V: float | None = figure("V", "Swing of the voltages", "max − min of u_A or u_B while held")
+    held_S_swing: float | None = figure("N·m/rad", "Swing of S", "max − min of S while held")
+    held_moving_percent: float | None = figure(
+        "%", "Motors moving", "ticks in which the count of a motor's encoder changed while held (8000 where exact)"
+    )
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
+def hold_figures(columns: Columns, program: Program, parameters: PlantParameters) -> HoldFigures:
+    """Measure one run; ``columns`` holds q, S, references, motor angles, tensions, voltages, a sample a millisecond.
+
+    Raises NoSamplesError when no stretch was held to its end.
+    """
+    found = holds_seen(columns, program, parameters)
+    if not found:
+        raise NoSamplesError("nothing was held to its end")
+    worst = {
+        "held_q_swing_counts": max(one.q_swing_counts for one in found),
+        "held_q_swing": max(one.q_swing for one in found),
+        "held_off_counts": max(one.off_counts for one in found),
+        "held_u_swing_V": max(one.u_swing for one in found),
+        "held_S_swing": max(one.S_swing for one in found),
+        "held_moving_percent": max(one.moving_percent for one in found),
+    }
+    lost = dict.fromkeys((name for name, value in worst.items() if not math.isfinite(value)), NO_NUMBER)
+    kept: dict[str, Any] = {name: None if name in lost else value for name, value in worst.items()}
+    return HoldFigures(**whole(columns), **kept, reasons=lost)
+
+
+def hold_windows(program: Program) -> tuple[slice, ...]:
+    """Return the stretches of rest of a program."""
+    found: list[slice] = []
+    before: tuple[float, float] | None = None
+    for start, end, segment in timed(program):
+        references = segment.q_ref, segment.S_ref
+        acts = segment.F_push or segment.load_A or segment.load_B or segment.shape is not Shape.STEP
+        quiet = not acts and references == before and start > 0
+        if quiet and found and found[-1].stop == start:
+            found[-1] = slice(found[-1].start, end)
+        elif quiet:
+            found.append(slice(start, end))
+        before = None if acts else references
+    return tuple(one for one in found if (one.stop - one.start) * T_s >= LEAST_S)
+
+
+def holds_seen(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[Held, ...]:
+    """Measure each stretch that was held to its end."""
+    size = columns["q"].size
+    return tuple(_seen_hold(columns, one, parameters) for one in hold_windows(program) if one.stop <= size)
+
+
+def _seen_hold(columns: Columns, window: slice, parameters: PlantParameters) -> Held:
+    count, motor = parameters.sensors.joint_step or JOINT_STEP, parameters.sensors.motor_step or MOTOR_STEP
+    of = {name: np.asarray(columns[name][window]) for name in ("q", "q_ref", "S", "u_A", "u_B", "theta_A", "theta_B")}
+    granted = 0.5 if parameters.sensors.joint_step else 0.0  # a reading tells to half a count
+    off = of["q"] - of["q_ref"]
+    turned = [np.diff(np.rint(of[name] / motor)) != 0.0 for name in ("theta_A", "theta_B")]
+    swing = float(np.ptp(of["q"]))
+    return Held(
+        start_s=float(columns["t"][window.start]),
+        end_s=float(columns["t"][window.stop - 1]),
+        q_ref=float(of["q_ref"][-1]),
+        S_ref=float(columns["S_ref"][window.stop - 1]),
+        q_swing=swing,
+        q_swing_counts=swing / count,
+        off=float(off.mean()),
+        off_counts=max(float(np.abs(off).max()) / count - granted, 0.0),
+        u_swing=float(max(np.ptp(of["u_A"]), np.ptp(of["u_B"]))),
+        S_swing=float(np.ptp(of["S"])),
+        moving_percent=100.0 * float((turned[0] | turned[1]).mean()),
+    )
+
+
+# Impact --------------------------------------------------------------------------------------------
+#
+# Metrics of impacts: how hard the joint hit the simulator's wall, and how soon it felt that and
+# gave way. Pure.
+
+
+APART_S = 0.3
+"""Contacts that are this far apart are hits of their own; nearer ones are a joint that bounces."""
+
+APPROACH_S = 0.05
+"""Over so long before the touch the speed of approach is measured: 30 encoder counts at 1 rad/s."""
+
+ALIKE = 0.1
+"""Hits are compared where their speeds of approach differ by less than this part."""
+
+_S_ALIKE = 1e-6
+
+
+class Hit(NamedTuple):
+    """One hit: where it begins and the sample after its last contact, and what was measured of it.
+
+    ``S_ref`` [N·m/rad] and the speed of approach [rad/s] as the wall is touched, the largest force [N], the time
+    integral of the force [N·s] and the time in contact [s], over all bounces.
+
+    ``contact_N`` [N] is the force from which on the program gives way, nan where it gives way to nothing. Times [s],
+    nan where it did not happen: ``felt_s`` from the touch until the estimate passes it, ``gave_way_s`` from there until
+    the joint gives way, ``fell_s`` from there until the force is at its largest, from where on it falls.
+    """
+
+    window: slice
+    S_ref: float
+    speed: float
+    peak_N: float
+    impulse_Ns: float
+    contact_s: float
+    contact_N: float = math.nan
+    felt_s: float = math.nan
+    gave_way_s: float = math.nan
+    fell_s: float = math.nan
+
+    @property
+    def reacts(self) -> bool:
+        """Whether it was to be given way to."""
+        return math.isfinite(self.contact_N)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpactFigures(Whole):
+    """Figures over all hits. ``reasons`` tells by name which could not be measured and why."""
+
+    hits: float = figure("1", "Hits", "contacts with the wall at least 0.3 s after the one before")
+    peak_force_N: float = figure("N", "Largest contact force", "largest |F_wall| of all hits")
+    impulse_Ns: float = figure(
+        "N·s", "Largest impulse", "largest time integral of |F_wall| over a hit, bounces included"
+    )
+    soft_to_stiff_peak: float | None = figure(
+        "1", "Peak force, soft over stiff", "mean over the speeds: peak at the lowest S_ref over that at the highest"
+    )
+    soft_to_stiff_impulse: float | None = figure(
+        "1", "Impulse, soft over stiff", "mean over the speeds: impulse at the lowest S_ref over that at the highest"
+    )
+    reaction_peak: float | None = figure(
+        "1", "Peak force, with over without reaction", "mean over stiffness and speed of the peaks' ratio"
+    )
+    reaction_impulse: float | None = figure(
+        "1", "Impulse, with over without reaction", "mean over stiffness and speed of the impulses' ratio"
+    )
+    felt_after_s: float | None = figure(
+        "s", "Longest time to detect", "from the touch until the estimated force passes the threshold"
+    )
+    gave_way_after_s: float | None = figure(
+        "s", "Longest time to react", "from the threshold until the joint gives way"
+    )
+    fell_after_s: float | None = figure(
+        "s", "Longest time to the peak", "from the threshold until the force is at its largest, from where on it falls"
+    )
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
+def hits_of(columns: Columns, program: Program | None = None) -> tuple[Hit, ...]:
+    """Return the hits of a run, in order; none where nothing was hit or no force of a wall was recorded.
+
+    ``program`` says from what force on a hit was to be given way to; without one, none was.
+    """
+    force = np.abs(columns["F_wall"]) if "F_wall" in columns else np.empty(0)
+    touched = np.flatnonzero(force > 0.0)
+    if touched.size == 0:
+        return ()
+    parts = np.split(touched, np.flatnonzero(np.diff(touched) > round(APART_S / T_s)) + 1)
+    from_N = _thresholds(program, force.size)
+    return tuple(_hit(columns, force, part, from_N) for part in parts)
+
+
+def _thresholds(program: Program | None, samples: int) -> NDArray[np.float64]:
+    """Return the force [N] of a contact in each sample, nan where the program gives way to nothing."""
+    from_N, tick, contact_N = np.full(samples, np.nan), 0, 0.0
+    for segment in program.segments if program is not None and program.touches else ():
+        if program is not None and segment.touch:
+            contact_N = program.touches[segment.touch - 1].contact_N
+        after = tick + round(segment.duration_s / T_s)
+        from_N[tick:after] = contact_N or np.nan
+        tick = after
+    return from_N
+
+
+def _hit(columns: Columns, force: np.ndarray, touched: np.ndarray, from_N: np.ndarray) -> Hit:
+    first, end = int(touched[0]), int(touched[-1]) + 1
+    before = columns["q"][max(first - round(APPROACH_S / T_s), 0) : first]
+    speed = abs(float(np.polyfit(np.arange(before.size) * T_s, before, 1)[0])) if before.size > 2 else float("nan")
+    return Hit(
+        slice(first, end),
+        float(columns["S_ref"][first]),
+        speed,
+        float(force[first:end].max()),
+        float(force[first:end].sum() * T_s),
+        touched.size * T_s,
+        *_reaction(columns, force, slice(first, end), float(from_N[first])),
+    )
+
+
+def _reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: float) -> tuple[float, ...]:
+    """Return the threshold [N] and the times [s] to feel, to give way and to the largest force."""
+    end = window.stop + round(APART_S / T_s)  # a joint that has bounced off already is felt all the same
+    felt = _first(np.abs(columns["F_ext_hat"][window.start : end]) > contact_N) if math.isfinite(contact_N) else None
+    if felt is None:
+        return contact_N, math.nan, math.nan, math.nan
+    began = window.start + felt
+    gave = _first(columns["limits"][began:end].astype(np.int64) & int(Limit.CONTACT) != 0)
+    largest = int(np.argmax(force[window])) - felt
+    return (
+        contact_N,
+        felt * T_s,
+        math.nan if gave is None else gave * T_s,
+        math.nan if gave is None else max(largest, 0) * T_s,
+    )
+
+
+def _first(holds: np.ndarray) -> int | None:
+    return int(np.argmax(holds)) if holds.any() else None
+
+
+def impact_figures(columns: Columns, program: Program | None = None) -> ImpactFigures:
+    """Measure one run. ``columns`` holds F_wall, q, S_ref, tensions and voltages, one sample a millisecond.
+
+    And F_ext_hat and limits, where ``program`` gives way to contacts. Raises NoSamplesError where no wall was hit.
+    """
+    hits = hits_of(columns, program)
+    if not hits:
+        raise NoSamplesError("no wall was hit")
+    plain, reacting = [hit for hit in hits if not hit.reacts], [hit for hit in hits if hit.reacts]
+    pairs, reason = _pairs(plain or hits)
+    beside, why = beside_each_other(hits)
+    unfelt = "" if reacting else _NOT_GIVEN_WAY
+    missed = sum(not math.isfinite(hit.gave_way_s) for hit in reacting)
+    if missed:
+        unfelt = f"{missed} of {len(reacting)} hits were not felt or not given way to"
+    reasons = dict.fromkeys(("soft_to_stiff_peak", "soft_to_stiff_impulse"), reason)
+    reasons |= dict.fromkeys(("reaction_peak", "reaction_impulse"), unfelt or why)
+    reasons |= dict.fromkeys(("felt_after_s", "gave_way_after_s", "fell_after_s"), unfelt)
+    beside = () if unfelt else beside
+    return ImpactFigures(
+        **whole(columns),
+        hits=float(len(hits)),
+        peak_force_N=max(hit.peak_N for hit in hits),
+        impulse_Ns=max(hit.impulse_Ns for hit in hits),
+        soft_to_stiff_peak=_mean([soft.peak_N / stiff.peak_N for soft, stiff in pairs]),
+        soft_to_stiff_impulse=_mean([soft.impulse_Ns / stiff.impulse_Ns for soft, stiff in pairs]),
+        reaction_peak=_mean([reacted.peak_N / plain.peak_N for plain, reacted in beside]),
+        reaction_impulse=_mean([reacted.impulse_Ns / plain.impulse_Ns for plain, reacted in beside]),
+        felt_after_s=None if unfelt else max(hit.felt_s for hit in reacting),
+        gave_way_after_s=None if unfelt else max(hit.gave_way_s for hit in reacting),
+        fell_after_s=None if unfelt else max(hit.fell_s for hit in reacting),
+        reasons={name: why for name, why in reasons.items() if why},
+    )
+
+
+_NOT_GIVEN_WAY = "no hit was to be given way to"
+
+
+def beside_each_other(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
+    """Return hits without and with reaction, of one stiffness and equally fast, in turn; or why there are none."""
+    left, pairs = [hit for hit in hits if not hit.reacts], []
+    for hit in (hit for hit in hits if hit.reacts):
+        alike = [other for other in left if abs(other.S_ref - hit.S_ref) < _S_ALIKE and _as_fast(other, hit)]
+        if not alike:
+            return (
+                (),
+                f"beside the hit at {hit.S_ref:.4g} N·m/rad and {hit.speed:.3g} rad/s there is none without reaction",
+            )
+        other = min(alike, key=lambda other: abs(other.speed - hit.speed))
+        left.remove(other)
+        pairs.append((other, hit))
+    return tuple(pairs), "" if pairs else _NOT_GIVEN_WAY
+
+
+def _as_fast(one: Hit, other: Hit) -> bool:
+    return abs(one.speed - other.speed) <= ALIKE * max(one.speed, other.speed)
+
+
+def _pairs(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]:
+    """Return hits at the lowest and the highest stiffness that were equally fast, in turn; or why there are none."""
+    low, high = min(hit.S_ref for hit in hits), max(hit.S_ref for hit in hits)
+    if high - low < _S_ALIKE:
+        return [], f"all hits were at {low:.4g} N·m/rad"
+    soft = [hit for hit in hits if hit.S_ref - low < _S_ALIKE]
+    stiff = [hit for hit in hits if high - hit.S_ref < _S_ALIKE]
+    if len(soft) != len(stiff):
+        return [], f"{len(soft)} hits were soft and {len(stiff)} stiff: they are compared one by one"
+    for one, other in zip(soft, stiff, strict=True):
+        if not _as_fast(one, other):
+            return [], f"hits at {one.speed:.3g} and {other.speed:.3g} rad/s cannot be compared"
+    return list(zip(soft, stiff, strict=True)), ""
+
+
+def _mean(ratios: Sequence[float]) -> float | None:
+    return float(np.mean(ratios)) if ratios else None
+
+
+# Pushed --------------------------------------------------------------------------------------------
+#
+# Each push of the joint on its own: how far joint and stiffness give way, for how long, and what
+# was to be expected.
+#
+# Pushes may be steps, ramps or impulses. Expected is what the closed loop answers with the gains in
+# use, and beside it what the stiffness alone would give: r_j F/S, as far as the joint gives way
+# where its loop is open. Pure.
+
+
+IMPULSE_S = 0.05
+"""A push that is over within this time [s] is called an impulse: the joint's own swing takes as long."""
+
+PUSH_REST_S = 0.1
+"""Deviations count from the mean over so long [s] before the push."""
+
+
+class Window(NamedTuple):
+    """A push: its samples, how it is called, and the sample up to which nothing else acts."""
+
+    pushed: slice
+    shape: str
+    until: int
+
+
+@dataclass(frozen=True)
+class Push:
+    """One push, measured. Deviations are of q [rad] and S [N·m/rad] from before it.
+
+    ``F`` [N]: its largest force, ``impulse`` [N·s], ``S`` [N·m/rad] at which it came. ``back_s``: from its end until
+    the joint stays within AT_REST of its reference, None where it did not, and ``reason`` says so. ``static``: r_j F/S.
+    ``expected`` (n,) is the deviation that was predicted over the window, None where ``unpredicted`` says why not.
+    """
+
+    window: Window
+    F: float
+    impulse: float
+    S: float
+    peak_q: float
+    peak_S: float
+    back_s: float | None
+    reason: str
+    static: float
+    expected: Array | None
+    unpredicted: str
+
+    @property
+    def expected_peak(self) -> float | None:
+        """Largest deviation that was predicted [rad]."""
+        return None if self.expected is None else float(np.abs(self.expected).max())
+
+    @property
+    def off_percent(self) -> float | None:
+        """Measured over predicted peak, less one [%]."""
+        peak = self.expected_peak
+        return None if not peak else 100.0 * (self.peak_q / peak - 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PushFigures(Whole):
+    """Figures over all pushes. ``reasons`` tells by name which could not be measured and why."""
+
+    pushed_peak_q: float = figure("rad", "Largest deviation of q", "max |q − q before the push|, of all pushes")
+    pushed_peak_S: float = figure("N·m/rad", "Largest deviation of S", "max |S − S before the push|, of all pushes")
+    pushed_back_s: float | None = figure(
+        "s", "Back after a push", f"longest time from a push's end until |q − q_ref| stays below {AT_REST['q']} rad"
+    )
+    pushed_off_percent: float | None = figure(
+        "%", "Peaks off their prediction", "largest |measured/predicted − 1| of the peaks of q, gains in use"
+    )
+    pushed_static_ratio: float | None = figure(
+        "1", "Largest share of the static deviation", "largest peak of q over r_j F/S, impulses left out"
+    )
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
+def push_figures(columns: Columns, program: Program, in_force: InForce) -> PushFigures:
+    """Measure one run; ``columns`` holds q, S, their references, F_push, tensions, voltages, a sample a millisecond.
+
+    Raises NoSamplesError when the run ended before the first push was over.
+    """
+    found = pushes_seen(columns, program, in_force)
+    if not found:
+        raise NoSamplesError(
+            "the run ended before the pushes were over" if push_windows(program) else "nothing pushes the joint"
+        )
+    back = [one.back_s for one in found]
+    off = [one.off_percent for one in found]
+    ratios = [one.peak_q / one.static for one in found if one.window.shape != "impulse"]
+    reasons = {
+        "pushed_back_s": next((one.reason for one in found if one.reason), ""),
+        "pushed_off_percent": next((one.unpredicted for one in found if one.unpredicted), ""),
+        "pushed_static_ratio": "" if ratios else "there were impulses alone",
+    }
+    return PushFigures(
+        **whole(columns),
+        pushed_peak_q=max(one.peak_q for one in found),
+        pushed_peak_S=max(one.peak_S for one in found),
+        pushed_back_s=_largest(back),
+        pushed_off_percent=_largest([None if one is None else abs(one) for one in off]),
+        pushed_static_ratio=max(ratios, default=None),
+        reasons={name: reason for name, reason in reasons.items() if reason},
+    )
+
+
+def push_windows(program: Program) -> tuple[Window, ...]:
+    """Return the pushes of a program, each from where the force begins to where it is none again."""
+    found: list[Window] = []
+    begun, shapes, before = -1, set[Shape](), 0.0
+    stretches = [*timed(program)]
+    for start, end, segment in stretches:
+        acts = segment.F_push != 0.0 or (segment.shape is Shape.RAMP and before != 0.0)
+        if begun >= 0 and not acts:
+            found.append(_window(program, slice(begun, start), shapes))
+            begun, shapes = -1, set[Shape]()
+        if acts:
+            begun = start if begun < 0 else begun
+            shapes.add(segment.shape)
+        before = segment.F_push
+        if begun >= 0 and end == stretches[-1][1]:
+            found.append(_window(program, slice(begun, end), shapes))
+    return tuple(found)
+
+
+def _window(program: Program, pushed: slice, shapes: set[Shape]) -> Window:
+    short = (pushed.stop - pushed.start) * T_s <= IMPULSE_S + 1e-9
+    shape = "impulse" if short else "ramp" if Shape.RAMP in shapes else "step"
+    return Window(pushed, shape, max(undisturbed_from(program, pushed.stop), pushed.stop))
+
+
+def pushes_seen(columns: Columns, program: Program, in_force: InForce) -> tuple[Push, ...]:
+    """Measure each push that was over before the run was."""
+    size = columns["q"].size
+    answers: dict[tuple[object, ...], Array] = {}
+    windows = [one for one in push_windows(program) if one.pushed.stop <= size]
+    return tuple(_seen_push(columns, one, in_force, answers) for one in windows)
+
+
+def _seen_push(columns: Columns, window: Window, in_force: InForce, answers: dict[tuple[object, ...], Array]) -> Push:
+    start, stop = window.pushed.start, window.pushed.stop
+    seen = slice(start, min(window.until, columns["q"].size))
+    before = slice(max(start - round(PUSH_REST_S / T_s), 0), max(start, 1))
+    # A sample shows the push of the tick before it: what acts from a sample on stands in the next one.
+    force = np.append(columns["F_push"][start + 1 : seen.stop], 0.0)
+    S = float(columns["S_ref"][start])
+    q, S_seen = (columns[name][seen] - columns[name][before].mean() for name in ("q", "S"))
+    off = np.abs(columns["q"] - columns["q_ref"])[stop : seen.stop]
+    back_s, reason = _back(off, stop)
+    F = float(force[np.argmax(np.abs(force))])
+    r_j = in_force.parameters.geometry.r_j
+    try:
+        expected, why = _expected(in_force, start, S, r_j * force, answers), ""
+    except NotPredictedError as error:
+        expected, why = None, str(error)
+    static = r_j * abs(F) / S
+    return Push(
+        window, F, float(force[: stop - start].sum() * T_s), S, float(np.abs(q).max()), float(np.abs(S_seen).max()),
+        back_s, reason, static, expected, why,
+    )  # fmt: skip
+
+
+def _back(off: Array, stop: int) -> tuple[float | None, str]:
+    """Return how long it took until the joint stayed where it belongs, or why that is not known."""
+    if off.size == 0:
+        return None, f"nothing was held after the push that ended at {stop * T_s:g} s"
+    away = np.flatnonzero(~(off <= AT_REST["q"]))
+    if away.size and away[-1] == off.size - 1:
+        return None, (
+            f"after the push that ended at {stop * T_s:g} s the joint was still {off[-1]:.3g} rad off when "
+            f"something moved again after {off.size * T_s:g} s"
+        )
+    return (0.0 if away.size == 0 else float(away[-1] + 1) * T_s), ""
+
+
+def _expected(in_force: InForce, start: int, S: float, tau: Array, answers: dict[tuple[object, ...], Array]) -> Array:
+    """Return the deviation of q [rad] that a torque (n,) [N·m] from the sample ``start`` on should give."""
+    from scipy.signal import fftconvolve
+
+    choice = in_force.choice_at(start)
+    acts = [tau]
+    if choice.k_ext > 0.0 and in_force.position_loop:
+        acts += answered(in_force.gains_at(start).rejection, tau, S)
+    known = answers.get((choice, S))
+    if known is None or known.shape[1] < tau.size:
+        known = answers[(choice, S)] = _impulse_responses(in_force, start, S, tau.size, len(acts))
+    return np.asarray(sum(fftconvolve(act, answer)[: tau.size] for act, answer in zip(acts, known, strict=True)))
+
+
+def _impulse_responses(in_force: InForce, start: int, S: float, size: int, count: int) -> Array:
+    """Return what q becomes (count, size) of an impulse of the torque, and of what a rejection adds."""
+    closed = sampled_loop(in_force.parameters, in_force.gains_at(start), S, position_loop=in_force.position_loop).closed
+    found = np.empty((count, size))
+    for place, act in enumerate((INPUTS.tau_ext, INPUTS.q_e, INPUTS.q_off)[:count]):
+        w = np.zeros((size, len(INPUTS)))
+        w[0, act] = 1.0
+        found[place] = closed.played(w)[:, OUTPUTS.q]
+    return found
+
+
+def _largest(values: list[float | None]) -> float | None:
+    """Return the largest, None where one of them is not known."""
+    known = [value for value in values if value is not None]
+    return max(known) if len(known) == len(values) else None
+
+
+# Robustness ----------------------------------------------------------------------------------------
+#
+# Metrics of the robustness test: how far a load turns a motor away from its reference, and for how
+# long. Pure.
+
+
+RobustnessColumns = Mapping[str, Array]
+
+BACK_SHARE = 0.05
+"""A motor is back where it stays within this share of the largest deviation."""
+
+_LEAST_COUNTS = 20.0
+
+
+@dataclass(frozen=True)
+class RobustnessFigures:
+    """Figures of one run, over all loads on and off. ``reasons`` tells by name which could not be measured and why."""
+
+    deviation_A_rad: float = figure("rad", "Deviation of motor A", "max |θ_A − θ_A,ref| after its load steps on or off")
+    deviation_B_rad: float = figure("rad", "Deviation of motor B", "max |θ_B − θ_B,ref| after its load steps on or off")
+    back_s: float | None = figure(
+        "s",
+        "Back on the reference",
+        "longest time from a step of the load until |θ_ref − θ| stays within 5 % of its largest",
+    )
+    error_integral_A: float = figure("rad·s", "Integral of the error of A", "of θ_A,ref − θ_A while its load is on")
+    error_integral_B: float = figure("rad·s", "Integral of the error of B", "of θ_B,ref − θ_B while its load is on")
+    deviation_q: float = figure("rad", "Joint deviation", "max |q − q_ref| from the first load on")
+    deviation_S: float = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first load on")
+    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+
+def robustness_figures(
+    columns: RobustnessColumns, steps: Sequence[LoadStep], motor_step_rad: float
+) -> RobustnessFigures:
+    """Measure one run. ``columns`` holds angles, references, q, S, tensions and voltages, one sample a millisecond.
+
+    ``motor_step_rad`` is one count of the motor encoders, 0 where they are exact. Raises NoSamplesError when the run
+    ended before every load had stepped.
+    """
+    if not steps or columns["q"].size < max(step.window.stop for step in steps):
+        raise NoSamplesError("the run ended before both motors had been loaded and let go")
+    errors: dict[str, Array] = {side: columns[f"theta_{side}_ref"] - columns[f"theta_{side}"] for side in SIDES}
+    deviations, times, reasons, away_still = {"A": 0.0, "B": 0.0}, [0.0], {}, []
+    for side, window, _ in steps:
+        error = errors[side][window]
+        size = np.abs(error)
+        deviations[side] = float(np.maximum(deviations[side], size.max()))
+        if math.isnan(deviations[side]):
+            reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"the angles of motor {side} hold no number"
+            continue
+        if not size.max() > _LEAST_COUNTS * motor_step_rad:  # neither is a motor that stood still
+            reasons["back_s"] = f"motor {side} moved by less than {_LEAST_COUNTS:g} encoder counts: load it more"
+            continue
+        away = np.flatnonzero(size > BACK_SHARE * size.max())
+        if away[-1] == size.size - 1:
+            off = float(size[size.size // 2 :].max() / size.max())
+            since = error[size.argmax() :] / size.max()
+            away_still.append((off, side, bool(since.min() < -BACK_SHARE and since.max() > BACK_SHARE), size.size))
+        times.append(float(away[-1] + 1) * T_s)
+    if away_still:
+        reasons["back_s"] = _still_away(*max(away_still))
+    loaded = slice(min(step.window.start for step in steps), None)
+    tensions = np.concatenate([columns["F_A"], columns["F_B"]])
+    return RobustnessFigures(
+        deviation_A_rad=deviations["A"],
+        deviation_B_rad=deviations["B"],
+        back_s=max(times) or None,
+        error_integral_A=_integral(errors["A"], "A", steps),
+        error_integral_B=_integral(errors["B"], "B", steps),
+        deviation_q=float(np.abs(columns["q"] - columns["q_ref"])[loaded].max()),
+        deviation_S=float(np.abs(columns["S"] - columns["S_ref"])[loaded].max()),
+        min_tension_N=float(tensions.min()),
+        max_tension_N=float(tensions.max()),
+        peak_voltage_V=float(np.abs(np.concatenate([columns["u_A"], columns["u_B"]])).max()),
+        reasons=reasons,
+    )
+
+
+def _integral(error: Array, side: Side, steps: Sequence[LoadStep]) -> float:
+    return float(sum(np.sum(error[step.window]) for step in steps if step.side == side and step.on) * T_s)
+
+
+def _still_away(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
+    why = (
+        ", to both sides: it hunts, as dry friction makes it do under integral action"
+        if to_both_sides
+        else ", to one side: hold the load longer, or look what keeps it there"
+    )
+    return (
+        f"motor {side} was not back on its reference when the load changed again after {ticks * T_s:g} s: in the "
+        f"second half of it the motor was off by up to {100.0 * off:.0f} % of its largest deviation{why}"
+    )

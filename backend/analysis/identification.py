@@ -1,0 +1,1059 @@
+"""From the samples of an identification run to a stored estimate with its lineage."""
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.analysis.step_metrics import NoSamplesError, figure
+from backend.control.decoupler import bounds_for, decoupler_for, stiffness_slope
+from backend.experiments.library import stored_plan
+from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
+from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification
+from backend.identification.actuator import identify_actuator as estimate_actuator
+from backend.identification.estimation import (
+    Beside,
+    Candidates,
+    fit_percent,
+    held_out,
+    last_part,
+    predict,
+    seen_samples,
+)
+from backend.identification.fitting import Method, fit
+from backend.identification.friction import COLUMNS, LoadFrictionResult, TensionRun, estimate_load_friction
+from backend.identification.models import CorrelationTest, Estimate, Grade, Model, joint_method, structure
+from backend.identification.motor import (
+    MotorIdentification,
+    VoltageStep,
+    identify_motor,
+    steady_speed,
+    step_beside,
+    turn_from_rest,
+)
+from backend.identification.records import DataFileError, FileFault, IdentificationError, Record, RecordError
+from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
+from backend.identification.tables import DecimalMark
+from backend.identification.validation import RESIDUAL_LEVEL, judged
+from backend.models.document import Document, UnreadableDocumentError
+from backend.models.identification import (
+    CHANNELS,
+    MODEL,
+    MOTOR_MODELS,
+    MOTOR_QUALITIES,
+    QUALITY,
+    SPRING_MODELS,
+    SPRING_QUALITIES,
+    ActuatorModel,
+    ActuatorQuality,
+    ArxEstimate,
+    Candidate,
+    Channel,
+    ChannelModel,
+    ChannelName,
+    ChannelQuality,
+    FailedCandidate,
+    Fitted,
+    FrequencyEstimate,
+    MotorFound,
+    MotorModel,
+    MotorModels,
+    MotorQualities,
+    MotorQuality,
+    NoArx,
+    Pair,
+    Reduced,
+    RefusedStep,
+    ResidualTest,
+    ResidualTests,
+    RuleStep,
+    SpringFit,
+    SpringModel,
+    SpringModels,
+    SpringQualities,
+    SpringQuality,
+    StepCurve,
+    TableReading,
+)
+from backend.plain_text import PlainTextError, require_line, require_plain
+from backend.realtime.program import Excitation
+from backend.recording.reader import Columns, missing_between, recorded_columns
+from backend.storage import identifications, runs
+from backend.storage.database import Database
+from backend.storage.identifications import Identification, NewIdentification
+from backend.storage.runs import EndState, Run, RunKind
+from backend.tuning.gains import PointModel, TuningError, motor_loops
+from backend.tuning.robustness import one_motor_point
+from plant.interface import T_s
+from plant.parameters import SIDES, ParameterError, PlantParameters, Side, parameters_of
+
+# Actuator identification ---------------------------------------------------------------------------
+#
+# From the samples of an identification run to a stored estimate with its lineage.
+
+
+ActuatorColumns = Mapping[str, NDArray[np.float64]]
+
+_COUNTS_WHERE_EXACT = 4000, 8000
+"""Counts per turn of the paper's encoders, used where a parameter set has ideal sensors."""
+
+
+@dataclass(frozen=True)
+class IdentificationFigures:
+    """What the actuator went through during the excitation."""
+
+    motion_counts: float = figure("1", "Joint motion", "peak to peak during the excitation, in encoder counts")
+    min_tension_N: float = figure("N", "Smallest tension", "of both load cells during the excitation")
+    max_tension_N: float = figure("N", "Largest tension", "of both load cells during the excitation")
+    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| during the excitation")
+
+
+def excitation_start(columns: ActuatorColumns, excitation: Excitation) -> int:
+    """Return the index of the first excited sample of a run that played its program to the end.
+
+    The travel to the nominal point takes as long as it takes, so the excitation is found from its end.
+    Raises NoSamplesError when the samples are fewer than the excitation.
+    """
+    chip_ticks = max(round(excitation.chip_s / T_s), 1)
+    ticks = excitation.periods * len(excitation.levels) * chip_ticks
+    start = columns["t"].size - ticks
+    if start < 0:
+        raise NoSamplesError(f"the run holds {columns['t'].size} samples, fewer than the {ticks} of its excitation")
+    return start
+
+
+def identify_actuator(
+    columns: ActuatorColumns, excitation: Excitation, parameters: PlantParameters, method: Method = Method.DEFAULT
+) -> ActuatorIdentification:
+    """Estimate G_q and G_S from theta_A_ref, q and S of a completed run. Raises NoSamplesError, ValueError."""
+    geometry, sensors = parameters.geometry, parameters.sensors
+    q_counts, theta_counts = _COUNTS_WHERE_EXACT
+    slope = stiffness_slope(decoupler_for(parameters), float(np.mean(columns["S"])))
+    known = ActuatorGeometry(
+        geometry.r_m,
+        geometry.r_j,
+        slope / (2.0 * geometry.r_j**2 * geometry.r_m),
+        round(sensors.joint_counts) or q_counts,
+        round(sensors.motor_counts) or theta_counts,
+    )
+    return estimate_actuator(columns, T_s, known, excitation_start(columns, excitation), method=method)
+
+
+def actuator_figures(
+    columns: ActuatorColumns, excitation: Excitation, estimate: ActuatorIdentification
+) -> IdentificationFigures:
+    """Return what the actuator went through."""
+    excited = slice(excitation_start(columns, excitation), None)
+    tensions = np.concatenate([columns[name][excited] for name in ("F_A", "F_B")])
+    voltages = np.concatenate([columns[name][excited] for name in ("u_A", "u_B")])
+    return IdentificationFigures(
+        motion_counts=estimate.motion_counts,
+        min_tension_N=float(tensions.min()),
+        max_tension_N=float(tensions.max()),
+        peak_voltage_V=float(np.abs(voltages).max()),
+    )
+
+
+def to_store_actuator(
+    run: Run,
+    plan: ActuatorIdentificationPlan,
+    columns: ActuatorColumns,
+    estimate: ActuatorIdentification,
+    software: str,
+) -> NewIdentification:
+    """Return the estimate as it is stored: model, quality, and which samples it came from."""
+    start = excitation_start(columns, plan.excitation())
+    signals = {"input": "theta_A_ref", "outputs": ["q", "S"]}
+    channels = {"G_q": estimate.G_q, "G_S": estimate.G_S}
+    return NewIdentification(
+        kind="actuator",
+        run_id=run.id,
+        data={**signals, "first_sample": start, "samples": columns["t"].size - start, "period_s": T_s},
+        method=joint_method({name: channel.method for name, channel in channels.items()}),
+        options={**asdict(plan), "structures": {name: channel.model.structure for name, channel in channels.items()}},
+        model=MODEL.write(
+            ActuatorModel(
+                S_nominal=estimate.S_nominal,
+                q_nominal=estimate.q_nominal,
+                G_q=_actuator_model(estimate.G_q),
+                G_S=_actuator_model(estimate.G_S),
+            )
+        ),
+        quality=QUALITY.write(
+            ActuatorQuality(
+                motion_counts=estimate.motion_counts,
+                G_q=_actuator_quality(estimate.G_q, estimate.candidates_q, estimate.arx_q),
+                G_S=_actuator_quality(estimate.G_S, estimate.candidates_S, estimate.arx_S),
+            )
+        ),
+        usable=estimate.verdict.grade is not Grade.UNUSABLE,
+        verdict=estimate.verdict.sentence,
+        who=run.who,
+        software=software,
+    )
+
+
+def _actuator_model(channel: Estimate) -> ChannelModel:
+    return ChannelModel(
+        structure=channel.model.structure,
+        parameters=channel.model.parameters,
+        std_errors=dict(channel.std_errors),
+        covariance=tuple(tuple(row) for row in channel.covariance.tolist()),
+        noise=channel.noise,
+        method=channel.method,
+        first_order=Reduced(**asdict(channel.first_order)),
+    )
+
+
+def _actuator_quality(channel: Estimate, candidates: Candidates, arx: Estimate | str) -> ChannelQuality:
+    found = channel.residuals
+    return ChannelQuality(
+        fit_percent=channel.fit_percent,
+        fit_all_percent=channel.fit_all_percent,
+        gain_geometry=channel.gain_geometry,
+        gain_error_percent=channel.gain_error_percent,
+        y_resolution=channel.y_resolution,
+        residuals=ResidualTests(
+            whiteness=ResidualTest(**asdict(found.whiteness)),
+            input_correlation=ResidualTest(**asdict(found.input_correlation)),
+            std=found.std,
+            AIC=found.AIC,
+            BIC=found.BIC,
+            FPE=found.FPE,
+        ),
+        frequency=FrequencyEstimate(**asdict(channel.frequency)),
+        usable=channel.verdict.grade is not Grade.UNUSABLE,
+        grade=channel.verdict.grade,
+        verdict=channel.verdict.sentence,
+        candidates=_candidates(candidates),
+        arx=_arx(arx),
+    )
+
+
+def _arx(found: Estimate | str) -> ArxEstimate | NoArx:
+    """Return what the paper's method gives on the same record, or why it gives nothing."""
+    if isinstance(found, str):
+        return NoArx(found)
+    return ArxEstimate(method=found.method, fit_percent=found.fit_percent, **asdict(found.first_order))
+
+
+def _candidates(candidates: Candidates) -> tuple[Candidate | FailedCandidate, ...]:
+    """List every structure that was tried, best first, in brief; one that gave no model says why."""
+    ranked = [
+        Candidate(
+            structure=candidate.model.structure,
+            parameters=candidate.model.parameters,
+            K=candidate.first_order.K,
+            T=candidate.first_order.T,
+            fit_percent=candidate.fit_percent,
+            BIC=candidate.residuals.BIC,
+            grade=candidate.verdict.grade,
+        )
+        for candidate in candidates.ranked
+    ]
+    return (*ranked, *(FailedCandidate(name, problem) for name, problem in candidates.failed.items()))
+
+
+# Identification curves -----------------------------------------------------------------------------
+#
+# What can be drawn of a stored identification: responses of its models, residual tests, errors.
+# Pure.
+
+
+OMEGA = np.geomspace(0.1, 60.0, 160)
+"""Where the models' frequency responses are drawn [rad/s]."""
+
+_STEP_POINTS = 200
+
+
+def curves_of(found: Identification) -> Document:
+    """Return the curves of one identification by kind: ``channels``, ``motors``, ``springs``."""
+    curves: Document = {"channels": [], "motors": [], "springs": []}
+    match found.kind:
+        case "actuator":
+            curves["channels"] = [_curve_channel(name, found.actuator.channel(name)) for name in CHANNELS]
+        case "motor":
+            curves["motors"] = [_motor(side, found.motors.side(side)) for side in SIDES]
+        case "spring":
+            curves["springs"] = [_spring(name, spring.quality) for name, spring in found.springs.items()]
+        case _:
+            raise ValueError(f"identification {found.id} is of unknown kind {found.kind!r}: it has no curves")
+    return curves
+
+
+def _motor(side: Side, found: MotorFound) -> Document:
+    return {"side": side, "steps": [asdict(step) for step in found.quality.steps]}
+
+
+def _curve_channel(name: ChannelName, channel: Channel) -> Document:
+    from scipy.signal import step
+
+    model, quality = channel.model, channel.quality
+    found = Model(model.structure, model.parameters)
+    K, T = model.first_order.K, model.first_order.T
+    t = np.linspace(0.0, 6.0 * T, _STEP_POINTS)
+    _, y = step(([found.gain], found.denominator[::-1]), T=t)
+    return {
+        "name": name,
+        "model": _bode(found.response(OMEGA)),
+        "first_order": _bode(np.asarray(K / (1j * OMEGA * T + 1.0), dtype=np.complex128)),
+        "measured": _measured(quality.frequency),
+        "step_t": t.tolist(),
+        "step_model": y.tolist(),
+        "step_first_order": (K * (1.0 - np.exp(-t / T))).tolist(),
+        "whiteness": _correlation(quality.residuals.whiteness),
+        "input_correlation": _correlation(quality.residuals.input_correlation),
+        "candidates": [_candidate(item) for item in quality.candidates],
+    }
+
+
+def _bode(response: NDArray[np.complex128]) -> Document:
+    phase = np.degrees(np.unwrap(np.angle(response)))
+    return {"omega": OMEGA.tolist(), "magnitude": np.abs(response).tolist(), "phase_deg": phase.tolist()}
+
+
+def _measured(frequency: FrequencyEstimate | None) -> Document | None:
+    """Return the lines drawn of the estimate without a model; none of a run made before it was kept."""
+    if frequency is None:
+        return None
+    shown = [line for line, omega in enumerate(frequency.omega) if OMEGA[0] <= omega <= OMEGA[-1]]
+    columns = {name: getattr(frequency, name) for name in ("omega", "magnitude", "phase_deg", "coherence")}
+    return {name: [column[line] for line in shown] for name, column in columns.items()}
+
+
+def _correlation(test: ResidualTest | CorrelationTest) -> Document:
+    found = judged(test)
+    outcome = {"bound": list(found.bound), "statistic": found.statistic, "critical": found.critical}
+    return {
+        "lags_s": list(test.lags_s),
+        "correlation": list(test.correlation),
+        **outcome,
+        "level": RESIDUAL_LEVEL,
+        "passed": found.passed,
+    }
+
+
+def _candidate(item: Candidate | FailedCandidate) -> Document:
+    figures = {name: getattr(item, name, None) for name in ("K", "T", "fit_percent", "BIC")}
+    grade = item.grade if isinstance(item, Candidate) else ""
+    return {"structure": item.structure, "grade": grade, "problem": item.problem, **figures}
+
+
+def _spring(name: str, quality: SpringQuality) -> Document:
+    orders = [
+        {"order": int(order), "errors": list(errors), "force": list(quality.curve[order])}
+        for order, errors in quality.errors.items()
+    ]
+    pairs = {"x": list(quality.x), "F": list(quality.F), "rising": list(quality.rising)}
+    return {"name": name, **pairs, "curve_x": list(quality.curve_x), "orders": orders}
+
+
+# Motor identification ------------------------------------------------------------------------------
+#
+# From the samples of voltage steps to K_m, T_m and dry friction of both motors, with their lineage.
+
+
+Array = NDArray[np.float64]
+MotorColumns = Mapping[str, Array]
+
+COUNTS_WHERE_EXACT = 8000
+"""Counts per turn of the paper's motor encoder, used where a parameter set has ideal sensors."""
+
+_MOTOR_CURVE_POINTS = 120
+
+
+@dataclass(frozen=True)
+class SideSteps:
+    """Steps of one motor that can be used, and why the others cannot: (voltage [V], reason)."""
+
+    steps: tuple[VoltageStep, ...]
+    refused: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True)
+class MotorFigures:
+    """What came out for both motors, and what they went through."""
+
+    K_m_A: float = figure("rad/(V·s)", "K_m of motor A", "least squares on position over all steps")
+    K_m_B: float = figure("rad/(V·s)", "K_m of motor B", "least squares on position over all steps")
+    T_m_A: float = figure("s", "T_m of motor A", "least squares on position over all steps")
+    T_m_B: float = figure("s", "T_m of motor B", "least squares on position over all steps")
+    u_c_A: float = figure("V", "Coulomb voltage of motor A", "part of the voltage that only overcomes dry friction")
+    u_c_B: float = figure("V", "Coulomb voltage of motor B", "part of the voltage that only overcomes dry friction")
+    turn_rad: float = figure("rad", "Largest turn", "largest |θ| of both motors, of ±15.7 rad")
+    load_N: float = figure("N", "Largest load", "largest tendon force of both load cells during the steps")
+    peak_voltage_V: float = figure("V", "Peak voltage", "largest step of both motors")
+
+
+def stretches(columns: MotorColumns) -> list[slice]:
+    """Return where the motors were driven without position loop: zero volts, a step, braking."""
+    open_loop = np.isnan(columns["theta_A_ref"])
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], open_loop, [False])).astype(int)))
+    return [slice(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -> SideSteps:
+    """Cut the run into the steps of one motor; a step that cannot be used is kept with its reason.
+
+    Raises NoSamplesError where the run holds no step.
+    """
+    steps: list[VoltageStep] = []
+    refused: list[tuple[float, str]] = []
+    for stretch in stretches(columns):
+        u = columns[f"u_{side}"][stretch]
+        driven = np.flatnonzero(u)
+        if not driven.size:
+            continue
+        voltage, first = float(u[driven[0]]), int(driven[0])
+        changed = np.flatnonzero(u[first:] != u[first])
+        end = first + int(changed[0]) if changed.size else u.size
+        try:
+            steps.append(
+                VoltageStep(
+                    T_s,
+                    u[:end],
+                    columns[f"theta_{side}"][stretch][:end],
+                    parameters.motor_of(side).u_max,
+                    _count_rad(parameters),
+                    columns[f"F_{side}"][stretch][:end],
+                )
+            )
+        except RecordError as error:
+            refused.append((voltage, str(error)))
+    if not steps and not refused:
+        raise NoSamplesError("the run holds no voltage step")
+    return SideSteps(tuple(steps), tuple(refused))
+
+
+def identify_motors(
+    columns: MotorColumns, parameters: PlantParameters
+) -> dict[Side, tuple[SideSteps, MotorIdentification]]:
+    """Identify both motors. Raises NoSamplesError, IdentificationError naming the motor."""
+    found: dict[Side, tuple[SideSteps, MotorIdentification]] = {}
+    for side in SIDES:
+        cut = side_steps(columns, side, parameters)
+        try:
+            found[side] = cut, identify_motor(cut.steps)
+        except IdentificationError as error:
+            raise ValueError("; ".join([f"motor {side}: {error}", *(reason for _, reason in cut.refused)])) from None
+    return found
+
+
+def motor_figures(columns: MotorColumns, found: Mapping[Side, tuple[SideSteps, MotorIdentification]]) -> MotorFigures:
+    """Return what came out and what the motors went through."""
+    driven = stretches(columns)
+    A, B = (found[side][1] for side in SIDES)
+    return MotorFigures(
+        K_m_A=A.K_m,
+        K_m_B=B.K_m,
+        T_m_A=A.T_m,
+        T_m_B=B.T_m,
+        u_c_A=A.u_c,
+        u_c_B=B.u_c,
+        turn_rad=max(float(np.abs(columns[f"theta_{side}"]).max()) for side in SIDES),
+        load_N=max(float(columns[f"F_{side}"][stretch].max()) for side in SIDES for stretch in driven),
+        peak_voltage_V=max(abs(step.voltage) for side in SIDES for step in found[side][0].steps),
+    )
+
+
+def to_store_motors(
+    run: Run,
+    plan: MotorIdentificationPlan,
+    found: Mapping[Side, tuple[SideSteps, MotorIdentification]],
+    parameters: PlantParameters,
+    software: str,
+) -> NewIdentification:
+    """Return both motors as they are stored: model, quality, and which samples they came from."""
+    verdicts = {side: result.verdict for side, (_, result) in found.items()}
+    return NewIdentification(
+        kind="motor",
+        run_id=run.id,
+        data={"input": "u", "outputs": ["theta_A", "theta_B"], "period_s": T_s},
+        method="least squares on position",
+        options=asdict(plan),
+        model=MOTOR_MODELS.write(
+            MotorModels(A=_motor_model(found["A"][1], parameters, "A"), B=_motor_model(found["B"][1], parameters, "B"))
+        ),
+        quality=MOTOR_QUALITIES.write(MotorQualities(A=_motor_quality(*found["A"]), B=_motor_quality(*found["B"]))),
+        usable=all(verdict.grade is not Grade.UNUSABLE for verdict in verdicts.values()),
+        verdict=" ".join(f"Motor {side}: {verdict.sentence}" for side, verdict in verdicts.items()),
+        who=run.who,
+        software=software,
+    )
+
+
+def _motor_model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> MotorModel:
+    known = parameters.identified_of(side)
+    return MotorModel(
+        parameters=Fitted(result.K_m, result.T_m, result.u_c),
+        std_errors=Fitted(*result.std_errors),
+        coulomb=result.coulomb,
+        rule=tuple(RuleStep(**asdict(item)) for item in result.rule),
+        rule_mean=Pair(*result.rule_mean),
+        rule_spread=Pair(*result.rule_spread),
+        before=Pair(known.K_m, known.T_m),
+    )
+
+
+def _motor_quality(cut: SideSteps, result: MotorIdentification) -> MotorQuality:
+    return MotorQuality(
+        rms_counts=result.rms_counts,
+        grade=result.verdict.grade,
+        verdict=result.verdict.sentence,
+        refused=tuple(RefusedStep(voltage, reason) for voltage, reason in cut.refused),
+        steps=tuple(_curve(step, result) for step in cut.steps),
+    )
+
+
+def _curve(step: VoltageStep, result: MotorIdentification) -> StepCurve:
+    """Return a few points of a step as measured and as the model says, to draw: t [s], turn [rad]."""
+    t = np.arange(step.u.size - step.first) * step.period_s
+    model = turn_from_rest(t, steady_speed(step.voltage, result.K_m, result.u_c), result.T_m)
+    turned = step.theta[step.first :] - step.theta[step.first]
+    shown = np.unique(np.linspace(0, t.size - 1, _MOTOR_CURVE_POINTS).astype(int))
+    return StepCurve(
+        voltage=step.voltage,
+        t=_listed_motors(t[shown]),
+        measured=_listed_motors(turned[shown]),
+        model=_listed_motors((model + np.mean(turned - model))[shown]),
+    )
+
+
+def _listed_motors(values: Sequence[float] | Array) -> tuple[float, ...]:
+    return tuple(round(float(value), 6) for value in values)
+
+
+def _count_rad(parameters: PlantParameters) -> float:
+    return 2.0 * math.pi / (round(parameters.sensors.motor_counts) or COUNTS_WHERE_EXACT)
+
+
+# Spring identification -----------------------------------------------------------------------------
+#
+# From a load sweep, or a table measured elsewhere, to the springs' characteristics with their
+# lineage.
+
+
+SpringColumns = Mapping[str, Array]
+
+PAIR_S = 0.1
+"""Time over which elongation and force are averaged to one pair [s]: less noise, and pairs that know no neighbour."""
+
+MAX_ERROR_N = 2.5
+"""A characteristic further from a measured pair than this, 5 % of the 50 N range, is not usable."""
+
+_SPRING_CURVE_POINTS = 60
+
+
+@dataclass(frozen=True)
+class LoadSweep:
+    """Pairs of one spring: elongation ``x`` [m], force ``F`` [N], and whether tension was ``rising``; shape (n,)."""
+
+    x: Array
+    F: Array
+    rising: NDArray[np.bool_]
+
+    def hysteresis(self) -> Array:
+        """Force on the way up minus force on the way down [N], at elongations that both ways passed."""
+        if self.rising.all() or not self.rising.any():
+            return np.empty(0)
+        up, down = (np.argsort(self.x[way]) for way in (self.rising, ~self.rising))
+        x_up, F_up = self.x[self.rising][up], self.F[self.rising][up]
+        x_down, F_down = self.x[~self.rising][down], self.F[~self.rising][down]
+        x = np.linspace(max(x_up[0], x_down[0]), min(x_up[-1], x_down[-1]), _SPRING_CURVE_POINTS)
+        return np.asarray(_smooth(x, x_up, F_up) - _smooth(x, x_down, F_down))
+
+
+@dataclass(frozen=True)
+class SpringFigures:
+    """What came out for both springs, and what they went through."""
+
+    rms_A_N: float = figure("N", "Error of spring A", "RMS of measured minus fitted force, recommended order")
+    rms_B_N: float = figure("N", "Error of spring B", "RMS of measured minus fitted force, recommended order")
+    max_error_N: float = figure("N", "Largest error", "of both springs, recommended order")
+    hysteresis_N: float = figure("N", "Hysteresis", "largest mean force difference between the ways up and down")
+    min_tension_N: float = figure("N", "Smallest tension", "of both load cells during the sweep")
+    max_tension_N: float = figure("N", "Largest tension", "of both load cells during the sweep")
+    q_deviation: float = figure("rad", "Joint deviation", "largest |q| during the sweep; 0 would be perfect antagonism")
+
+
+def load_sweep(
+    columns: SpringColumns, plan: SpringIdentificationPlan, side: Side, parameters: PlantParameters
+) -> LoadSweep:
+    """Return the pairs of one spring (equations 1 and 2). Raises NoSamplesError.
+
+    Elongations count from the zero that pretension gave the encoders.
+    """
+    swept = _swept(columns, plan)
+    g = parameters.geometry
+    sign = -1.0 if side == "A" else 1.0
+    x = g.r_m * columns[f"theta_{side}"][swept] + sign * g.r_j * columns["q"][swept]
+    F = columns[f"F_{side}"][swept]
+    width, leg = round(PAIR_S / T_s), round(plan.sweep_s / T_s)
+    count = x.size // width
+    middle = (np.arange(count) + 0.5) * width
+    x, F = (values[: count * width].reshape(count, width).mean(axis=1) for values in (x, F))
+    return LoadSweep(x, F, (middle // leg) % 2 == 0)
+
+
+def identify_springs(
+    columns: SpringColumns, plan: SpringIdentificationPlan, parameters: PlantParameters
+) -> dict[Side, tuple[LoadSweep, SpringIdentification]]:
+    """Fit both springs. Raises NoSamplesError, IdentificationError."""
+    sweeps = {side: load_sweep(columns, plan, side, parameters) for side in SIDES}
+    return {side: (sweep, identify_spring(sweep.x, sweep.F)) for side, sweep in sweeps.items()}
+
+
+def spring_figures(
+    columns: SpringColumns,
+    plan: SpringIdentificationPlan,
+    found: Mapping[Side, tuple[LoadSweep, SpringIdentification]],
+) -> SpringFigures:
+    """Return what came out and what the springs went through."""
+    swept = _swept(columns, plan)
+    tensions = np.concatenate([columns[f"F_{side}"][swept] for side in SIDES])
+    (sweep_A, A), (sweep_B, B) = (found[side] for side in SIDES)
+    return SpringFigures(
+        rms_A_N=A.best.rms_N,
+        rms_B_N=B.best.rms_N,
+        max_error_N=max(A.best.max_N, B.best.max_N),
+        hysteresis_N=max(_largest(sweep_A.hysteresis()), _largest(sweep_B.hysteresis())),
+        min_tension_N=float(tensions.min()),
+        max_tension_N=float(tensions.max()),
+        q_deviation=float(np.abs(columns["q"][swept]).max()),
+    )
+
+
+def to_store_springs(
+    run: Run,
+    plan: SpringIdentificationPlan,
+    found: Mapping[Side, tuple[LoadSweep, SpringIdentification]],
+    parameters: PlantParameters,
+    software: str,
+) -> NewIdentification:
+    """Return both springs as they are stored: polynomials, quality, and which samples they came from."""
+    before = {str(side): tuple(parameters.identified_of(side).k) for side in SIDES}
+    return _record(
+        {f"Spring {side}": pair for side, pair in found.items()},
+        {str(side): pair for side, pair in found.items()},
+        before,
+        run_id=run.id,
+        data={"inputs": ["theta_A", "theta_B", "q"], "outputs": ["F_A", "F_B"], "pair_s": PAIR_S, "period_s": T_s},
+        options=asdict(plan),
+        who=run.who,
+        software=software,
+    )
+
+
+def from_table(
+    name: str,
+    text: str,
+    who: str,
+    software: str,
+    header: int | None = None,
+    decimal: str | None = None,
+) -> NewIdentification:
+    """Fit a table measured elsewhere, columns ``x [m]`` or ``x [mm]`` and ``F [N]``.
+
+    ``header`` is the line that names the columns, ``decimal`` "point" or "comma"; both are found where they are not
+    given. Raises IdentificationError.
+    """
+    for what, words, require in (("name of the table", name, require_line), ("the table", text, require_plain)):
+        try:
+            require(words.removeprefix("\ufeff"))
+        except PlainTextError as error:
+            raise IdentificationError(f"{what}: {error}") from None
+    if "\ufffd" in text:
+        raise DataFileError(f"{name} is not text in UTF-8: save it as CSV in UTF-8", FileFault.ENCODING)
+    mark = None if decimal is None else DecimalMark(decimal)
+    x, F, columns = read_load_sweep(text, header=header, decimal=mark)
+    reading = TableReading(
+        columns.units["x"],
+        columns.units["F"],
+        columns.layout,
+        {name: reason for name, reason in columns.not_read().items() if name not in ("x", "F")},
+        tuple(columns.notes),
+    )
+    rising = np.ones(x.size, dtype=bool)
+    pair = LoadSweep(x, F, rising), identify_spring(x, F)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return _record(
+        {"The table": pair},
+        {"table": pair},
+        {},
+        run_id=None,
+        data={"file": name, "sha256": digest, "points": int(x.size), "read": asdict(reading)},
+        options={},
+        who=who,
+        software=software,
+    )
+
+
+def _record(
+    named: Mapping[str, tuple[LoadSweep, SpringIdentification]],
+    found: Mapping[str, tuple[LoadSweep, SpringIdentification]],
+    before: Mapping[str, tuple[float, ...]],
+    *,
+    run_id: int | None,
+    data: Document,
+    options: Document,
+    who: str,
+    software: str,
+) -> NewIdentification:
+    models = {key: _spring_model(result, before.get(key)) for key, (_, result) in found.items()}
+    qualities = {key: _spring_quality(sweep, result) for key, (sweep, result) in found.items()}
+    return NewIdentification(
+        kind="spring",
+        run_id=run_id,
+        data=data,
+        method="least-squares polynomials",
+        options=options,
+        model=SPRING_MODELS.write(SpringModels(models.get("A"), models.get("B"), models.get("table"))),
+        quality=SPRING_QUALITIES.write(SpringQualities(qualities.get("A"), qualities.get("B"), qualities.get("table"))),
+        usable=all(_is_usable(result) for _, result in found.values()),
+        verdict=" ".join(f"{name}: {_verdict(*pair)}" for name, pair in named.items()),
+        who=who,
+        software=software,
+    )
+
+
+def _spring_model(result: SpringIdentification, before: tuple[float, ...] | None) -> SpringModel:
+    fits = tuple(
+        SpringFit(
+            order=fit.order,
+            k=tuple(fit.k),
+            std_errors=tuple(fit.std_errors),
+            rms_N=fit.rms_N,
+            max_N=fit.max_N,
+            cross_validation_N=fit.cross_validation_N,
+            rising=fit.rising,
+        )
+        for fit in result.fits
+    )
+    return SpringModel(result.recommended, result.reason, fits, before)
+
+
+def _spring_quality(sweep: LoadSweep, result: SpringIdentification) -> SpringQuality:
+    order = np.argsort(sweep.x)
+    shown = order[np.unique(np.linspace(0, order.size - 1, 4 * _SPRING_CURVE_POINTS).astype(int))]
+    x = np.linspace(sweep.x.min(), sweep.x.max(), _SPRING_CURVE_POINTS)
+    hysteresis = sweep.hysteresis()
+    return SpringQuality(
+        pairs=int(sweep.x.size),
+        hysteresis_N=_largest(hysteresis) if hysteresis.size else None,
+        x=_listed_springs(sweep.x[shown]),
+        F=_listed_springs(sweep.F[shown]),
+        rising=tuple(bool(value) for value in sweep.rising[shown]),
+        errors={str(fit.order): _listed_springs(fit.errors[shown]) for fit in result.fits},
+        curve={"x": _listed_springs(x), **{str(fit.order): _listed_springs(fit.force(x)) for fit in result.fits}},
+    )
+
+
+def _is_usable(result: SpringIdentification) -> bool:
+    return result.best.rising and result.best.max_N <= MAX_ERROR_N
+
+
+def _verdict(sweep: LoadSweep, result: SpringIdentification) -> str:
+    best = result.best
+    if not best.rising:
+        return f"not usable, the polynomial of order {best.order} falls somewhere between the measured elongations."
+    if best.max_N > MAX_ERROR_N:
+        return f"not usable, order {best.order} misses a pair by {best.max_N:.2f} N, more than {MAX_ERROR_N:g} N."
+    hysteresis = sweep.hysteresis()
+    ways = f", the ways up and down differ by {_largest(hysteresis):.2f} N" if hysteresis.size else ""
+    return f"usable with order {best.order}, largest error {best.max_N:.2f} N{ways}."
+
+
+def _swept(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
+    """Find the sweep from its end: the way to the lowest tension takes as long as it takes."""
+    ticks = 2 * plan.cycles * round(plan.sweep_s / T_s)
+    start = columns["t"].size - ticks
+    if start < 0:
+        raise NoSamplesError(f"the run holds {columns['t'].size} samples, fewer than the {ticks} of its sweep")
+    return slice(start, None)
+
+
+def _smooth(x: Array, x_measured: Array, F_measured: Array) -> Array:
+    """Force at ``x`` from scattered pairs of one way: a local line through the pairs of a tenth of the range."""
+    half = 0.05 * (x_measured[-1] - x_measured[0])
+    values = []
+    for centre in x:
+        near = np.abs(x_measured - centre) <= half
+        line = np.polyfit(x_measured[near] - centre, F_measured[near], 1) if near.sum() > 2 else (0.0, np.nan)
+        values.append(line[1])
+    return np.array(values)
+
+
+def _largest(values: Array) -> float:
+    return float(np.nanmax(np.abs(values)))
+
+
+def _listed_springs(values: Array) -> tuple[float, ...]:
+    return tuple(round(float(value), 7) for value in values)
+
+
+# Unseen prediction ---------------------------------------------------------------------------------
+#
+# Identified models beside a record that they have not seen: what was measured, and what they say of
+# it.
+#
+# An actuator is judged on the last third of a record, a motor on each of its voltage steps. On the
+# record that an identification itself came from, its structure is fitted anew without what is
+# predicted: to the first two thirds, or to all other steps.
+
+
+POINTS = 400
+"""At most so many samples of a stretch are drawn, evenly spaced; fit and residual are those of all."""
+
+OUTPUTS = {"G_q": ("q", "rad"), "G_S": ("S", "N·m/rad")}
+
+
+class NotComparableError(ValueError):
+    """An identification and a record of which the one says nothing about the other."""
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    label: str
+    t: NDArray[np.float64]
+    beside: Beside
+
+
+def unseen_of(database: Database, run_id: int, of: int) -> Document:
+    """Set the newest estimate of a run beside the record of the run ``of``.
+
+    Raises UnknownRecordError, NotComparableError.
+    """
+    with database.reading() as session:
+        estimate, source = identifications.of_run(session, run_id), runs.get(session, of)
+    kind = source.kind.removesuffix("_identification")
+    if estimate.kind != kind or kind not in ("actuator", "motor"):
+        raise NotComparableError(
+            f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a model is compared "
+            "with the record of an actuator or motor identification of its own kind"
+        )
+    columns, _ = recorded_columns(database, of)
+    parameters = parameters_of(source.parameters_name, source.parameters)
+    own = run_id == of
+    outputs = _channels(estimate, source, columns, own=own) if kind == "actuator" else None
+    listed = list(outputs or _motors(estimate, columns, parameters, own=own))
+    return {"run": run_id, "of": of, "own": own, "kind": kind, "outputs": listed}
+
+
+def _channels(estimate: Identification, source: Run, columns: Columns, *, own: bool) -> Iterator[Document]:
+    plan = stored_plan(source.kind, source.set_to.plan or {})
+    if not isinstance(plan, ActuatorIdentificationPlan):
+        raise NotComparableError(f"run {source.id} has no excitation")
+    for name in CHANNELS:
+        signal, unit = OUTPUTS[name]
+        try:
+            start = excitation_start(columns, plan.excitation())
+            record = Record(T_s, columns["theta_A_ref"][start:], columns[signal][start:])
+            method = Method(estimate.actuator_options.estimator or Method.DEFAULT)
+            shown = _of_channel(estimate.actuator.channel(name).model, record, method, own=own)
+            first = start + seen_samples(record) + shown.first
+            yield _output(name, signal, unit, [_Stretch("", columns["t"][first : first + shown.measured.size], shown)])
+        except (IdentificationError, NoSamplesError, np.linalg.LinAlgError) as error:
+            yield _nothing(name, signal, unit, str(error))
+
+
+def _of_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> Beside:
+    if own:
+        return held_out(fit(record, structure(model.structure), method))
+    return predict(Model(model.structure, model.parameters), last_part(record))
+
+
+def _motors(
+    estimate: Identification, columns: Columns, parameters: PlantParameters, *, own: bool
+) -> Iterator[Document]:
+    for side in SIDES:
+        try:
+            steps = side_steps(columns, side, parameters).steps
+            shown = [_of_step(estimate, side, steps, number, own=own) for number in range(len(steps))]
+            yield _output(side, f"theta_{side}", "rad", shown)
+        except (IdentificationError, NoSamplesError) as error:
+            yield _nothing(side, f"theta_{side}", "rad", str(error))
+
+
+def _of_step(
+    estimate: Identification, side: Side, steps: tuple[VoltageStep, ...], number: int, *, own: bool
+) -> _Stretch:
+    step = steps[number]
+    if own:
+        found = identify_motor([other for other in steps if other is not step])
+        known = found.K_m, found.T_m, found.u_c
+    else:
+        kept = estimate.motors.side(side).model.parameters
+        if kept.K_m is None or kept.T_m is None or kept.u_c is None:
+            raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
+        known = kept.K_m, kept.T_m, kept.u_c
+    shown = step_beside(step, *known)
+    return _Stretch(f"{step.voltage:.3g} V", np.asarray(np.arange(shown.measured.size) * T_s), shown)
+
+
+def _output(name: str, signal: str, unit: str, stretches: list[_Stretch]) -> Document:
+    if not stretches:
+        return _nothing(name, signal, unit, "the record holds nothing to compare with")
+    each = [stretch.beside for stretch in stretches]
+    error = np.concatenate([item.measured - item.predicted for item in each])
+    motion = np.concatenate([item.measured - np.mean(item.measured) for item in each])
+    return {
+        "name": name,
+        "signal": signal,
+        "unit": unit,
+        "fit_percent": fit_percent(error, motion),
+        "rms": float(np.sqrt(np.mean(error**2))),
+        "samples": int(error.size),
+        "problem": "",
+        "stretches": [_drawn(stretch) for stretch in stretches],
+    }
+
+
+def _drawn(stretch: _Stretch) -> Document:
+    every = slice(None, None, max(1, -(-stretch.t.size // POINTS)))
+    columns = {"t": stretch.t, "measured": stretch.beside.measured, "predicted": stretch.beside.predicted}
+    return {"label": stretch.label, **{name: column[every].tolist() for name, column in columns.items()}}
+
+
+def _nothing(name: str, signal: str, unit: str, problem: str) -> Document:
+    figures: Document = {"fit_percent": None, "rms": None, "samples": 0, "stretches": []}
+    return {"name": name, "signal": signal, "unit": unit, "problem": problem, **figures}
+
+
+# Load friction -------------------------------------------------------------------------------------
+#
+# Load-dependent Coulomb friction from stored actuator identifications at several tensions. Nothing
+# is stored.
+
+
+MOTOR_B = "motor B is held still in this experiment, so its friction is not measured"
+
+
+def load_friction_of(played: Sequence[tuple[Run, Columns]]) -> LoadFrictionResult:
+    """Return c0 and c1 of motor A from runs with their samples; others than actuator identifications do not count.
+
+    All have to be of the plant, station and parameters of the newest one: other motors have other friction.
+    """
+    made = [(run, columns) for run, columns in played if run.kind == RunKind.ACTUATOR_IDENTIFICATION]
+    if not made:
+        return estimate_load_friction((), 0.0)
+    newest = max((run for run, _ in made), key=lambda run: run.id)
+    usable: list[TensionRun] = []
+    left_out: list[str] = []
+    for run, columns in made:
+        if _rig(run) != _rig(newest):
+            left_out.append(f"run {run.id}: plant, station or parameters are not those of run {newest.id}")
+            continue
+        try:
+            usable.append(_excited(run, columns))
+        except (NoSamplesError, UnreadableDocumentError) as error:
+            left_out.append(f"run {run.id}: {error}")
+    found = estimate_load_friction(usable, newest.number("geometry", "r_m"))
+    return LoadFrictionResult(found.estimate, found.problem, (*left_out, *found.left_out))
+
+
+def load_friction_of_newest(database: Database, made: Sequence[Run]) -> LoadFrictionResult:
+    """Return the same of stored runs: the newest completed one at each tension that was asked for."""
+    newest: dict[object, Run] = {}
+    for run in sorted(made, key=lambda run: run.id, reverse=True):
+        if run.end_state == EndState.COMPLETED:
+            newest.setdefault((run.set_to.plan or {}).get("tension_N"), run)
+    chosen = sorted(newest.values(), key=lambda run: run.id)
+    return load_friction_of([(run, recorded_columns(database, run.id)[0]) for run in chosen])
+
+
+def document_of(found: LoadFrictionResult) -> Document:
+    """Return the result as plain data, SI units, with the sentence that people read."""
+    return {
+        "estimate": None if found.estimate is None else asdict(found.estimate),
+        "problem": found.problem,
+        "sentence": found.sentence,
+        "left_out": [*found.left_out],
+    }
+
+
+def _rig(run: Run) -> tuple[str, str, Document]:
+    return run.plant, run.station, run.parameters
+
+
+def _excited(run: Run, columns: Columns) -> TensionRun:
+    plan = stored_plan(run.kind, run.set_to.plan or {})
+    if not isinstance(plan, ActuatorIdentificationPlan):
+        raise NoSamplesError("it has no excitation")
+    if run.end_state != EndState.COMPLETED:
+        raise NoSamplesError(f"it ended as {run.end_state}")
+    start = excitation_start(columns, plan.excitation())
+    if missing_between({"t": columns["t"][start:]}):
+        raise NoSamplesError("samples of its excitation are missing")
+    return TensionRun(run.id, T_s, {name: columns[name][start:] for name in COLUMNS if name in columns})
+
+
+# Over stiffness ------------------------------------------------------------------------------------
+#
+# Identified gains and lags over S beside what geometry, springs and motor loops predict. Nothing is
+# stored.
+
+
+_STIFFNESS_CURVE_POINTS = 13
+
+
+def trend_of(database: Database, parameters: PlantParameters, lam_motor: float) -> Document:
+    """Return the newest estimate of each actuator identification by stiffness, and the curves of what is in force."""
+    with database.reading() as session:
+        newest: dict[int, Identification] = {}
+        for found in identifications.find(session, kind="actuator"):
+            if found.run_id is not None:
+                newest.setdefault(found.run_id, found)
+        made = [(found, runs.get(session, number)) for number, found in newest.items()]
+    friction = load_friction_of_newest(database, [run for _, run in made])
+    rows, left_out = [], []
+    for found, run in made:
+        try:
+            rows.append(_row(found, run))
+        except (UnreadableDocumentError, ParameterError, TuningError, ValueError) as error:
+            left_out.append(f"run {run.id}: {error}")
+    bounds = bounds_for(parameters)
+    S = np.linspace(bounds.S_min, bounds.S_max, _STIFFNESS_CURVE_POINTS)
+    return {
+        "rows": sorted(rows, key=lambda row: float(row["S"])),
+        "predicted": _curves(S.tolist(), [predicted(parameters, lam_motor, at) for at in S.tolist()]),
+        "left_out": left_out,
+        "friction": document_of(friction),
+    }
+
+
+def predicted(parameters: PlantParameters, lam_motor: float, S: float) -> PointModel:
+    """Return gains and sums of lags from one motor reference that are to be expected at stiffness S [N·m/rad]."""
+    return one_motor_point(parameters, motor_loops(parameters, lam_motor), S)
+
+
+def _row(found: Identification, run: Run) -> Document:
+    lam_motor = run.set_to.loop.lam_motor
+    if lam_motor is None:
+        raise ValueError("λ of the motor loops was not kept with it, so that no lag can be predicted")
+    S = found.actuator.model.S_nominal
+    point = predicted(parameters_of(run.parameters_name, run.parameters), lam_motor, S)
+    return {
+        "run": run.id,
+        "S": S,
+        "G_q": _stiffness_channel(found, "G_q", point.K_q, point.T_q),
+        "G_S": _stiffness_channel(found, "G_S", point.K_S, point.T_S),
+    }
+
+
+def _stiffness_channel(found: Identification, name: ChannelName, K: float, T: float) -> Document:
+    channel: Channel = found.actuator.channel(name)
+    model = channel.model.first_order
+    gain, lag = _against(model.K, model.K_std, K), _against(model.T, model.T_std, T)
+    return {"K": gain, "T": lag, "grade": channel.quality.grade}
+
+
+def _against(identified: float, std: float | None, predicted: float) -> Document:
+    off = 100.0 * (identified / predicted - 1.0)
+    return {"identified": identified, "std": std, "predicted": predicted, "off_percent": off}
+
+
+def _curves(S: Sequence[float], points: Sequence[PointModel]) -> Document:
+    return {"S": list(S), **{name: [getattr(at, name) for at in points] for name in ("K_q", "T_q", "K_S", "T_S")}}

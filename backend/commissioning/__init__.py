@@ -1,0 +1,1 @@
+"""Commissioning of a rig: wiring, load cells, directions, zero, homing, tension, safety module."""

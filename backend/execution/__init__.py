@@ -1,0 +1,1 @@
+"""Experiments from order to stored result, on the live loop or a simulator."""

@@ -1,0 +1,485 @@
+"""Runs an experiment from its order to its stored result, on the live loop or headless."""
+
+import asyncio
+import logging
+import platform
+from collections.abc import Awaitable, Callable
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from backend import __version__
+from backend.analysis.evaluation import Evaluation, evaluate, require_measurable
+from backend.banks.builder import points_of, tuning_command
+from backend.banks.tuning_settings import TuningChoice
+from backend.control.decoupler import STIFFNESS_RANGE
+from backend.errors import Path, RefusedValueError
+from backend.experiments.compiler import require_reach
+from backend.experiments.forecast import forecast, start_from
+from backend.experiments.library import declared, kept_values
+from backend.experiments.parser import ExperimentError, line_of
+from backend.experiments.plans import ComposedPlan, IdentificationPlan, LoopSettings, Plan
+from backend.faults import Fault
+from backend.models.run import SETTINGS, KeptGrant, KeptLoop, RunSettings
+from backend.models.settings import declared_values
+from backend.realtime.commands import (
+    Accepted,
+    Command,
+    Event,
+    Refused,
+    RunEnded,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    Stop,
+    Stopped,
+)
+from backend.realtime.headless import Headless
+from backend.realtime.program import MODES, Mode, Program, SetTouch, SetTuning, mode_of_law, starts_from
+from backend.realtime.supervisor import LoopAccess, LoopDied, LoopDiedError
+from backend.sample import INDEX
+from backend.storage import banks, runs
+from backend.storage.banks import Bank
+from backend.storage.database import Database
+from backend.storage.orm import StorageError, UnknownRecordError
+from backend.storage.runs import EndState, NewRun, Run, RunKind
+from backend.tuning.gains import TuningError
+from backend.tuning.preview import Previewer
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+
+# Playable ------------------------------------------------------------------------------------------
+#
+# The program of a plan on one plant, with the gains of every tuning that it puts into use, or why
+# it cannot be.
+
+
+BankOf = Callable[[int], Bank]
+"""Returns the bank of a number. Raises UnknownRecordError."""
+
+
+def banks_in(database: Database) -> BankOf:
+    """Return what looks banks up in a database."""
+
+    def bank_of(number: int) -> Bank:
+        with database.reading() as session:
+            return banks.own(session, number)
+
+    return bank_of
+
+
+def playable(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> Program:
+    """Return what the loop plays, begun with ``tuning``; takes a while for each change of it.
+
+    Raises ExperimentError naming line and bound: a reference that the plant does not reach, λ that is not safe on the
+    models of its bank, a bank that is not there.
+    """
+    program = plan.program()
+    if not isinstance(plan, ComposedPlan):
+        return program
+    require_measurable(plan.experiment, plan.values, plan.lines)
+    require_reach(plan.laid, parameters, plan.lines)
+    tunings = tuple(
+        _command(bank_of, parameters, plan, choice, place)
+        for place, choice in zip(plan.laid.change_places, choices_of(plan, tuning), strict=True)
+    )
+    return replace(program, tunings=tunings)
+
+
+def choices_of(plan: Plan, tuning: TuningChoice) -> list[TuningChoice]:
+    """Return the tunings that a plan which begins with ``tuning`` puts into use, in their order."""
+    changes = plan.laid.changes if isinstance(plan, ComposedPlan) else ()
+    return [tuning.with_parts(change) for change in changes]
+
+
+def banks_of(plan: Plan) -> set[int]:
+    """Return the numbers of the banks that a plan puts into use on its way."""
+    changes = plan.laid.changes if isinstance(plan, ComposedPlan) else ()
+    return {int(change["bank"]) for change in changes if "bank" in change}
+
+
+def _command(
+    bank_of: BankOf, parameters: PlantParameters, plan: ComposedPlan, choice: TuningChoice, path: Path
+) -> SetTuning:
+    line = line_of(path, plan.lines)
+    try:
+        bank = bank_of(choice.bank) if choice.bank else None
+        previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer.require_safe(choice.lambdas, choice.budget)
+        return tuning_command(parameters, choice, bank)
+    except RefusedValueError as error:
+        raise ExperimentError(error, path, line) from None
+    except (UnknownRecordError, TuningError) as error:
+        raise ExperimentError(str(error), path, line) from None
+
+
+# Progress ------------------------------------------------------------------------------------------
+#
+# How far a run is, as whoever plays it tells whoever shows it.
+
+
+class Doing(StrEnum):
+    """What is being done for a run, in the order in which it is done."""
+
+    STARTING = "starting"
+    PRETENSION = "pretension"
+    PROGRAM = "program"
+    PAUSED = "paused"
+    EVALUATION = "evaluation"
+
+
+Notify = Callable[[Doing, float], None]
+"""Told a few times a second: what is being done, and for how long [s of loop time]."""
+
+
+# Play ----------------------------------------------------------------------------------------------
+#
+# Bring the loop up and play a program to its end. The same for a live loop and a headless one.
+
+
+PRETENSION_TIMEOUT_S = 120.0
+TRAVEL_ALLOWANCE_S = 60.0
+"""A program of identification first travels to its point; a program longer than planned by this much hangs."""
+
+SLICE_S = 0.1
+"""How often progress is told [s of loop time]."""
+
+
+class NotPlayedError(Exception):
+    """The loop did not take the program, for the reason that the message says."""
+
+
+class NotReadyError(Exception):
+    """The loop is in a mode that no program can start from; the message says what to do first."""
+
+    def __init__(self, reason: str, mode: Mode) -> None:
+        super().__init__(reason)
+        self.mode = mode
+
+
+def mode_of(loop: LoopAccess) -> Mode:
+    """Return the mode of the newest sample; OFF before the first."""
+    newest = loop.ring.newest()
+    return Mode.OFF if newest is None else MODES[int(newest[INDEX["mode"]])]
+
+
+def require_ready(loop: LoopAccess) -> None:
+    """Raise NotReadyError unless a program could be started from the present mode."""
+    mode = mode_of(loop)
+    if mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
+        raise NotReadyError("another program is being played: wait for its end or stop it", mode)
+    if mode in (Mode.STOPPING, Mode.TRIPPED):
+        raise NotReadyError("the loop is stopped: reset it first", mode)
+
+
+async def play(loop: LoopAccess, program: Program, run: int, notify: Notify) -> None:
+    """Play ``program`` as ``run``; where it cannot start at once, wind up to pretension first.
+
+    How it ended, the loop has told its recorder. A program that hangs is stopped. Raises NotPlayedError where the loop
+    never took it, LoopDiedError.
+    """
+    watch = _Watch(run)
+    end_listening = loop.listen(watch.hear)
+    try:
+        await _start(loop, program, run, notify)
+        await _until_ended(loop, program, watch, notify)
+        if watch.died is not None:
+            raise LoopDiedError(watch.died.reason)
+    finally:
+        end_listening()
+
+
+async def _start(loop: LoopAccess, program: Program, run: int, notify: Notify) -> None:
+    """Bring the loop to where the program can start, and start it. Raises NotPlayedError."""
+    mode = mode_of_law(program.law)
+    if not starts_from(program.law, mode_of(loop)):
+        answer = await loop.send(SetMode(Mode.PRETENSION))
+        if isinstance(answer, Refused):
+            raise NotPlayedError(answer.reason)
+    waited_s = 0.0
+    while waited_s < PRETENSION_TIMEOUT_S:
+        answer = await loop.send(RunProgram(program, run))
+        if isinstance(answer, Accepted):
+            return
+        if mode not in answer.legal:  # refused for good, not only until both tendons are taut
+            raise NotPlayedError(answer.reason)
+        notify(Doing.PRETENSION, waited_s)
+        await loop.advance(SLICE_S)
+        waited_s += SLICE_S
+    raise NotPlayedError(f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s")
+
+
+async def _until_ended(loop: LoopAccess, program: Program, watch: "_Watch", notify: Notify) -> None:
+    start_tick = loop.ring.count
+    longest_s = program.duration_s + TRAVEL_ALLOWANCE_S
+    while not watch.over:
+        elapsed_s = (loop.ring.count - start_tick) * T_s
+        notify(Doing.PROGRAM, elapsed_s)
+        if elapsed_s > longest_s and not watch.hung:
+            watch.hung = True
+            await loop.send(Stop(hard=False, detail="the program hung and was stopped"))
+        await loop.advance(SLICE_S)
+
+
+class _Watch:
+    """Hears from the loop whether a program is over."""
+
+    def __init__(self, run: int) -> None:
+        self.hung = False
+        self._run = run
+        self._ended: RunEnded | None = None
+        self._at_rest = False
+        self.died: LoopDied | None = None
+
+    def hear(self, event: Event | LoopDied) -> None:
+        match event:
+            case LoopDied():
+                self.died = event
+            case Stopped():
+                self._at_rest = True
+            case RunEnded() if event.run == self._run:
+                self._ended = event
+
+    @property
+    def over(self) -> bool:
+        """Whether the program has ended and, where a fault ended it, the stop is complete."""
+        ended = self._ended is not None and (not isinstance(self._ended.why, Fault) or self._at_rest)
+        return ended or self.died is not None
+
+
+# Learning ------------------------------------------------------------------------------------------
+#
+# What the outside force reads with nothing outside, learned before a computed run that is to reject
+# pushes.
+#
+# At a rig and at the dashboard a person lets go of the joint and learns; at a computed joint nobody
+# leans.
+
+
+POINTS = 5
+"""Stiffnesses at which the bias is learned, from the lowest reference to the highest."""
+
+LEARNED_S = 1.0
+"""So long a point is learned [s]."""
+
+_SETTLING = 6.0
+"""Of the slower λ: so long the joint is left to come to rest, after the time that any way takes."""
+_WAY_S = 3.0
+
+
+async def learn_for(loop: object, program: Program, tuning: SetTuning) -> None:
+    """Learn where a computed loop begins ``program`` with a rejection, or comes to one; a live one is left alone.
+
+    Raises NotPlayedError where the joint could not be brought to rest for it.
+    """
+    rejects = any(one.k_ext > 0.0 for one in (tuning, *program.tunings))
+    if not rejects or not isinstance(loop, Headless) or loop.learned:
+        return
+    await _at_rest(loop)
+    points = []
+    for S_ref in np.linspace(*STIFFNESS_RANGE, POINTS):
+        await _taken(loop, SetReferences(0.0, float(S_ref)))
+        await loop.advance(_WAY_S + _SETTLING * max(tuning.lam_q, tuning.lam_S))
+        await loop.advance(LEARNED_S)
+        count = round(LEARNED_S / T_s)
+        _, rows, _ = loop.ring.read(loop.ring.count - count, count)
+        points.append((float(rows[:, INDEX["S"]].mean()), float(rows[:, INDEX["F_ext_hat"]].mean())))
+    await _taken(loop, SetTouch(tuple(points)))
+    await _taken(loop, tuning)
+    await _taken(loop, SetMode(Mode.PRETENSION))
+
+
+async def _at_rest(loop: Headless) -> None:
+    await _taken(loop, SetMode(Mode.PRETENSION))
+    waited_s = 0.0
+    while isinstance(answer := await loop.send(SetMode(Mode.RUN)), Refused):
+        if waited_s > PRETENSION_TIMEOUT_S:
+            raise NotPlayedError(f"nothing was learned of the outside force: {answer.reason}")
+        await loop.advance(SLICE_S)
+        waited_s += SLICE_S
+
+
+async def _taken(loop: Headless, command: Command) -> None:
+    answer = await loop.send(command)
+    if not isinstance(answer, Accepted):
+        raise NotPlayedError(f"nothing was learned of the outside force: {answer.reason}")
+
+
+# Runner --------------------------------------------------------------------------------------------
+#
+# Run an experiment from order to stored result: one path for the browser and the command line, live
+# and headless.
+#
+# What is handed over is plain data; reports are made from what is stored here.
+
+
+STORING_TIMEOUT_S = 10.0
+"""The recorder stores what is left of a run within a second; after this long [s] something is wrong with it."""
+
+_LOG = logging.getLogger(__name__)
+_PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-control": "control"}
+
+
+@dataclass
+class Station:
+    """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
+
+    ``plant`` is its ``PlantChoice.name``. ``compute`` calls a function away from the event loop: in a thread, or in
+    another process where a live loop waits for this one's heartbeat, as linear algebra keeps Python's lock.
+    """
+
+    loop: LoopAccess
+    database: Database
+    plant: str
+    parameters: PlantParameters
+    compute: Callable[..., Awaitable[Any]] = asyncio.to_thread
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to run, with the loop settings in force, for whom."""
+
+    plan: Plan
+    loop_settings: LoopSettings
+    who: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The run as it ended and what was computed from it."""
+
+    run: Run
+    evaluation: Evaluation
+
+
+def create_run(station: Station, order: Order) -> Run:
+    """Store the run before anything moves.
+
+    Raises NotReadyError when the loop could not start it now, OutOfRangeError where an identification would take
+    joint or springs out of their range, ExperimentError for what this plant cannot play.
+    """
+    require_ready(station.loop)
+    if isinstance(order.plan, IdentificationPlan):
+        start = start_from(station.loop.ring.newest())
+        told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
+        told.require_within_range(station.parameters)
+    playable(banks_in(station.database), station.parameters, order.plan, order.loop_settings.tuning)
+    settings = RunSettings(
+        plan=kept_values(order.plan),
+        loop=KeptLoop(**asdict(order.loop_settings)),
+        declared=(*declared(order.plan), *declared_values(order.loop_settings)),
+        versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
+        granted=None if station.loop.granted is None else KeptGrant(**asdict(station.loop.granted)),
+    )
+    new = NewRun(
+        kind=RunKind(order.plan.kind),
+        plant=station.plant,
+        parameters_name=station.parameters.name,
+        parameters=station.parameters.document(),
+        who=order.who,
+        software=__version__,
+        settings=SETTINGS.write(settings),
+        bank_id=order.loop_settings.bank or None,
+        note=order.note,
+    )
+    with station.database.session() as session:
+        return runs.create(session, new)
+
+
+async def _nothing() -> None:
+    """Do nothing more when a program is over."""
+
+
+async def perform(
+    station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
+) -> Outcome:
+    """Play an order as ``run`` and evaluate it: ``played``, then ``evaluated``."""
+    closed = await played(station, order, run, notify, over)
+    notify(Doing.EVALUATION, 0.0)
+    return Outcome(closed, await evaluated(station, order.plan, closed))
+
+
+async def played(
+    station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
+) -> Run:
+    """Play the order's program as ``run``, wait until it is stored, and return the run as it was closed.
+
+    ``over`` is awaited then: who lent the run something takes it back. The recorder writes how it ended; what it cannot
+    know of, a program that the loop never took and one that is given up here, is written by this.
+    """
+    try:
+        tuning = order.loop_settings.tuning
+        program = await asyncio.to_thread(playable, banks_in(station.database), station.parameters, order.plan, tuning)
+        bank = banks_in(station.database)(tuning.bank) if tuning.bank else None
+        await learn_for(station.loop, program, tuning_command(station.parameters, tuning, bank))
+        await play(station.loop, program, run.id, notify)
+        closed = await _recorded(station, run.id)
+    except (NotPlayedError, RefusedValueError) as refused:
+        closed = _close(station, run.id, EndState.STOPPED, str(refused))
+    except LoopDiedError as died:
+        closed = await _recorded(station, run.id, or_else=(EndState.LINK_LOST, str(died)))
+    except BaseException as error:
+        _close(station, run.id, EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}")
+        raise
+    await over()
+    return closed
+
+
+async def run_experiment(station: Station, order: Order, notify: Notify = lambda _phase, _elapsed_s: None) -> Outcome:
+    """Create the run and perform it. Raises NotReadyError."""
+    return await perform(station, order, create_run(station, order), notify)
+
+
+async def _recorded(
+    station: Station,
+    run_id: int,
+    or_else: tuple[EndState, str] = (EndState.SERVICE_DIED, f"its end was not recorded within {STORING_TIMEOUT_S:g} s"),
+) -> Run:
+    """Return the run once the recorder has stored its last samples and how it ended."""
+    waited_s = 0.0
+    while waited_s < STORING_TIMEOUT_S:
+        with station.database.reading() as session:
+            run = runs.get(session, run_id)
+        if run.end_state != EndState.RUNNING:
+            return run
+        try:
+            await station.loop.advance(SLICE_S)
+        except LoopDiedError:
+            await asyncio.sleep(SLICE_S)
+        waited_s += SLICE_S
+    return _close(station, run_id, *or_else)
+
+
+async def evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
+    """Compute and store the result of a closed run; what ended early is evaluated as incomplete.
+
+    A run is over whatever becomes of that: where it fails, outcome and run say why, and it goes on.
+    """
+    try:
+        evaluation: Evaluation = await station.compute(evaluate, station.database, station.parameters, plan, run)
+        return evaluation
+    except Exception as error:
+        _LOG.exception("run %s could not be evaluated", run.id)
+        problem = f"{type(error).__name__}: {error}"
+    except BaseException:
+        _keep_problem(station, run.id, "the service ended before the run was evaluated")
+        raise
+    _keep_problem(station, run.id, problem)
+    return Evaluation(None, None, f"it could not be evaluated: {problem}")
+
+
+def _keep_problem(station: Station, run_id: int, problem: str) -> None:
+    try:
+        with station.database.session() as session:
+            runs.set_evaluation_problem(session, run_id, problem)
+    except StorageError:
+        _LOG.exception("why run %s has no result could not be kept: %s", run_id, problem)
+
+
+def _close(station: Station, run_id: int, end_state: EndState, detail: str) -> Run:
+    with station.database.session() as session:
+        return runs.end(session, run_id, end_state, detail)

@@ -1,0 +1,687 @@
+"""Reads experiments from YAML or JSON, and the expressions in them. Nothing of a text is executed."""
+
+import ast
+import json
+import math
+import operator
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, NamedTuple, TypeVar
+
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
+from backend.banks.tuning_settings import NAMES
+from backend.errors import OutOfRangeError, Path, RefusedValueError
+from backend.experiments.schema import EXPERIMENT, FORMAT, Declared, Experiment, Rule
+from backend.models.run import Value
+from backend.models.settings import Setting, SettingError
+from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
+from backend.recording.derived_signals import Derived, Step
+from backend.sample import COMBINED_BY_NAME, UNIT_OF, nearest
+from backend.units import Angles
+
+# Expressions ---------------------------------------------------------------------------------------
+#
+# Small expressions of settings, "2 * hold_s": numbers, names, arithmetic, comparison, choice. Pure;
+# nothing is run.
+#
+# Every number is a float, and length, depth and rounding are bounded: the cost of an expression is
+# known before any of it is evaluated. With Python's own whole numbers ``round(1, -1000000000)``
+# computes a power of ten with a billion digits.
+
+
+Names = Mapping[str, bool | int | float | str]
+CONSTANTS = {"pi": math.pi}
+MAX_LENGTH = 500
+"""Longest expression [characters]."""
+
+MAX_NODES = 200
+"""Most numbers, names and operations of an expression."""
+
+MAX_DEPTH = 30
+"""Deepest nesting of an expression."""
+
+MAX_DIGITS = 15
+"""Most digits that a number is rounded to, before or after its point: a float has no more."""
+
+
+def _rounded(number: float, digits: float = 0.0) -> float:
+    if not abs(digits) <= MAX_DIGITS or digits != int(digits):
+        raise ValueError(f"round takes a whole number of digits from -{MAX_DIGITS} to {MAX_DIGITS}")
+    return round(float(number), int(digits))
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "min": min,
+    "max": max,
+    "abs": abs,
+    "sqrt": math.sqrt,
+    "round": _rounded,
+}
+_EXPRESSION_BINARY: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Mod: operator.mod,
+    ast.Pow: math.pow,
+}
+_UNARY: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg, ast.Not: operator.not_}
+_EXPRESSION_COMPARE: dict[type, Callable[[Any, Any], bool]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+
+
+class ExpressionError(ValueError):
+    """An expression that cannot be read, or has no value."""
+
+
+def number_of(expression: float | str, names: Names) -> float:
+    """Return the number that an expression stands for. Raises ExpressionError."""
+    value = _value_of(expression, names)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ExpressionError(f"{expression!r} is {value!r}, which is not a finite number")
+    return float(value)
+
+
+def truth_of(expression: str, names: Names) -> bool:
+    """Return whether a comparison holds. Raises ExpressionError."""
+    value = _value_of(expression, names)
+    if not isinstance(value, bool):
+        raise ExpressionError(f"{expression!r} is {value!r}, which is not a comparison")
+    return value
+
+
+def require_known(expression: float | str, names: Names) -> None:
+    """Raise ExpressionError for a name or a form that is not known, whatever the values."""
+    if isinstance(expression, str):
+        _look(parsed_expression(expression).body, names)
+
+
+def names_in(expression: str) -> set[str]:
+    """Return the names that an expression speaks of. Raises ExpressionError."""
+    return {node.id for node in ast.walk(parsed_expression(expression)) if isinstance(node, ast.Name)}
+
+
+class Compared(NamedTuple):
+    """A name that is compared with a bound, both as numbers; ``below``: it has to stay below it."""
+
+    name: str
+    value: float
+    bound: float
+    below: bool
+
+
+def bound_of(expression: str, names: Names) -> Compared | None:
+    """Return what a comparison such as "S_low < S_high" says of its first name; None where it is less plain."""
+    match parsed_expression(expression).body:
+        case ast.Compare(
+            left=ast.Name(id=name), ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as sign], comparators=[right]
+        ):
+            value, bound = names.get(name), number_of(ast.unparse(right), names)
+            if isinstance(value, int | float):
+                return Compared(name, float(value), bound, isinstance(sign, ast.Lt | ast.LtE))
+        case _:
+            pass
+    return None
+
+
+def _value_of(expression: float | str, names: Names) -> Any:
+    if not isinstance(expression, str):
+        try:
+            return _plain(expression)
+        except OverflowError:
+            raise ExpressionError("a number has more than 308 digits") from None
+    tree = parsed_expression(expression)
+    _look(tree.body, names)
+    try:
+        return _evaluate(tree.body, names)
+    except (ArithmeticError, ValueError, TypeError) as error:
+        raise ExpressionError(f"{expression!r} has no value: {error}") from None
+
+
+def parsed_expression(expression: str) -> ast.Expression:
+    """Return an expression as a tree of bounded size. Raises ExpressionError."""
+    if len(expression) > MAX_LENGTH:
+        raise ExpressionError(
+            f"{expression[:40]!r}… has {len(expression)} characters, at most {MAX_LENGTH} are accepted: shorten it"
+        )
+    try:
+        tree = ast.parse(expression.strip(), mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise ExpressionError(f"{expression!r} is no expression") from None
+    _require_small(tree)
+    return tree
+
+
+def _require_small(tree: ast.Expression) -> None:
+    """Raise ExpressionError for more than MAX_NODES nodes or a nesting deeper than MAX_DEPTH."""
+    level: list[ast.AST] = [tree.body]
+    count = depth = 0
+    while level:
+        count, depth = count + len(level), depth + 1
+        if count > MAX_NODES:
+            raise ExpressionError(f"an expression has at most {MAX_NODES} numbers, names and operations: simplify it")
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"an expression is nested at most {MAX_DEPTH} times: simplify it")
+        level = [child for node in level for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+
+
+def _look(node: ast.AST, names: Names) -> None:
+    match node:
+        case ast.Name(id=name) if name not in names and name not in CONSTANTS:
+            known = ", ".join((*names, *CONSTANTS))
+            raise ExpressionError(f"{name!r} is not known here; known are {known}")
+        case ast.Constant(value=value) if not isinstance(value, bool | int | float | str):
+            raise ExpressionError(f"{value!r} is not taken in an expression")
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
+            for argument in arguments:
+                _look(argument, names)
+            return
+        case ast.Name() | ast.Constant():
+            return
+        case ast.BinOp(op=operation) if type(operation) in _EXPRESSION_BINARY:
+            pass
+        case ast.UnaryOp(op=operation) if type(operation) in _UNARY:
+            pass
+        case ast.Compare(ops=operations) if all(type(one) in _EXPRESSION_COMPARE for one in operations):
+            pass
+        case ast.IfExp() | ast.BoolOp():
+            pass
+        case _:
+            known = ", ".join(FUNCTIONS)
+            raise ExpressionError(f"{ast.unparse(node)[:60]!r} is not taken: + - * / % **, comparisons, {known}")
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.expr):
+            _look(child, names)
+
+
+def _plain(value: Any) -> Any:
+    """Return a number as a float, anything else as it is. Raises OverflowError."""
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _evaluate(node: ast.AST, names: Names) -> Any:
+    match node:
+        case ast.Constant(value=value):
+            return _plain(value)
+        case ast.Name(id=name):
+            return _plain(names[name] if name in names else CONSTANTS[name])
+        case ast.BinOp(left=left, op=operation, right=right):
+            return _EXPRESSION_BINARY[type(operation)](float(_evaluate(left, names)), float(_evaluate(right, names)))
+        case ast.UnaryOp(op=operation, operand=operand):
+            return _UNARY[type(operation)](_evaluate(operand, names))
+        case ast.IfExp(test=test, body=body, orelse=otherwise):
+            return _evaluate(body if _evaluate(test, names) else otherwise, names)
+        case ast.BoolOp(op=operation, values=values):
+            held = [bool(_evaluate(value, names)) for value in values]
+            return all(held) if isinstance(operation, ast.And) else any(held)
+        case ast.Compare(left=left, ops=operations, comparators=others):
+            values = [_evaluate(one, names) for one in (left, *others)]
+            return all(
+                _EXPRESSION_COMPARE[type(one)](low, high)
+                for one, low, high in zip(operations, values, values[1:], strict=False)
+            )
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return FUNCTIONS[name](*(_evaluate(argument, names) for argument in arguments))
+        case _:
+            raise ExpressionError("it cannot be evaluated")
+
+
+# Refused -------------------------------------------------------------------------------------------
+#
+# How an experiment that cannot be is refused: in which line, which part of it, why.
+
+
+Lines = Mapping[Path, int]
+"""Line of each part of a text, from 1, by its place in what the text says."""
+
+
+class ExperimentError(RefusedValueError):
+    """An experiment that is not taken. ``line`` is None where nobody wrote it as a text."""
+
+    def __init__(self, why: str | RefusedValueError, path: Path = (), line: int | None = None) -> None:
+        self.why = why
+        self.line = line
+        super().__init__(str(path[-1]) if path else "experiment", words=in_words(path), path=path)
+
+    def sentence(self, angles: Angles) -> str:
+        """Say it to somebody who reads angles in this unit."""
+        why = self.why if isinstance(self.why, str) else self.why.sentence(angles)
+        place = f"line {self.line}" if self.line else ""
+        return ": ".join(part for part in (place, self.words if self.path else "", why) if part)
+
+
+def in_words(path: Path) -> str:
+    """Write a place as a person counts: "phases 2, parts 1, q_ref"."""
+    words: list[str] = []
+    for part in path:
+        if isinstance(part, int) and words:
+            words[-1] += f" {part + 1}"
+        else:
+            words.append(str(part))
+    return ", ".join(words) or "experiment"
+
+
+def line_of(path: Path, lines: Lines) -> int | None:
+    """Return the line of a place, or of the nearest that it lies in."""
+    for length in range(len(path), -1, -1):
+        if path[:length] in lines:
+            return lines[path[:length]]
+    return None
+
+
+@contextmanager
+def at(path: Path, lines: Lines) -> Iterator[None]:
+    """Say of whatever is refused inside where it stands."""
+    try:
+        yield
+    except ExperimentError:
+        raise
+    except RefusedValueError as error:
+        raise ExperimentError(error, path, line_of(path, lines)) from None
+
+
+# Settings ------------------------------------------------------------------------------------------
+#
+# The settings that an experiment declares, as the page, the command line and the interface know
+# settings. Pure.
+
+
+OF_THE_PLANT = ("u_max", "F_max", "r_j", "r_m", "ideal")
+"""What the bounds of criteria may speak of beside settings and tuning."""
+
+_SETTING_TAKEN = {*NAMES, *OF_THE_PLANT, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
+
+
+def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
+    """Return the settings of an experiment. Raises ExperimentError for one that cannot be."""
+    made: list[Setting] = []
+    for place, declared in enumerate(experiment.settings):
+        path: Path = ("settings", place)
+        if declared.name in _SETTING_TAKEN or any(declared.name == other.name for other in made):
+            why = f"{declared.name!r} is taken: by the tuning, the seed or another setting"
+            raise ExperimentError(why, (*path, "name"), line_of((*path, "name"), lines))
+        try:
+            setting = _setting(declared)
+            setting.parse(setting.default)
+        except (ExpressionError, SettingError, OutOfRangeError, ValueError) as error:
+            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+        made.append(setting)
+    return tuple(made)
+
+
+def parsed_setting(settings: tuple[Setting, ...], values: Mapping[str, object]) -> dict[str, Value]:
+    """Return all settings by name, those that are not named at their defaults. Raises SettingError, OutOfRangeError."""
+    known = {setting.name: setting for setting in settings}
+    for name, value in values.items():
+        if name not in known:
+            legal = tuple(known)
+            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+    return {name: setting.parse(values.get(name, setting.default)) for name, setting in known.items()}
+
+
+def require_rules(
+    experiment: Experiment,
+    settings: tuple[Setting, ...],
+    values: Mapping[str, Value],
+    given: Collection[str],
+    lines: Lines,
+) -> None:
+    """Raise for a rule of the settings that does not hold.
+
+    With values that somebody has ``given`` it is OutOfRangeError of the setting that the rule compares with a bound,
+    where it is so plain; else ExperimentError naming the rule.
+    """
+    for place, rule in enumerate(experiment.rules):
+        path: Path = ("rules", place, "that")
+        try:
+            held, names = truth_of(rule.that, values), names_in(rule.that)
+        except ExpressionError as error:
+            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+        if held:
+            continue
+        if names & set(given):
+            _blame(rule, settings, values)
+        told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
+        raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, line_of(path, lines))
+
+
+def _blame(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
+    """Raise OutOfRangeError of the setting that a rule compares with a bound, where it is so plain."""
+    compared = bound_of(rule.that, values)
+    blamed = next((setting for setting in settings if compared and setting.name == compared.name), None)
+    if compared is None or blamed is None:
+        return
+    least, most = (None, compared.bound) if compared.below else (compared.bound, None)
+    raise OutOfRangeError(
+        blamed.name, compared.value, least, most, blamed.unit, rule.remedy, words=blamed.meaning, path=(blamed.name,)
+    )
+
+
+def _setting(declared: Declared) -> Setting:
+    if declared.kind == "choice" and declared.default not in declared.choices:
+        raise ExpressionError(f"the default {declared.default!r} is none of its choices")
+    if declared.kind in ("number", "integer") and (declared.minimum is None or declared.maximum is None):
+        raise ExpressionError(f"{declared.name} needs a minimum and a maximum")
+    numeric = declared.kind in ("number", "integer")
+    default = number_of(declared.default, {}) if numeric else declared.default
+    if declared.kind == "integer" and default != round(float(default)):
+        raise ExpressionError(f"the default {declared.default!r} is not a whole number")
+    return Setting(
+        name=declared.name,
+        kind=declared.kind,
+        symbol=declared.symbol,
+        unit=declared.unit,
+        meaning=declared.meaning,
+        default=int(default) if declared.kind == "integer" else default,
+        minimum=None if declared.minimum is None else number_of(declared.minimum, {}),
+        maximum=None if declared.maximum is None else number_of(declared.maximum, {}),
+        choices=declared.choices,
+    )
+
+
+# Text ----------------------------------------------------------------------------------------------
+#
+# An experiment as YAML or JSON: read with the line of each part, and written; a study is read so,
+# too. Pure.
+#
+# Only what JSON has too is taken: mappings with texts as keys, lists, texts, numbers, true, false,
+# null. No anchors or aliases, which could make a small text endless, and no tags.
+
+
+MAX_CHARACTERS = 100_000
+_DEEPEST = 40
+_T = TypeVar("_T")
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without types
+    """Composes nodes; numbers and words as YAML 1.2 and JSON have them: "no" is a text, 1e3 a number."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its parent declares it
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "anchor", None):
+            line = self.peek_event().start_mark.line + 1
+            raise ExperimentError("anchors and aliases are not taken: write it out, or use repeat", (), line)
+        if (tag := getattr(self.peek_event(), "tag", None)) is not None:
+            raise ExperimentError(f"the tag {tag} is not taken", (), self.peek_event().start_mark.line + 1)
+        return super().compose_node(parent, index)
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:null", re.compile(r"^(?:~|null|)$"), ["~", "n", ""])
+_Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|false)$"), ["t", "f"])
+_Loader.add_implicit_resolver("tag:yaml.org,2002:int", re.compile(r"^[-+]?[0-9]+$"), list("-+0123456789"))
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+|[0-9]+)(?:[eE][-+]?[0-9]+)?$"),
+    list("-+.0123456789"),
+)
+_PLAIN = "tag:yaml.org,2002:"
+
+
+def read(text: str, *, stored: bool = False) -> tuple[Experiment, Lines]:
+    """Return the experiment that a text says, and the line of each of its parts; ``stored`` as for ``document_of``.
+
+    Raises ExperimentError.
+    """
+    document, lines = document_of(text, stored=stored)
+    return of_document(document, lines, stored=stored), lines
+
+
+def document_of(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
+    """Return what a text says as plain data, and the line of each of its parts. Raises ExperimentError.
+
+    A ``stored`` text is read as it was accepted: characters that are refused now are escapes in what is returned.
+    """
+    if len(text) > MAX_CHARACTERS:
+        raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are taken: shorten it")
+    lines: dict[Path, int] = {}
+    try:
+        node = _Loader(text).get_single_node()
+        document = None if node is None else _value(node, (), lines, 0, stored=stored)
+        return as_stored(document) if stored else document, lines
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
+    except ExperimentError:
+        raise
+    except (yaml.YAMLError, RecursionError, ValueError, OverflowError) as error:  # an escape beyond all characters
+        raise ExperimentError(f"it is neither YAML nor JSON: {error}") from None
+
+
+def of_document(document: Any, lines: Lines, *, stored: bool = False) -> Experiment:
+    """Return the experiment that a document is; ``stored`` as for ``document_of``. Raises ExperimentError."""
+    if not isinstance(document, Mapping):
+        raise ExperimentError("an experiment is a mapping with format, name, title and phases", (), 1)
+    return in_form(EXPERIMENT, FORMAT, document, lines, stored=stored)
+
+
+def in_form(
+    form: TypeAdapter[_T], known: int, document: Mapping[str, Any], lines: Lines, *, stored: bool = False
+) -> _T:
+    """Return what a document of the ``known`` format says. Raises ExperimentError naming the place."""
+    if document.get("format") != known:
+        why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
+        raise ExperimentError(why, ("format",), line_of(("format",), lines))
+    try:
+        return form.validate_json(json.dumps(document), context=STORED if stored else None)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        # a word that is not known is what made another one missing
+        first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
+        path = _place(document, first["loc"])
+        raise ExperimentError(_told(first), path, line_of(path, lines)) from None
+
+
+def of_canonical(line: str) -> Experiment:
+    """Return the experiment that ``canonical`` has written and a run has kept. Raises ExperimentError."""
+    try:
+        return of_document(as_stored(json.loads(line)), {}, stored=True)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ExperimentError):
+            raise
+        raise ExperimentError(f"it is not JSON: {error}") from None
+
+
+def canonical(experiment: Experiment) -> str:
+    """Return an experiment as one line of JSON: equal experiments, equal texts."""
+    return EXPERIMENT.dump_json(experiment, exclude_defaults=True).decode()
+
+
+def _value(node: Any, path: Path, lines: dict[Path, int], depth: int, *, stored: bool) -> Any:
+    line = node.start_mark.line + 1
+    lines.setdefault(path, line)
+    if depth > _DEEPEST:
+        raise ExperimentError(f"it is nested deeper than {_DEEPEST} times", path[:3], line)
+    if isinstance(node, yaml.MappingNode) and node.tag == f"{_PLAIN}map":
+        mapping: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key = _value(key_node, path, {}, depth + 1, stored=stored)
+            if not isinstance(key, str):
+                raise ExperimentError(f"the key {key!r} is not a text", path, key_node.start_mark.line + 1)
+            if key in mapping:
+                raise ExperimentError("it is said twice", (*path, key), key_node.start_mark.line + 1)
+            lines[*path, key] = key_node.start_mark.line + 1
+            mapping[key] = _value(value_node, (*path, key), lines, depth + 1, stored=stored)
+        return mapping
+    if isinstance(node, yaml.SequenceNode) and node.tag == f"{_PLAIN}seq":
+        return [_value(item, (*path, place), lines, depth + 1, stored=stored) for place, item in enumerate(node.value)]
+    if not isinstance(node, yaml.ScalarNode):
+        raise ExperimentError(f"the tag {node.tag} is not taken", path, line)
+    match node.tag.removeprefix(_PLAIN):
+        case "str":
+            words = _with_pairs_joined(node.value)
+            try:
+                if not stored:
+                    require_plain(words)
+            except PlainTextError as error:
+                raise ExperimentError(str(error), path, line) from None
+            return words
+        case "null":
+            return None
+        case "bool":
+            return node.value == "true"
+        case "int":
+            if len(node.value) > 18:
+                raise ExperimentError(f"{node.value[:24]}… is not a number that can be meant", path, line)
+            return int(node.value)
+        case "float" if math.isfinite(float(node.value)):
+            return float(node.value)
+        case _:
+            raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not taken", path, line)
+
+
+def _with_pairs_joined(words: str) -> str:
+    r"""Return a text with each pair of halves, as JSON escapes "\ud83d\ude00", as the character that it is."""
+    if words.isascii():
+        return words
+    try:
+        return words.encode("utf-16-le", "surrogatepass").decode("utf-16-le")
+    except UnicodeDecodeError:
+        return words
+
+
+def _place(document: Any, loc: tuple[int | str, ...]) -> Path:
+    """Return where a refused value stands: pydantic also names the form that it took a part for."""
+    path: list[int | str] = []
+    here = document
+    for position, part in enumerate(loc):
+        if _leads_on(here, part):
+            here = here[part]
+        elif position < len(loc) - 1 or not isinstance(part, str) or not isinstance(here, Mapping):
+            continue
+        path.append(part)
+    return tuple(path)
+
+
+def _leads_on(here: Any, part: int | str) -> bool:
+    if isinstance(here, Mapping):
+        return part in here and part != here.get("do")
+    return isinstance(here, list | tuple) and isinstance(part, int) and part < len(here)
+
+
+_UNKNOWN = "unexpected_keyword_argument"
+_WORDS = {
+    "missing": "it is missing",
+    _UNKNOWN: "it is not known here",
+    "too_short": "it is empty: it needs one at least",
+    "extra_forbidden": "it is not known here",
+    "string_pattern_mismatch": "a name has letters, digits and _, begins with a letter and is 40 characters at most",
+}
+
+
+def _told(first: Any) -> str:
+    if first["type"] == "union_tag_invalid":
+        return f"{first['ctx']['tag']!r} is no motion; there are {first['ctx']['expected_tags'].replace(chr(39), '')}"
+    if first["type"] == "union_tag_not_found":
+        return "a part says by `do` what it does"
+    if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":
+        return "it is missing"
+    said = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
+    return _WORDS.get(first["type"]) or said
+
+
+# Formula -------------------------------------------------------------------------------------------
+#
+# Formulas of derived signals: an expression of the experiment language over signals, as the steps
+# that compute it.
+
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,19}")
+_FORMULA_TAKEN = {*UNIT_OF, *FUNCTIONS, *CONSTANTS, "and", "or", "not", "if", "else", "tick", "t"}
+KNOWN = tuple(name for name in UNIT_OF if name.isidentifier())
+"""Signals that a formula may name; differences are written as such."""
+
+_FORMULA_BINARY = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Mod: "mod", ast.Pow: "pow"}
+_FORMULA_COMPARE = {ast.Lt: "lt", ast.LtE: "le", ast.Gt: "gt", ast.GtE: "ge", ast.Eq: "eq", ast.NotEq: "ne"}
+_ARGUMENTS = {"min": (2, 50), "max": (2, 50), "abs": (1, 1), "sqrt": (1, 1), "round": (1, 2)}
+
+
+def derived_of(name: str, unit: str, expression: str) -> Derived:
+    """Return the derived signal of a formula. Raises ExpressionError."""
+    if not _NAME.fullmatch(name) or name in _FORMULA_TAKEN:
+        raise ExpressionError(
+            f"{name!r} cannot name a formula: take 1 to 20 letters, digits and _, a letter first, "
+            "and no name of a signal or function"
+        )
+    steps: list[Step] = []
+    _lay(parsed_expression(expression).body, steps)
+    found = Derived(name, unit, tuple(steps))
+    if not found.signals:
+        raise ExpressionError(f"{expression!r} speaks of no signal; a formula is made of {', '.join(KNOWN)}")
+    return found
+
+
+def _lay(node: ast.AST, steps: list[Step]) -> None:
+    """Append the steps of a part of an expression."""
+    match node:
+        case ast.Constant(value=bool() | int() | float() as value):
+            try:
+                steps.append(Step("number", value=float(value)))
+            except OverflowError:
+                raise ExpressionError("a number has more than 308 digits") from None
+        case ast.Name(id=name):
+            _lay_name(name, steps)
+        case ast.BinOp(left=left, op=operation, right=right) if type(operation) in _FORMULA_BINARY:
+            _apply(_FORMULA_BINARY[type(operation)], [left, right], steps)
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            _lay(operand, steps)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            _apply("neg", [operand], steps)
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            _apply("not", [operand], steps)
+        case ast.IfExp(test=test, body=body, orelse=otherwise):
+            _apply("if", [test, body, otherwise], steps)
+        case ast.BoolOp(op=operation, values=values):
+            _apply("and" if isinstance(operation, ast.And) else "or", values, steps)
+        case ast.Compare(left=left, ops=operations, comparators=others) if all(
+            type(o) in _FORMULA_COMPARE for o in operations
+        ):
+            pairs = list(zip([left, *others], operations, others, strict=False))
+            for one, sign, other in pairs:
+                _apply(_FORMULA_COMPARE[type(sign)], [one, other], steps)
+            if len(pairs) > 1:
+                steps.append(Step("and", len(pairs)))
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
+            least, most = _ARGUMENTS[name]
+            if not least <= len(arguments) <= most:
+                told = f"{least}" if least == most else f"{least} to {most}"
+                raise ExpressionError(f"{name} takes {told} values, here are {len(arguments)}")
+            _apply(name, arguments, steps)
+        case _:
+            known = ", ".join(FUNCTIONS)
+            raise ExpressionError(
+                f"{ast.unparse(node)[:60]!r} is not taken: + - * / % **, comparisons, and, or, not, if else, {known}"
+            )
+
+
+def _apply(operation: str, operands: list[ast.expr], steps: list[Step]) -> None:
+    for operand in operands:
+        _lay(operand, steps)
+    steps.append(Step(operation, len(operands)))  # type: ignore[arg-type]  # the tables hold operations only
+
+
+def _lay_name(name: str, steps: list[Step]) -> None:
+    if name in CONSTANTS:
+        steps.append(Step("number", value=CONSTANTS[name]))
+    elif name in COMBINED_BY_NAME:
+        for number, term in enumerate(COMBINED_BY_NAME[name].terms):
+            steps.append(Step("signal", name=term.column))
+            if term.length:
+                steps += [Step("length", name=term.length), Step("mul", 2)]
+            if term.sign < 0:
+                steps.append(Step("neg", 1))
+            if number:
+                steps.append(Step("add", 2))
+    elif name in KNOWN:
+        steps.append(Step("signal", name=name))
+    else:
+        raise ExpressionError(f"there is no signal {name!r}: the nearest is {nearest(name, KNOWN)}")

@@ -1,0 +1,448 @@
+"""Plans of experiments: settings in, a ``Program`` for the loop out. Pure."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.banks.tuning_settings import TuningChoice
+from backend.control import setpoint_player
+from backend.control.decoupler import STIFFNESS_RANGE
+from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
+from backend.control.motion_types import Target
+from backend.errors import WORDS, OutOfRangeError, Path, require_within
+from backend.experiments import parser
+from backend.experiments.compiler import Laid, laid
+from backend.experiments.parser import ExperimentError, Lines, line_of, parsed_setting, require_rules, settings_of
+from backend.experiments.schema import Experiment
+from backend.identification.fitting import Method
+from backend.models.run import Phase, Value
+from backend.models.settings import Setting, SettingError, choice, from_values, integer, number
+from backend.models.settings import text as text_settings
+from backend.realtime.motions import player_of
+from backend.realtime.program import (
+    IDENTIFYING,
+    MAX_SEGMENTS,
+    Excitation,
+    Law,
+    Program,
+    Segment,
+    Shape,
+    TensionLeg,
+    VoltageStep,
+)
+from plant.interface import T_s
+
+# Composed plan -------------------------------------------------------------------------------------
+#
+# The plan of an experiment that is data: the experiment, and the values of its settings. Pure.
+
+
+LAWS = tuple(law for law in Law if law not in IDENTIFYING)
+KIND = "experiment"
+"""Kind of the runs of all experiments but the paper's, whose runs have the kinds that they always had."""
+
+
+@dataclass(frozen=True)
+class ComposedPlan:
+    """``values`` are all settings by name. ``kind`` is the kind of its runs; ``lines`` tell where it was written."""
+
+    experiment: Experiment
+    values: Mapping[str, Value]
+    kind: str = KIND
+    lines: Lines = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def laid(self) -> Laid:
+        """What is played, and where it was written. Raises ExperimentError."""
+        return laid(self.experiment, self.values, self.lines)
+
+    def program(self) -> Program:
+        """Return what the loop plays; the gains of its changes of the tuning are left to who knows the models."""
+        return Program(self.law, self.laid.segments, walls=self.laid.walls, touches=self.laid.touches)
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return the named stretches."""
+        return self.laid.phases
+
+    @property
+    def law(self) -> Law:
+        """The control law. Raises ExperimentError."""
+        named = self.values.get(self.experiment.law, self.experiment.law)
+        if named not in LAWS:
+            why = f"{named!r} is no control law; there are {', '.join(LAWS)}"
+            raise ExperimentError(why, ("law",), line_of(("law",), self.lines))
+        return Law(str(named))
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """The declared settings."""
+        return settings_of(self.experiment, self.lines)
+
+    def stored(self) -> dict[str, Value]:
+        """Return what a run keeps of it: the experiment as it was, and its settings by name."""
+        return {"experiment": parser.canonical(self.experiment), **self.values}
+
+
+def composed(
+    experiment: Experiment, given: Mapping[str, object], kind: str = KIND, lines: Lines | None = None
+) -> ComposedPlan:
+    """Return the plan with these settings, the others at their defaults; it can be played, but for the plant.
+
+    Raises ExperimentError, SettingError, OutOfRangeError.
+    """
+    where = {} if lines is None else lines
+    settings = settings_of(experiment, where)
+    values = parsed_setting(settings, given)
+    plan = ComposedPlan(experiment, values, kind, where)
+    require_rules(experiment, settings, values, given, where)
+    plan.program()
+    return plan
+
+
+# Identification plans ------------------------------------------------------------------------------
+#
+# Plans that identify motors and springs (method sections 2 and 3): settings in, a ``Program`` for
+# the loop out. Pure.
+#
+# The actuator's is in ``backend.experiments.plans``. Angles in rad, voltages in V, tensions in N,
+# times in s.
+
+
+UPPER_END = -1.5
+"""Where a step down starts [rad]: the tendons go slack above 0, and a step up needs the rest of the way to brake."""
+
+
+@dataclass(frozen=True)
+class MotorIdentificationPlan:
+    """Unloaded voltage steps of both motors at once (method section 2).
+
+    Both tendons are let slack, so that the motors run free. Each voltage is stepped up and then down again: the way
+    back is data too, and the motors stay within the turn that the joint's range allows.
+    """
+
+    kind: ClassVar[str] = "motor_identification"
+
+    u_low: float = number(2.0, 0.3, 9.0, "V", "u_low", "smallest voltage step")
+    u_high: float = number(5.0, 0.5, 9.5, "V", "u_high", "largest voltage step, short of saturation")
+    levels: int = integer(4, 2, 8, "n", "number of voltages from the smallest to the largest")
+    travel_rad: float = number(12.0, 2.0, 12.0, "rad", "Δθ", "a step ends once a motor has turned by this much")
+    step_s: float = number(2.5, 0.3, 10.0, "s", "t_u", "a step ends after this time at the latest")
+    settle_s: float = number(1.0, 0.5, 10.0, "s", "t_0", "time the motors are held where a step starts")
+
+    def __post_init__(self) -> None:
+        if self.u_low >= self.u_high:
+            words, remedy = "smallest voltage step", "keep it below the largest"
+            raise OutOfRangeError("u_low", self.u_low, None, self.u_high, "V", remedy, words=words)
+
+    def voltages(self) -> tuple[float, ...]:
+        """Return the voltages [V] stepped to, both ways."""
+        return tuple(round(float(u), 3) for u in np.linspace(self.u_low, self.u_high, self.levels))
+
+    def program(self) -> Program:
+        """Return the steps, up and down in turn."""
+        lower_end = UPPER_END - self.travel_rad
+        steps = (
+            VoltageStep(start, u, self.step_s, self.travel_rad)
+            for voltage in self.voltages()
+            for start, u in ((lower_end, voltage), (UPPER_END, -voltage))
+        )
+        return Program(Law.MOTOR_STEPS, settle_s=self.settle_s, steps=tuple(steps))
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return one phase per step, as long as it can get."""
+        around_each = self.settle_s + ZERO_VOLTS_S + STEP_BRAKING_S
+        return tuple(
+            Phase(
+                f"step_{position}",
+                f"Step to {step.u:g} V",
+                position * (around_each + self.step_s),
+                (position + 1) * (around_each + self.step_s),
+            )
+            for position, step in enumerate(self.program().steps)
+        )
+
+
+@dataclass(frozen=True)
+class SpringIdentificationPlan:
+    """Slow sweep of both tensions up and down, the joint held near 0 by antagonism (method section 3).
+
+    Going both ways shows what is not the spring: the load cells' delay and friction between spring and load cell part
+    the two ways, and the mean of both is free of it.
+    """
+
+    kind: ClassVar[str] = "spring_identification"
+
+    F_low: float = number(2.0, 1.5, 15.0, "N", "F_low", "tension where the sweep starts, above slack")
+    F_high: float = number(45.0, 20.0, 47.0, "N", "F_high", "tension where the sweep turns, below the solid spring's")
+    sweep_s: float = number(15.0, 3.0, 120.0, "s", "t_s", "time of one way up or down")
+    cycles: int = integer(2, 1, 10, "n", "number of times up and down")
+    settle_s: float = number(2.0, 0.5, 30.0, "s", "t_0", "time at the lowest tension before the sweep starts")
+
+    def program(self) -> Program:
+        """Return the sweep."""
+        up_and_down = (TensionLeg(self.F_high, self.sweep_s), TensionLeg(self.F_low, self.sweep_s))
+        return Program(Law.TENSION_SWEEP, tension_N=self.F_low, settle_s=self.settle_s, legs=up_and_down * self.cycles)
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return settling and every way up and down."""
+        ways = [Phase("settle", "Lowest tension held", 0.0, self.settle_s)]
+        for way in range(2 * self.cycles):
+            start = self.settle_s + way * self.sweep_s
+            name = "up" if way % 2 == 0 else "down"
+            ways.append(Phase(f"{name}_{way // 2 + 1}", f"Tension {name}", start, start + self.sweep_s))
+        return tuple(ways)
+
+
+# Loop settings -------------------------------------------------------------------------------------
+#
+# What the loop is set to while an experiment runs: the tuning, and the seed of the simulator.
+
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class LoopSettings(TuningChoice):
+    """The tuning of an experiment and the seed of the simulator's noise."""
+
+    seed: int = integer(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
+
+    @property
+    def tuning(self) -> TuningChoice:
+        """The tuning alone."""
+        return TuningChoice(**self.document())
+
+
+def split_values(
+    settings: Sequence[Setting], make: Callable[[Mapping[str, object]], _T], values: Mapping[str, object]
+) -> tuple[_T, LoopSettings]:
+    """Build a plan that has ``settings``, and loop settings, from one set of named values.
+
+    Raises SettingError, OutOfRangeError.
+    """
+    of_loop = {item.name for item in fields(LoopSettings)}
+    of_plan = {setting.name for setting in settings}
+    for name, value in values.items():
+        if name not in of_loop | of_plan:
+            legal = (*sorted(of_plan), *sorted(of_loop))
+            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+    return (
+        make({name: value for name, value in values.items() if name in of_plan}),
+        from_values(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),
+    )
+
+
+# Profile -------------------------------------------------------------------------------------------
+#
+# The references and the push of a program over its whole length, as the loop will play them; for
+# pictures. Pure.
+
+
+Array = NDArray[np.float64]
+
+POINTS = 400
+"""So many over the whole, besides begin and end of each segment."""
+
+
+class Profile(NamedTuple):
+    """Times since the program began (n,) [s], q_ref (n,) [rad], S_ref (n,) [N·m/rad], F_push (n,) [N].
+
+    n is 0 without segments.
+    """
+
+    t: Array
+    q_ref: Array
+    S_ref: Array
+    F_push: Array
+
+
+def profile(program: Program, q_ref: float, S_ref: float) -> Profile:
+    """Return what a program asks for that begins at these references. Each segment is there from its first tick on."""
+    whole = sum(round(segment.duration_s / T_s) for segment in program.segments)
+    every = max(1, round(whole / POINTS))
+    start, begun = Target(q_ref, S_ref, 0.0), 0
+    points = []
+    for segment, row in zip(program.segments, player_of(program.segments, start).segments, strict=True):
+        ticks = round(segment.duration_s / T_s)
+        chip = max(1, round(segment.period_s / T_s)) if segment.shape is Shape.PRBS else ticks + 1
+        register, advanced = setpoint_player.FIRST, 0
+        for tick in sorted({1, *range(every, ticks, every), ticks}):
+            while advanced < (tick - 1) // chip:
+                register, advanced = setpoint_player.next_register(register, segment.count), advanced + 1
+            target = setpoint_player.within(row, start, tick * T_s, register)
+            points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
+        start, begun = setpoint_player.after(row, start), begun + ticks
+    return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)
+
+
+# Sequence plan -------------------------------------------------------------------------------------
+#
+# Own sequences of references, written as JSON: what a person types, sends or keeps beside the data.
+
+
+Q_REF_MAX = 1.4
+"""Largest joint reference of a plan [rad]; the loop has the last word for its plant."""
+
+F_PUSH_MAX = 30.0
+MAX_SEQUENCE_S = 3600.0
+
+_EXAMPLE = """[
+  {"duration_s": 4, "q_ref": 0, "S_ref": 10},
+  {"duration_s": 4, "q_ref": 0.5, "S_ref": 10},
+  {"duration_s": 4, "q_ref": -0.5, "S_ref": 12, "shape": "ramp"},
+  {"duration_s": 8, "q_ref": -0.2, "S_ref": 12, "shape": "sine", "period_s": 4}
+]"""
+_NEEDED = ("duration_s", "q_ref", "S_ref")
+_NAMES = (*_NEEDED, "F_push", "shape", "period_s")
+_SHAPES = (Shape.STEP, Shape.RAMP, Shape.SINE)
+
+
+@dataclass(frozen=True)
+class SequencePlan:
+    """An own sequence of steps, ramps and sines of q_ref and S_ref, at most one hour long."""
+
+    kind: ClassVar[str] = "sequence"
+
+    segments: str = text_settings(
+        _EXAMPLE,
+        100_000,
+        "segments",
+        'JSON list of segments: duration_s [s], q_ref [rad], S_ref [N·m/rad], F_push [N], shape "step", "ramp" or '
+        '"sine" around the values before, period_s [s] of a sine',
+    )
+
+    def __post_init__(self) -> None:
+        self.program()
+
+    def program(self) -> Program:
+        """Return the segments as a program. Raises SettingError, OutOfRangeError naming the segment."""
+        segments = tuple(_segment(position, item) for position, item in enumerate(_listed(self.segments), start=1))
+        duration = sum(segment.duration_s for segment in segments)
+        words = "time of all segments together"
+        require_within("segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out", words=words)
+        return Program(Law.CASCADE, segments)
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return one phase: the sequence."""
+        return (Phase("sequence", "Own sequence", 0.0, self.program().duration_s),)
+
+
+def _listed(segments: str) -> list[Any]:
+    try:
+        items = json.loads(segments)
+    except (ValueError, RecursionError) as error:
+        raise SettingError("segments", segments[:40], f"it is not JSON: {error}") from None
+    if not isinstance(items, list) or not 0 < len(items) <= MAX_SEGMENTS:
+        raise SettingError("segments", segments[:40], f"it needs a list of 1 to {MAX_SEGMENTS} segments")
+    return items
+
+
+def _segment(position: int, item: Any) -> Segment:
+    place, words = ("segments", position - 1), f"segment {position}"
+    if not isinstance(item, dict) or not set(_NEEDED) <= set(item) <= set(_NAMES):
+        reason = f"it needs {', '.join(_NEEDED)}; it may have {', '.join(_NAMES[3:])}"
+        raise SettingError("segments", item, reason, legal=_NAMES, words=words, path=place)
+    shape = item.get("shape", Shape.STEP)
+    if shape not in _SHAPES:
+        reason = f"choose one of {', '.join(_SHAPES)}"
+        where: Path = (*place, "shape")
+        raise SettingError("shape", shape, reason, legal=_SHAPES, words=f"{words}, shape", path=where)
+    bounds = {
+        "duration_s": (0.01, 600.0, "s"),
+        "q_ref": (-Q_REF_MAX, Q_REF_MAX, "rad"),
+        "S_ref": (*STIFFNESS_RANGE, "N·m/rad"),
+        "F_push": (-F_PUSH_MAX, F_PUSH_MAX, "N"),
+        "period_s": (0.05, 600.0, "s"),
+    }
+    numbers = {name: item[name] for name in bounds if name in item}
+    for name, value in numbers.items():
+        minimum, maximum, unit = bounds[name]
+        named, where = f"{words}, {WORDS[name]}", (*place, name)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise SettingError(name, value, "it needs a number", unit=unit, words=named, path=where)
+        require_within(name, value, minimum, maximum, unit, words=named, path=where)
+    values = {"F_push": 0.0, "period_s": 1.0} | {name: float(value) for name, value in numbers.items()}
+    return Segment(
+        round(values["duration_s"], 3),  # whole milliseconds, as the loop plays them
+        values["q_ref"],
+        values["S_ref"],
+        values["F_push"],
+        Shape(shape),
+        values["period_s"],
+    )
+
+
+# Plan ----------------------------------------------------------------------------------------------
+#
+# Plans of experiments: settings in, a ``Program`` for the loop out. Pure: the same plan gives the
+# same program.
+#
+# Angles in rad, stiffness in N·m/rad, tensions and pushes in N, times in s.
+
+
+MAX_EXCITATION_S = 600.0
+
+
+@dataclass(frozen=True)
+class ActuatorIdentificationPlan:
+    """Closed-loop identification of G_q and G_S at one tendon tension (method section 4, figures 4 and 5).
+
+    theta_B_ref is 0, a slow force loop holds the tension, and a maximum-length sequence moves theta_A_ref.
+    """
+
+    kind: ClassVar[str] = "actuator_identification"
+
+    tension_N: float = number(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while θ_A,ref is excited")
+    amplitude_rad: float = number(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on θ_A,ref")
+    chip_s: float = number(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
+    bits: int = integer(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
+    periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation")
+    settle_s: float = number(8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts")
+    estimator: str = choice(
+        Method.DEFAULT,
+        (Method.DEFAULT, Method.ARX),
+        "estimator",
+        "what makes the models from the record; arx is the paper's, of first order",
+    )
+
+    def program(self) -> Program:
+        """Return the force hold with its excitation."""
+        return Program(Law.FORCE_HOLD, tension_N=self.tension_N, settle_s=self.settle_s, excitation=self.excitation())
+
+    def excitation(self) -> Excitation:
+        """Return the sequence with its timing. Raises OutOfRangeError when it would last too long."""
+        from scipy.signal import max_len_seq
+
+        register, _ = max_len_seq(self.bits)
+        levels = "".join("+" if chip else "-" for chip in register)
+        excitation = Excitation(self.amplitude_rad, self.chip_s, levels, self.periods)
+        require_within(
+            "chip_s",
+            excitation.duration_s,
+            None,
+            MAX_EXCITATION_S,
+            "s",
+            "take a shorter chip, fewer bits or fewer periods",
+            words="time of all chips together",
+        )
+        return excitation
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return settling and excitation."""
+        end = self.program().duration_s
+        return (
+            Phase("settle", "Tension held, no excitation", 0.0, self.settle_s),
+            Phase("excitation", "Excitation", self.settle_s, end),
+        )
+
+
+IdentificationPlan = ActuatorIdentificationPlan | MotorIdentificationPlan | SpringIdentificationPlan
+"""Plans whose runs give models."""
+
+Plan = ComposedPlan | SequencePlan | IdentificationPlan
+"""Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""

@@ -1,1 +1,0 @@
-"""Bring the loop up, play a program, keep its run: live, headless, or dry beside the service."""

@@ -1,0 +1,193 @@
+"""Prediction of what an identification shows of the rig and does to it, before it starts. Pure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control.decoupler import decoupler_for, equilibrium, stiffness
+from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
+from backend.identification.motor import turn_from_rest
+from backend.identification.validation import MIN_COUNTS
+from plant.dynamics import elongation, tension
+from plant.interface import T_s
+from plant.parameters import SIDES, PlantParameters
+
+# Prediction ----------------------------------------------------------------------------------------
+#
+# What the excitation of an actuator identification shows of the rig, told before it starts (method
+# section 4). Pure.
+#
+# How far the joint goes on the whole way is ``forecast``.
+
+
+_COUNTS_WHERE_EXACT = 4000
+"""Joint counts per turn of the paper's encoder, for parameter sets with ideal sensors."""
+
+
+@dataclass(frozen=True)
+class PredictedMotion:
+    """Joint motion by the excitation, peak to peak in counts, largest voltage, least tension; any ``problem``."""
+
+    q_counts: float
+    u_peak_V: float
+    F_min_N: float
+    problem: str
+
+    @property
+    def good(self) -> bool:
+        """Whether the run is worth starting: motion enough, nothing slack, nothing saturated."""
+        return not self.problem
+
+    @property
+    def message(self) -> str:
+        """The problem, or what to expect."""
+        return self.problem or f"the excitation alone moves it by {self.q_counts:.0f} encoder counts, peak to peak"
+
+
+def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float) -> PredictedMotion:
+    """Send the excitation through the inner loop's four lags of ``lam_motor`` [s] and take the joint at equilibrium.
+
+    With theta_B = 0 the joint rests where both tendons pull alike: for like springs q = r_m theta_A / (2 r_j) (equation
+    15). The voltage is what moves the motor (equation 17) against tendon and friction.
+    """
+    g, m, known, d = (
+        parameters.geometry,
+        parameters.motor_of("A"),
+        parameters.identified_of("A"),
+        decoupler_for(parameters),
+    )
+    spring_A, spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+    wound = (elongation(spring_A, plan.tension_N) + elongation(spring_B, plan.tension_N)) / g.r_m
+    moved, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
+    theta_A = wound + moved
+    q = np.array([equilibrium(d, angle, 0.0) for angle in theta_A[::10]])
+    F = np.array([tension(spring_A, x) for x in g.r_m * theta_A[::10] - g.r_j * q])
+    resistance = g.r_m * F + (m.c0 + m.c1 * g.r_m * F) * np.tanh(speed[::10] / m.omega_smooth)
+    u = (known.T_m * acceleration[::10] + speed[::10]) / known.K_m + resistance / m.K_t
+    counts_per_turn = parameters.sensors.joint_counts or _COUNTS_WHERE_EXACT
+    q_counts = float(np.ptp(q)) * counts_per_turn / (2.0 * math.pi)
+    u_peak, F_min = float(np.abs(u).max()), float(F.min())
+    return PredictedMotion(q_counts, u_peak, F_min, _problem(q_counts, u_peak, F_min, m.u_max))
+
+
+def _excitation(plan: ActuatorIdentificationPlan) -> NDArray[np.float64]:
+    excitation = plan.excitation()
+    levels = np.array([1.0 if level == "+" else -1.0 for level in excitation.levels * excitation.periods])
+    return excitation.amplitude_rad * np.repeat(levels, max(round(excitation.chip_s / T_s), 1))
+
+
+def _through_four_lags(
+    u: NDArray[np.float64], lam: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Response of 1/(λ s + 1)^4 with its first two derivatives, from the differences between the lags."""
+    from scipy.signal import lfilter
+
+    pole = math.exp(-T_s / lam)
+    lags = [u]
+    for _ in range(4):
+        lags.append(lfilter([0.0, 1.0 - pole], [1.0, -pole], lags[-1]))
+    return lags[4], (lags[3] - lags[4]) / lam, (lags[2] - 2.0 * lags[3] + lags[4]) / lam**2
+
+
+def _problem(q_counts: float, u_peak: float, F_min: float, u_max: float) -> str:
+    if F_min <= 0.0:
+        return "a tendon would go slack: use a smaller amplitude or a higher tension"
+    if u_peak > u_max:
+        return f"the motors would need {u_peak:.1f} V of {u_max:g} V: use a smaller amplitude or a longer chip"
+    if q_counts < MIN_COUNTS:
+        return (
+            f"not enough motion: {q_counts:.1f} encoder counts expected, {MIN_COUNTS:g} needed: "
+            "use a longer chip or a larger amplitude"
+        )
+    return ""
+
+
+# Unloaded prediction -------------------------------------------------------------------------------
+#
+# What an identification of motors or springs will do to the rig, told before it starts. Pure.
+
+
+LAGS_NEEDED = 3.0
+"""A step shorter than this many T_m has not shown its steady speed."""
+
+_TRIP_MARGIN_N = 2.0
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """One expected number with its label and unit."""
+
+    name: str
+    label: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class PredictedRun:
+    """Expected numbers, and whether the run is worth starting; ``message`` says why."""
+
+    figures: tuple[Expectation, ...]
+    good: bool
+    message: str
+
+
+def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
+    """Step the motors known so far (equation 17): speed, turn, and how long each step lasts."""
+    known = [parameters.identified_of(side) for side in SIDES]
+    K_m, T_m = max(item.K_m for item in known), max(item.T_m for item in known)
+    lengths = [_step_length(plan, K_m * u, T_m) for u in plan.voltages()]
+    program = plan.program()
+    speed = K_m * plan.u_high * -np.expm1(-lengths[-1] / T_m)
+    turn = max(abs(step.theta_start) for step in program.steps)
+    u_max = min(parameters.motor_of(side).u_max for side in SIDES)
+    figures = (
+        Expectation("omega_max", "Fastest speed", float(speed), "rad/s"),
+        Expectation("theta_max", "Largest turn, slack side", turn, "rad"),
+        Expectation("u_peak_V", f"Largest step, of {u_max:g} V", plan.u_high, "V"),
+        Expectation("step_min_s", "Shortest step", min(lengths), "s"),
+    )
+    problem = ""
+    if plan.u_high >= u_max:
+        problem = f"steps to {plan.u_high:g} V saturate at {u_max:g} V: lower u_high"
+    elif min(lengths) < LAGS_NEEDED * T_m:
+        problem = (
+            f"the step to {plan.u_high:g} V ends after {min(lengths):.2f} s, before its speed is steady "
+            f"({LAGS_NEEDED:g} T_m = {LAGS_NEEDED * T_m:.2f} s): lower u_high, or raise travel_rad and step_s"
+        )
+    message = f"both motors will reach {speed:.4g} rad/s with slack tendons, turning by {plan.travel_rad:g} rad a step"
+    return PredictedRun(figures, not problem, problem or message)
+
+
+def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
+    """Wind the springs known so far: elongation, stiffness on the way, and what the load cells' delay will show."""
+    springs = [parameters.identified_spring(side) for side in SIDES]
+    low = [elongation(spring, plan.F_low) for spring in springs]
+    high = [elongation(spring, plan.F_high) for spring in springs]
+    r_m = parameters.geometry.r_m
+    S = stiffness(decoupler_for(parameters), *(x / r_m for x in high))
+    rate = (plan.F_high - plan.F_low) / plan.sweep_s
+    F_max = parameters.safety.F_max
+    figures = (
+        Expectation("x_min", "Smallest elongation", min(low), "m"),
+        Expectation("x_max", "Largest elongation", max(high), "m"),
+        Expectation("S_max", "Largest stiffness", S, "N·m/rad"),
+        Expectation("F_rate", "Mean rate of tension", rate, "N/s"),
+    )
+    problem = ""
+    if plan.F_high > F_max - _TRIP_MARGIN_N:
+        problem = f"F_high = {plan.F_high:g} N is within {_TRIP_MARGIN_N:g} N of the trip at {F_max:g} N: lower it"
+    message = f"both tendons will go from {plan.F_low:g} to {plan.F_high:g} N and back, {plan.cycles} times"
+    return PredictedRun(figures, not problem, problem or message)
+
+
+def _step_length(plan: MotorIdentificationPlan, speed: float, T_m: float) -> float:
+    """Time [s] in which a motor of steady ``speed`` [rad/s] turns by the plan's travel, at most ``step_s``."""
+    from scipy.optimize import brentq
+
+    def left(t: float) -> float:
+        return float(turn_from_rest(t, speed, T_m)) - plan.travel_rad
+
+    return plan.step_s if left(plan.step_s) <= 0.0 else float(brentq(left, 0.0, plan.step_s))

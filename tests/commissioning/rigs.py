@@ -1,0 +1,86 @@
+"""A rig at a virtual card that is wired otherwise than its wiring says, and a person who confirms everything."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from typing import Any
+
+from backend.banks.builder import tuning_command
+from backend.commissioning.session import perform, values_of
+from backend.commissioning.steps import Finding, StepId, Work
+from backend.experiments.plans import LoopSettings
+from backend.realtime.commands import SwitchDrives
+from backend.realtime.headless import Headless
+from backend.realtime.program import MODES, Mode
+from backend.sample import INDEX
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from plant.virtual_daq import VirtualRig
+from plant.wiring import Wiring, load_wiring
+
+PARAMETERS = load_parameters("lab")
+WIRING = load_wiring("pcie-6323")
+
+
+def with_entries(wiring: Wiring = WIRING, **entries: dict[str, Any]) -> Wiring:
+    """Return a wiring with other entries: encoder_A={"direction": -1.0}."""
+    parts = {section: replace(getattr(wiring, section), **changed) for section, changed in entries.items()}
+    return replace(wiring, **parts)
+
+
+class BroughtUpRig:
+    """``declared`` is the wiring file, ``true`` how the card is wired.
+
+    ``meanwhile`` does something more before what a step asks for is confirmed, ``in_phase`` when it tells
+    how far it is.
+    """
+
+    def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:
+        self.simulator = Simulator(PARAMETERS, 0)
+        self.rig = VirtualRig(declared, self.simulator, None, true, load_cells_measured=True)
+        self.loop = Headless(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
+        self.declared = declared
+        self.asked: list[str] = []
+        self.meanwhile: Callable[[str], Awaitable[None]] | None = None
+        self.in_phase: Callable[[str], None] = lambda _phase: None
+        self.most_volts = 0.0
+        self.joint_moved = 0.0
+
+    @property
+    def mode(self) -> Mode:
+        """Mode of the newest sample."""
+        newest = self.loop.ring.newest()
+        assert newest is not None
+        return MODES[int(newest[INDEX["mode"]])]
+
+    async def _confirmed(self, words: str) -> None:
+        self.asked.append(words)
+        if self.meanwhile is not None:
+            await self.meanwhile(words)
+
+    async def do(self, step: StepId, cells: str = "AB", **values: float) -> Finding:
+        """Play one step; ``cells`` are those to calibrate."""
+        work = Work(
+            self.loop,
+            self.declared,
+            PARAMETERS,
+            values_of(step, values),
+            computed=True,
+            confirmed=self._confirmed,
+            switch=lambda on: self.loop.send(SwitchDrives(on)),
+            phase=self.in_phase,
+            cells=cells,
+        )
+        return await perform(step, work)
+
+
+def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[Finding]:
+    """Play steps in turn, as fast as they go, and let go of the rig."""
+
+    async def all_of_them() -> list[Finding]:
+        return [await rig.do(step, "AB", **(values if step is StepId.CALIBRATE else {})) for step in steps]
+
+    try:
+        return asyncio.run(all_of_them())
+    finally:
+        rig.loop.close()

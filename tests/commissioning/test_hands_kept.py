@@ -1,0 +1,93 @@
+"""That hands may be at the rig is kept for the next start of the service, for each rig by itself."""
+
+import asyncio
+from contextlib import closing, suppress
+from pathlib import Path
+
+import pytest
+
+from backend.commissioning.session import KeptHands, switch_drives
+from backend.realtime.commands import Accepted, Command, Refused
+from backend.realtime.gains import tuning_for
+from backend.realtime.ipc import Setup
+from backend.realtime.program import SetTuning
+from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.storage.database import open_database
+from backend.tuning.gains import Lambdas
+from plant.interface import SIMULATOR, PlantChoice, PlantKind
+from plant.parameters import load_parameters
+
+RIG, VIRTUAL = PlantChoice(PlantKind.RIG), PlantChoice(PlantKind.VIRTUAL_CARD)
+
+
+@pytest.fixture(scope="module")
+def tuning() -> SetTuning:
+    return tuning_for(load_parameters("ideal"), Lambdas())
+
+
+def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobody_is(tmp_path: Path) -> None:
+    def left(plant: PlantChoice) -> str:
+        with closing(open_database(tmp_path)) as database:
+            kept = KeptHands(database, plant).left
+            return "" if kept is None else kept.who
+
+    def said(plant: PlantChoice, there: bool, who: str) -> None:
+        with closing(open_database(tmp_path)) as database:
+            kept = KeptHands(database, plant)
+            asyncio.run(kept.put(there, who))
+            assert (kept.left, kept.problem) == (None, "")  # it was in this run of the service, and the page shows it
+
+    assert left(RIG) == ""
+    said(RIG, True, "Ada")
+    assert left(RIG) == "Ada"
+    assert left(VIRTUAL) == left(SIMULATOR) == ""
+    said(VIRTUAL, True, "Bob")
+    said(VIRTUAL, False, "Bob")  # to practise says nothing of the rig
+    assert left(RIG) == "Ada"
+    said(RIG, False, "Cleo")
+    assert left(RIG) == ""
+
+
+def test_what_cannot_be_kept_is_told(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    kept = KeptHands(database, RIG)
+    for file in tmp_path.iterdir():
+        file.unlink()
+    tmp_path.rmdir()
+    database.close()
+    asyncio.run(kept.put(True, "Ada"))
+    assert "could not be kept for the next start" in kept.problem
+
+
+class NeverAnswers(Supervisor):
+    """A loop that is sent a command and says nothing: whoever waits for it may be gone before it does."""
+
+    async def send(self, command: Command) -> Accepted | Refused:
+        return await asyncio.Future()
+
+
+def test_hands_are_kept_also_where_nobody_waits_for_the_loops_answer(tmp_path: Path, tuning: SetTuning) -> None:
+    async def given_up(on: bool) -> None:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(switch_drives(supervisor, KeptHands(database, RIG), on, "Ada"), 0.05)
+
+    with closing(open_database(tmp_path)) as database:
+        supervisor = NeverAnswers(Setup(RIG, "ideal", 0, tuning))
+        asyncio.run(given_up(False))
+        assert KeptHands(database, RIG).left is not None
+        asyncio.run(given_up(True))  # not known whether they came on: hands may be there
+        assert KeptHands(database, RIG).left is not None
+        supervisor.ring.close()
+
+
+def test_without_a_loop_the_drives_can_be_switched_off_and_not_on(tmp_path: Path, tuning: SetTuning) -> None:
+    """They are off already; what starts next starts so."""
+    with closing(open_database(tmp_path)) as database:
+        supervisor, kept = Supervisor(Setup(RIG, "ideal", 0, tuning)), KeptHands(database, RIG)
+        asyncio.run(switch_drives(supervisor, kept, False, "Ada"))
+        assert supervisor.setup.drives_off
+        assert KeptHands(database, RIG).left is not None
+        with pytest.raises(LoopDiedError):
+            asyncio.run(switch_drives(supervisor, kept, True, "Ada"))
+        assert KeptHands(database, RIG).left is not None
+        supervisor.ring.close()
