@@ -9,12 +9,6 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from backend.access.authentication import PART as TOKENS
-from backend.access.authentication import Authentication
-from backend.access.control import PART as CONTROL
-from backend.access.control import Control
-from backend.access.hand_over import PART as HAND_OVER
-from backend.access.hand_over import HandOver
 from backend.analysis.evaluation import evaluate
 from backend.api.auth import signed_in
 from backend.api.service import Service
@@ -35,11 +29,16 @@ from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
 from backend.archive.timeline import StoredTimeline
+from backend.auth.authentication import PART as TOKENS
+from backend.auth.authentication import Authentication
+from backend.auth.control_lease import PART as CONTROL
+from backend.auth.control_lease import Control
+from backend.auth.handover import PART as HAND_OVER
+from backend.auth.handover import HandOver
 from backend.data_folder import PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
 from backend.execution.runner import Station
 from backend.faults import Fault
-from backend.messages.live import EventMessage, MarkKind, StateMessage
 from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
@@ -66,9 +65,10 @@ from backend.recording.recorder import Recorder
 from backend.recording.retention import Rule
 from backend.recording.trigger import PART as TRIGGER
 from backend.recording.trigger import Heard, Trigger
-from backend.scene.mirror import PART as SCENE
-from backend.scene.mirror import SceneMirror
+from backend.scene.model import PART as SCENE
+from backend.scene.model import SceneMirror
 from backend.scene.proxy import router as scene_router
+from backend.schemas.state import EventMessage, MarkKind, StateMessage
 from backend.settings import Settings
 from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision

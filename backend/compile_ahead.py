@@ -9,7 +9,7 @@ from backend.cli import serve
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.tuning_in_use import by_default
 from backend.realtime import heartbeat
-from backend.web_server import server
+from backend.server import server
 from plant.parameters import load_parameters
 
 PARAMETERS = "lab"

@@ -14,14 +14,13 @@ from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, supp
 from typing import TYPE_CHECKING
 
 from backend import logs, workers
-from backend.access.tokens import TokenFiles, Tokens
+from backend.auth.sessions import TokenFiles, Tokens
 from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
-from backend.ending import Ending, address_on
 from backend.realtime.supervisor import launch
+from backend.server.connections import raise_limit
+from backend.server.server import Ending, address_on, listening_on
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
-from backend.web_server.listening import listening_on
-from backend.web_server.places import raise_limit
 from backend.workers import refuse_forks
 
 if TYPE_CHECKING:
@@ -77,13 +76,12 @@ async def _serve(
         starting = asyncio.create_task(foundation.supervisor.start(), name="start of the loop")
         parts.push_async_callback(_abandon, starting, foundation.supervisor)
         await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
-        from backend.access.authentication import Authentication
-        from backend.access.sessions import Sessions
         from backend.api.app import create_app
         from backend.assembly import assemble
+        from backend.auth.authentication import Authentication
+        from backend.auth.sessions import Sessions
+        from backend.server.server import Server, put_routes_together
         from backend.storage.events import EventKind
-        from backend.web_server.first_request import put_routes_together
-        from backend.web_server.server import Server
 
         authentication = Authentication(files, Sessions(settings.data))
         # All who listen to the loop are there before the event loop gets to hear from it.

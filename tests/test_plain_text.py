@@ -12,10 +12,6 @@ from backend.errors import RefusalError
 from backend.experiments import parser
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import read_strict
-from backend.messages.bank import BankFile, BankRequest
-from backend.messages.identification import SpringTableRequest
-from backend.messages.layouts import ChartLayout
-from backend.messages.session import NameRequest, SignIn
 from backend.plain_text import (
     STORED,
     PlainTextError,
@@ -30,9 +26,13 @@ from backend.plain_text import (
     require_plain,
     require_plain_texts,
 )
+from backend.schemas.identification import SpringTableRequest
+from backend.schemas.preferences import ChartLayout
+from backend.schemas.state import NameRequest, SignIn
+from backend.schemas.tuning import BankFile, BankRequest
+from backend.server.security import require_writable
 from backend.storage.identifications import UnfitDocumentError, require_lines
 from backend.studies.design import STUDY
-from backend.web_server.bodies import require_writable
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]
 REFUSED = ("\0", "\x07", "\x08", "\x0b", "\x0c", "\x1b", "\x7f", "\x85", "\x9b", "\ud800", "\udfff", "\ude00\ud83d")

@@ -7,18 +7,21 @@ from contextlib import ExitStack
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from backend.access.people import Person
 from backend.api.auth import signed_in
 from backend.api.errors import answer_to
 from backend.api.service import Service
+from backend.auth.authentication import Person
 from backend.errors import Because, RefusalError
-from backend.web_server.bodies import has_body, once_more, read_whole, require_writable
-from backend.web_server.cookies import authentication_of, shown_by
-from backend.web_server.guard import most_bytes
-from backend.web_server.places import Place, Places
-from backend.web_server.protocols import ALL_PLACES, PLACE
-from backend.web_server.reading import LONGEST_WAIT_S, Arrivals
-from backend.web_server.request_turns import PASSES_BY
+from backend.server.connections import ALL_PLACES, LONGEST_WAIT_S, PASSES_BY, PLACE, Arrivals, Place, Places
+from backend.server.security import (
+    authentication_of,
+    has_body,
+    most_bytes,
+    once_more,
+    read_whole,
+    require_writable,
+    shown_by,
+)
 
 OPEN = {"/api/session", "/api/health", "/api/page-address"}
 """What may be asked, and sent a body, by somebody who is not signed in."""

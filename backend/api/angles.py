@@ -7,9 +7,9 @@ from fastapi import Depends, Query, Request
 from starlette.requests import HTTPConnection
 
 from backend.api.service import service_of
+from backend.server.security import authentication_of, shown_by
 from backend.storage.orm import StorageError
 from backend.units import Angles
-from backend.web_server.cookies import authentication_of, shown_by
 
 PATIENCE_S = 1.0
 """No refusal waits longer for a preference: a database that does not answer must not keep anybody from reading it."""

@@ -38,9 +38,8 @@ from backend.api.routes import (
     tuning,
 )
 from backend.public_url import PublicUrl
-from backend.web_server.guard import Guard
-from backend.web_server.request_turns import RequestTurns
-from backend.web_server.session_ends import SessionEnds
+from backend.server.connections import RequestTurns
+from backend.server.security import Guard, SessionEnds
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "

@@ -6,10 +6,10 @@ from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.requests import HTTPConnection
 
-from backend.access.people import BEARER, OPEN, Person
+from backend.auth.authentication import BEARER, OPEN, Person
 from backend.errors import Because, RefusalError
-from backend.messages.session import Role
-from backend.web_server.cookies import COOKIE, authentication_of, shown_by
+from backend.schemas.state import Role
+from backend.server.security import COOKIE, authentication_of, shown_by
 
 __all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "may_stop", "signed_in"]
 

@@ -19,9 +19,6 @@ from backend.execution.runner import NotReadyError
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import ExportError
 from backend.identification.records import DataFileError, IdentificationError
-from backend.messages.base import Problem, Refusal
-from backend.messages.malformed import problem_of_form
-from backend.messages.problems import plain, printable, problem_of, problem_of_experiment, problem_of_setting
 from backend.models.document import UnreadableDocumentError
 from backend.models.settings import SettingError
 from backend.realtime.ipc import ChannelError
@@ -29,12 +26,22 @@ from backend.realtime.program import LEGAL
 from backend.realtime.supervisor import LoopDiedError
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
+from backend.schemas.base import (
+    Problem,
+    Refusal,
+    plain,
+    printable,
+    problem_of,
+    problem_of_experiment,
+    problem_of_form,
+    problem_of_setting,
+)
+from backend.server.deployment import no_such_page
+from backend.server.security import message_page, wants_page
 from backend.storage.database import BackupError
 from backend.storage.orm import StorageError, UnknownRecordError
 from backend.tuning.gains import TuningError
 from backend.units import Angles, in_words
-from backend.web_server.deployment import no_such_page
-from backend.web_server.message_page import message_page, wants_page
 from backend.workers import WorkerDiedError, WorkLimitError
 
 _log = logging.getLogger(__name__)

@@ -12,9 +12,9 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from backend.api.app import create_app
-from backend.glossary.typescript import glossary_typescript
-from backend.messages.live import LiveMessage, Ping
-from backend.messages.typescript import sample_typescript
+from backend.glossary.glossary import glossary_typescript
+from backend.schemas.state import LiveMessage, Ping
+from backend.schemas.typescript import sample_typescript
 
 
 def openapi() -> dict[str, Any]:

@@ -8,8 +8,8 @@ from contextlib import suppress
 from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from backend.messages.live import Ping, Pong
 from backend.operating.live_stream import Client, LiveStream
+from backend.schemas.state import Ping, Pong
 
 PATIENCE_S = 20.0
 SILENT_S = 75.0

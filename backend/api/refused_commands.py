@@ -5,7 +5,7 @@ import json
 from starlette.requests import HTTPConnection
 
 from backend.api.service import service_of
-from backend.messages.base import UNITS
+from backend.schemas.base import UNITS
 from backend.units import in_digits
 
 _MOST_VALUES = 6

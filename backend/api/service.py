@@ -7,9 +7,6 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Request
 from starlette.requests import HTTPConnection
 
-from backend.access.control import HEADER, Control, read_stamp
-from backend.access.hand_over import HandOver
-from backend.access.people import Person
 from backend.api.auth import Operator
 from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
@@ -26,6 +23,9 @@ from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
 from backend.archive.timeline import StoredTimeline
+from backend.auth.authentication import Person
+from backend.auth.control_lease import HEADER, Control, read_stamp
+from backend.auth.handover import HandOver
 from backend.operating.actuator import Actuator
 from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
@@ -39,8 +39,8 @@ from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.text_work import TextWork
 from backend.operating.triggers import Triggers
 from backend.operating.work_places import WorkPlaces
+from backend.server.security import SHEETS
 from backend.storage.database import Database
-from backend.web_server.guard import SHEETS
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from backend.archive.history import marks_of
-from backend.messages.comparison import AlignBy, ComparisonAsked
 from backend.recording.reader import nth_jump
+from backend.schemas.comparison import AlignBy, ComparisonAsked
 from backend.storage import recordings, runs
 from backend.storage.database import Session
 from backend.storage.orm import UnknownRecordError

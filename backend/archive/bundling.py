@@ -7,8 +7,8 @@ from backend.analysis.evaluation import catch_up
 from backend.archive.imports import look_over
 from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
+from backend.reports.model import load_source
 from backend.reports.rendering import render
-from backend.reports.source import load_source
 from backend.storage import results, runs
 from backend.storage.database import Database
 from backend.storage.runs import EndState, RunKind

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from backend.banks.tuning_settings import SAVED, saved_for
-from backend.messages.history import ChecklistState, ChecklistStep
 from backend.models.document import UnreadableDocumentError
+from backend.schemas.run import ChecklistState, ChecklistStep
 from backend.storage import banks, identifications, origins, results, runs, settings
 from backend.storage.banks import Bank, name_of_entry
 from backend.storage.database import Session

@@ -7,7 +7,11 @@ from typing import Any
 
 from backend.archive.alignment import Aligned, aligned
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.comparison import (
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import Figure
+from backend.reports.evidence import set_to
+from backend.reports.provenance import verdict_of
+from backend.schemas.comparison import (
     ComparedMetric,
     ComparedRun,
     ComparedSetting,
@@ -15,11 +19,7 @@ from backend.messages.comparison import (
     ComparisonAsked,
     RunComparison,
 )
-from backend.messages.run_search import MetricHistory, MetricName, MetricPoint
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import Figure
-from backend.reports.set_to import set_to
-from backend.reports.verdict import verdict_of
+from backend.schemas.run import MetricHistory, MetricName, MetricPoint
 from backend.storage import banks, results, runs, search
 from backend.storage.database import Session
 from backend.storage.results import Result

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from backend import __version__
 from backend.archive.comparison import compare
 from backend.archive.differences import beside
-from backend.messages.comparison import AlignBy, ComparisonAsked, DifferencesAsked, RunComparison
 from backend.plain_text import as_cell, as_comment
 from backend.sample import FIELDS
+from backend.schemas.comparison import AlignBy, ComparisonAsked, DifferencesAsked, RunComparison
 from backend.storage.database import Database
 
 _ROWS = 20_000

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from backend.archive.alignment import aligned
 from backend.archive.comparison import chosen_runs
-from backend.messages.comparison import Differences, DifferencesAsked, RunDifference
 from backend.recording.derived_signals import following
 from backend.recording.reader import read_samples
 from backend.sample import UNIT_OF
+from backend.schemas.comparison import Differences, DifferencesAsked, RunDifference
 from backend.storage import recordings
 from backend.storage.database import Database, Session
 from backend.storage.orm import UnknownRecordError

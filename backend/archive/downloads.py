@@ -15,12 +15,12 @@ from backend.archive.differences import differences, samples_of
 from backend.errors import Because, RefusalError
 from backend.exports.base import of_columns, of_run
 from backend.exports.formats import DataFormat, pieces
-from backend.messages.comparison import Differences, DifferencesAsked
 from backend.recording.flight import flight_columns
 from backend.recording.reader import AT_HAND_SAMPLES
+from backend.reports.model import Source, load_source
 from backend.reports.rendering import render, render_series
-from backend.reports.series_source import load_series
-from backend.reports.source import Source, load_source
+from backend.reports.series import load_series
+from backend.schemas.comparison import Differences, DifferencesAsked
 from backend.storage import results
 from backend.storage.database import Database
 from backend.storage.runs import EndState, RunKind
@@ -33,7 +33,7 @@ AT_ONCE = 6
 """Downloads of samples under way at a time, each with a process of its own."""
 
 _LOG = logging.getLogger(__name__)
-_REPORTS = "backend.reports.build", "backend.reports.html", "backend.reports.pdf"
+_REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.model"
 
 
 class Downloads:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from backend.analysis.evaluation import evaluate_again, require_evaluable
 from backend.errors import Because, RefusalError
-from backend.messages.state import TaskView
+from backend.schemas.state import TaskView
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import Run

@@ -12,16 +12,6 @@ from numpy.typing import NDArray
 
 from backend import __version__
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.figures import (
-    Moment,
-    RecordedSpectra,
-    RecordedStatistics,
-    RecordedValues,
-    SignalSpectrum,
-    SignalStatistics,
-    SpectraLine,
-    StatisticsLine,
-)
 from backend.plain_text import as_cell, as_comment
 from backend.recording.derived_signals import Following, told_of
 from backend.recording.ranges import (
@@ -38,6 +28,16 @@ from backend.recording.ranges import (
 )
 from backend.recording.reader import AT_HAND_SAMPLES, read_samples
 from backend.sample import COMBINED_BY_NAME, FIELDS, Field
+from backend.schemas.run import (
+    Moment,
+    RecordedSpectra,
+    RecordedStatistics,
+    RecordedValues,
+    SignalSpectrum,
+    SignalStatistics,
+    SpectraLine,
+    StatisticsLine,
+)
 from backend.storage import recordings
 from backend.storage.database import Database
 from backend.workers import piped

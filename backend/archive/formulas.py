@@ -5,8 +5,8 @@ from dataclasses import asdict
 
 from backend.errors import Because, RefusalError
 from backend.experiments.parser import ExpressionError, derived_of
-from backend.messages.formula import FormulaList, FormulaText, FormulaView, StepView
 from backend.recording.derived_signals import derived_from
+from backend.schemas.state import FormulaList, FormulaText, FormulaView, StepView
 from backend.storage import formulas
 from backend.storage.database import Database
 from backend.storage.formulas import Formula

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from backend.archive import checklist
 from backend.archive.lineage import READ_AT_ONCE_BYTES, LineageGraph, SampleDigests
-from backend.messages.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
+from backend.schemas.run import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
 from backend.storage import banks, events, identifications, recordings, runs
 from backend.storage.banks import Bank, name_of_entry
 from backend.storage.database import Database, Session

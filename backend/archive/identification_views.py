@@ -3,8 +3,11 @@
 from dataclasses import asdict
 
 from backend.archive.views import message_of
-from backend.messages.experiment import SettingValue
-from backend.messages.identification import (
+from backend.models.document import UnreadableDocumentError
+from backend.models.identification import ChannelName, Fitted, Pair, TableReading, grade_of
+from backend.plain_text import as_line
+from backend.schemas.experiment import SettingValue
+from backend.schemas.identification import (
     ColumnNotRead,
     IdentificationView,
     ModelView,
@@ -15,9 +18,6 @@ from backend.messages.identification import (
     SpringTableView,
     SpringView,
 )
-from backend.models.document import UnreadableDocumentError
-from backend.models.identification import ChannelName, Fitted, Pair, TableReading, grade_of
-from backend.plain_text import as_line
 from backend.storage.identifications import Identification
 from backend.storage.runs import Run
 from plant.parameters import SIDES

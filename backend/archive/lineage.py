@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from backend.archive.checklist import replaces
-from backend.messages.history import LineageKind, LineageNode
 from backend.models.document import UnreadableDocumentError, digest_of
 from backend.recording.codec import CodecError, digest_of_recording
+from backend.schemas.run import LineageKind, LineageNode
 from backend.storage import banks, commissioning, identifications, origins, recordings, runs
 from backend.storage.banks import Bank, name_of_entry
 from backend.storage.database import Session

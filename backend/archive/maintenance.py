@@ -11,9 +11,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from backend import __version__
-from backend.messages.system import BackupView, DatabaseCheck, DatabaseView, GrantedView, LatenessClass, SystemView
 from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import LATENESS_EDGES_S, lateness_histogram
+from backend.schemas.state import BackupView, DatabaseCheck, DatabaseView, GrantedView, LatenessClass, SystemView
 from backend.storage import events
 from backend.storage.database import Database, backup, check, next_copy, revision
 from backend.storage.events import EventKind

@@ -13,17 +13,17 @@ from backend.experiments.library import Entry, entry_of, experiments
 from backend.experiments.library import experiment as ready
 from backend.experiments.parser import ExperimentError, line_of
 from backend.experiments.plans import ComposedPlan, LoopSettings, Plan, split_values
-from backend.messages.experiment import DryRunView
-from backend.messages.own_experiment import (
+from backend.models.run import with_motion
+from backend.models.settings import SettingError
+from backend.plain_text import as_folded
+from backend.schemas.experiment import (
     CheckedExperiment,
+    DryRunView,
     OwnExperiment,
     PartPlayed,
     RecordedExperiment,
     WrittenExperiment,
 )
-from backend.models.run import with_motion
-from backend.models.settings import SettingError
-from backend.plain_text import as_folded
 from backend.storage import experiments as stored
 from backend.storage.database import Database
 from backend.storage.experiments import StoredExperiment

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from backend.experiments.forecast import timetable
 from backend.experiments.library import stored_plan
 from backend.experiments.plans import IdentificationPlan, profile
-from backend.messages.history import Planned, PlannedLine, PlannedPart
 from backend.models.document import UnreadableDocumentError
 from backend.recording.reader import read_samples
 from backend.sample import FIELDS
+from backend.schemas.run import Planned, PlannedLine, PlannedPart
 from backend.storage import runs
 from backend.storage.database import Database, Session
 from backend.storage.orm import UnknownRecordError

@@ -10,9 +10,8 @@ from backend.archive.history import marks_of
 from backend.exports import writers
 from backend.exports.base import Facts, ImportRefusedError
 from backend.faults import EXPLAINED, FAULTS
-from backend.messages.history import RunMark
-from backend.messages.player import PlayedRecording
 from backend.realtime.program import MODES
+from backend.schemas.run import PlayedRecording, RunMark
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.events import EventKind

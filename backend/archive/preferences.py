@@ -2,11 +2,10 @@
 
 import asyncio
 
-from backend.access.people import Person
-from backend.messages.layouts import look_over
-from backend.messages.preferences import NEW_HERE, Preferences
-from backend.messages.session import Role
+from backend.auth.authentication import Person
 from backend.plain_text import STORED
+from backend.schemas.preferences import NEW_HERE, Preferences, look_over
+from backend.schemas.state import Role
 from backend.storage import formulas, settings
 from backend.storage.database import Database
 from backend.storage.settings import StoredSetting

@@ -11,12 +11,12 @@ from backend.banks.tuning_settings import changes_told
 from backend.experiments.library import LEAST, Change, Column, Followed, commanded, followed, stored_plan
 from backend.experiments.plans import LAWS, ComposedPlan
 from backend.experiments.schema import FORMAT
-from backend.messages.history import RunMark
-from backend.messages.own_experiment import RecordedExperiment
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import LAMBDA, KeptLoop, KeptWall
 from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law, Mode
 from backend.recording.reader import read_samples
+from backend.schemas.experiment import RecordedExperiment
+from backend.schemas.run import RunMark
 from backend.storage import banks, runs
 from backend.storage.database import Database, Session
 from backend.storage.events import EventKind

@@ -2,8 +2,8 @@
 
 import asyncio
 
-from backend.messages.system import HeldView, RecordingsView
 from backend.recording.retention import Overview, Rule, overview, remove
+from backend.schemas.state import HeldView, RecordingsView
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
 from backend.supervision import Part

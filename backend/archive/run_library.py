@@ -5,16 +5,9 @@ from collections.abc import Sequence
 
 from backend.archive import comparison
 from backend.errors import Because, RefusalError
-from backend.messages.comparison import ComparisonAsked, RunComparison
-from backend.messages.run_search import (
-    SEARCH_NAME_MAX,
-    MetricHistory,
-    SavedSearch,
-    SavedSearchList,
-    SearchWords,
-    TagList,
-)
 from backend.plain_text import PlainTextError, require_line
+from backend.schemas.comparison import ComparisonAsked, RunComparison
+from backend.schemas.run import SEARCH_NAME_MAX, MetricHistory, SavedSearch, SavedSearchList, SearchWords, TagList
 from backend.storage import search, settings, tags
 from backend.storage.database import Database
 from backend.storage.orm import UnknownRecordError, require_distinct

@@ -8,7 +8,8 @@ from typing import Protocol
 from backend.archive import views
 from backend.banks import builder
 from backend.banks.builder import MODEL_NAMES, difference, figures_of_all, with_entries
-from backend.messages.bank import (
+from backend.models.document import UnreadableDocumentError
+from backend.schemas.tuning import (
     BankDetail,
     BankDifference,
     BankEntryDetail,
@@ -19,7 +20,6 @@ from backend.messages.bank import (
     EntryFigures,
     EntryLineage,
 )
-from backend.models.document import UnreadableDocumentError
 from backend.storage import banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry, fits_of, method_of
 from backend.storage.database import Database, Session

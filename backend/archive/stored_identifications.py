@@ -7,10 +7,8 @@ from collections.abc import Callable
 from backend.analysis.identification import curves_of, trend_of, unseen_of
 from backend.archive import identification_views
 from backend.archive.stored_banks import TuningInForce
-from backend.messages.compared_models import Trend, UnseenView
-from backend.messages.curves import IdentificationCurves
-from backend.messages.identification import IdentificationView, SpringTableView
 from backend.models.document import UnreadableDocumentError
+from backend.schemas.identification import IdentificationCurves, IdentificationView, SpringTableView, Trend, UnseenView
 from backend.storage import identifications, results, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification

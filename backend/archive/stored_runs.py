@@ -8,12 +8,11 @@ from functools import partial
 from backend import wire
 from backend.archive import views
 from backend.errors import Because, RefusalError
-from backend.messages.experiment import ExperimentView
-from backend.messages.flight import FlightList
-from backend.messages.run import Evaluation, RunList, RunView, SamplesView
-from backend.messages.state import TaskView
 from backend.recording.reader import AT_HAND_SAMPLES, SampleEnvelope, read_envelope
 from backend.sample import STORED_NAMES
+from backend.schemas.experiment import ExperimentView
+from backend.schemas.run import Evaluation, FlightList, RunList, RunView, SamplesView
+from backend.schemas.state import TaskView
 from backend.storage import flights, identifications, origins, recordings, results, runs, tags
 from backend.storage import search as run_search
 from backend.storage.database import Database, Session

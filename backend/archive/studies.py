@@ -9,7 +9,10 @@ from backend.errors import RefusedValueError
 from backend.execution.runner import banks_in
 from backend.experiments import parser
 from backend.experiments.plans import LoopSettings
-from backend.messages.study import (
+from backend.models.run import Value
+from backend.models.settings import describe
+from backend.plain_text import as_line
+from backend.schemas.experiment import (
     CheckedStudy,
     StudyAxis,
     StudyDetail,
@@ -19,9 +22,6 @@ from backend.messages.study import (
     StudyShare,
     StudyView,
 )
-from backend.models.run import Value
-from backend.models.settings import describe
-from backend.plain_text import as_line
 from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.studies import StoredPoint, StoredStudy

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 
-from backend.messages.timeline import Remark, Timeline, TimelineEntry
+from backend.schemas.run import Remark, Timeline, TimelineEntry
 from backend.storage import timeline
 from backend.storage.database import Database
 from backend.storage.timeline import Asked, Happening

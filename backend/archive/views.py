@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from backend.analysis.evaluation import used_settings
 from backend.banks.builder import MODEL_NAMES, point_of
-from backend.messages.bank import BankEntryView, BankView
-from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
-from backend.messages.flight import FlightView
-from backend.messages.run import Envelope, Evaluation, Headline, RunView, SamplesView, UsedSetting
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import Criterion as Judged
 from backend.models.run import headline_of, outcome_of
 from backend.recording import reader
-from backend.reports.verdict import verdict_of
+from backend.reports.provenance import verdict_of
+from backend.schemas.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
+from backend.schemas.run import Envelope, Evaluation, FlightView, Headline, RunView, SamplesView, UsedSetting
+from backend.schemas.tuning import BankEntryView, BankView
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result

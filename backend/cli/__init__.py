@@ -87,8 +87,8 @@ def main() -> None:
 
 def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
-    from backend.access.tokens import TokenError
     from backend.analysis.evaluation import NotEvaluableError
+    from backend.auth.sessions import TokenError
     from backend.banks.builder import BankError
     from backend.data_folder import AlreadyRunningError, DataFolderError
     from backend.errors import OutOfRangeError, RefusalError
@@ -97,12 +97,12 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.models.settings import SettingError
     from backend.realtime.supervisor import LoopDiedError
     from backend.recording.recorder import RecordingError
+    from backend.server.server import CannotListenError
     from backend.settings import UnusableSettingError
     from backend.storage.database import BackupError, SchemaError
     from backend.storage.orm import StorageError, UnknownRecordError
     from backend.studies.crew import CrewGoneError
     from backend.tuning.gains import TuningError
-    from backend.web_server.listening import CannotListenError
     from plant.interface import PlantError
     from plant.parameters import ParameterError
 

@@ -11,7 +11,7 @@ from backend.cli.output import fail
 from backend.cli.place import DataFolder, settings_with
 
 if TYPE_CHECKING:
-    from backend.foxglove.relay import Source
+    from backend.foxglove.bridge import Source
 
 PORT = 8765
 """Where Foxglove looks first."""
@@ -24,12 +24,11 @@ def foxglove(
     ] = PORT,
 ) -> None:
     """Show the live stream of the running service in Foxglove or Lichtblick, until interrupted."""
-    from backend.access.tokens import load_tokens
+    from backend.auth.sessions import load_tokens
     from backend.data_folder import address_of_service
 
     try:
-        from backend.foxglove.publisher import OtherVersionError
-        from backend.foxglove.relay import Source, relay
+        from backend.foxglove.bridge import OtherVersionError, Source, relay
     except ModuleNotFoundError as error:
         if error.name != "foxglove":
             raise

@@ -36,7 +36,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.execution.runner import Order
     from backend.experiments.plans import IdentificationPlan
-    from backend.reports.source import Source
+    from backend.reports.model import Source
 
 app = typer.Typer(
     help="Identify models from experiments on the simulator or from files.", no_args_is_help=True, rich_markup_mode=None

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from backend.experiments.plans import LoopSettings
     from backend.models.settings import Setting
     from backend.operating.kept_figures import KeptFigures
-    from backend.reports.source import Source
+    from backend.reports.model import Source
     from plant.parameters import PlantParameters
 
 _Plan = TypeVar("_Plan")
@@ -36,7 +36,7 @@ class _Played:
 
     def document(self) -> dict[str, Any]:
         """Return what a program wants to know of it."""
-        from backend.reports.files import metrics_document
+        from backend.reports.build import metrics_document
 
         return {**metrics_document(self.source), "files": [str(path) for path in self.files]}
 
@@ -176,7 +176,7 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     from backend.data_folder import playing_in
     from backend.execution.runner import run_experiment
     from backend.execution.simulation import headless_station
-    from backend.reports.source import load_source
+    from backend.reports.model import load_source
 
     with (
         database_of(settings) as database,
@@ -192,7 +192,7 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
             written: tuple[Path, ...] = ()
             if into:
-                from backend.reports.files import write_files  # draws, for which most runs need not wait
+                from backend.reports.build import write_files  # draws, for which most runs need not wait
 
                 written = write_files(database, outcome.run.id, into, angles())
             return _Played(outcome, load_source(database, outcome.run.id), written)

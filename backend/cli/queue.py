@@ -12,8 +12,8 @@ from backend.cli.running_service import RunningService, running_service
 from backend.plain_text import as_line
 
 if TYPE_CHECKING:  # schemas take a tenth of a second, which no other command shall wait for
-    from backend.messages.experiment import QueueView
-    from backend.messages.state import TaskView
+    from backend.schemas.experiment import QueueView
+    from backend.schemas.state import TaskView
 
 app = typer.Typer(
     help="Experiments that wait for their turn at the running service.", no_args_is_help=True, rich_markup_mode=None
@@ -90,7 +90,7 @@ def pause(data: DataFolder = None, as_json: AsJson = False) -> None:
 @app.command()
 def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
     """STOP the actuator, as the red button does; what runs is kept and ends as stopped, what waits goes on waiting."""
-    from backend.messages.state import StopProof
+    from backend.schemas.state import StopProof
 
     service = running_service(settings_with(data=data))
     service.ask("POST", "/stop", None, StopProof)
@@ -99,13 +99,13 @@ def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 def _queue(service: RunningService, method: str = "GET", path: str = "", body: Any = None) -> "QueueView":
     """Order something of the queue, or look at it: the answer is what waits."""
-    from backend.messages.experiment import QueueView
+    from backend.schemas.experiment import QueueView
 
     return service.ask(method, f"/experiments/queue{path}", body, QueueView)
 
 
 def _task(service: RunningService) -> "TaskView | None":
-    from backend.messages.state import State
+    from backend.schemas.state import State
 
     return service.ask("GET", "/state", None, State).task
 

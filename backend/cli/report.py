@@ -13,10 +13,9 @@ from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.recording.reader import Columns
-    from backend.reports.differences import Difference, Verified
     from backend.reports.evidence import Evidence
-    from backend.reports.signature import SignedPage
-    from backend.reports.signing_key import PublicKey
+    from backend.reports.signing import PublicKey, SignedPage
+    from backend.reports.verification import Difference, Verified
 
 app = typer.Typer(
     help="Reports: of a series, whether one holds, who signed it.", no_args_is_help=True, rich_markup_mode=None
@@ -35,7 +34,7 @@ def series(
     """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
     from backend.exports.formats import write_all
     from backend.reports.rendering import render_series
-    from backend.reports.series_source import load_series
+    from backend.reports.series import load_series
 
     kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
     unknown = next((file for file in files if file.suffix not in kinds), None)
@@ -56,7 +55,7 @@ def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = 
 
     The private half stays in the data folder. Give the line to whoever verifies your reports: it is for --key.
     """
-    from backend.reports.signing_key import SigningKeyError, load_or_make_signing_key, public_half
+    from backend.reports.signing import SigningKeyError, load_or_make_signing_key, public_half
 
     settings = settings_with(data=data, station=station)
     try:
@@ -83,8 +82,14 @@ def sign(
     where it cannot be verified; the file is then left as it is.
     """
     from backend.exports.formats import write_whole
-    from backend.reports.signature import UnsignableError, read_signature, sign_page
-    from backend.reports.signing_key import SigningKeyError, load_or_make_signing_key, public_half
+    from backend.reports.signing import (
+        SigningKeyError,
+        UnsignableError,
+        load_or_make_signing_key,
+        public_half,
+        read_signature,
+        sign_page,
+    )
 
     settings = settings_with(data=data, station=station)
     if file.suffix == ".pdf":
@@ -135,9 +140,8 @@ def verify(
     with 0 where all hold, 1 where something differs, 2 where something could not be compared: then it is not verified
     ("holds": null). A broken signature differs; with --key so does a page that this key has not signed.
     """
-    from backend.reports.differences import Verified
-    from backend.reports.signature import read_signature, with_signature
-    from backend.reports.signing_key import SigningKeyError, find_public_key
+    from backend.reports.signing import SigningKeyError, find_public_key, read_signature, with_signature
+    from backend.reports.verification import Verified
 
     settings = settings_with(data=data)
     try:
@@ -193,7 +197,7 @@ def _unverifiable() -> tuple[type[Exception], ...]:
     """Return the errors that keep a report from being compared."""
     from backend.recording.codec import CodecError
     from backend.reports.evidence import EvidenceError
-    from backend.reports.samples_file import SamplesFileError
+    from backend.reports.verification import SamplesFileError
     from backend.storage.database import SchemaError
     from backend.storage.orm import StorageError
 
@@ -202,15 +206,14 @@ def _unverifiable() -> tuple[type[Exception], ...]:
 
 def _name_of_installation(settings: Settings) -> str:
     """Return what an installation calls itself in a signature: its station, else the name of its machine."""
-    from backend.reports.signature import NAME_MAX
+    from backend.reports.signing import NAME_MAX
 
     name = settings.station or socket.gethostname()
     return "".join(letter for letter in name if letter.isprintable())[:NAME_MAX]
 
 
 def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> None:
-    from backend.reports.signature import Whose
-    from backend.reports.signing_key import own_public_key
+    from backend.reports.signing import Whose, own_public_key
 
     if signed.problem:
         return  # told among the differences
@@ -229,7 +232,7 @@ def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: 
 
 
 def _signature_document(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> dict[str, Any]:
-    from backend.reports.signing_key import own_public_key
+    from backend.reports.signing import own_public_key
 
     signature = signed.signature
     state = "broken" if signed.problem else "none" if signature is None else "valid"
@@ -265,8 +268,7 @@ def _page_of(file: Path) -> bytes:
 def _verified_here(page: str, settings: Settings) -> "Verified":
     """Compare a page with the runs that are stored here, and with nothing else. Raises EvidenceError."""
     from backend.reports.evidence import EvidenceError, SeriesEvidence, read
-    from backend.reports.series_verification import verify_series
-    from backend.reports.verification import verify
+    from backend.reports.verification import verify, verify_series
 
     evidence = read(page)
     if isinstance(evidence, SeriesEvidence):
@@ -283,7 +285,7 @@ def _verified(
     """Return what was found, where the samples are from that it was computed from, and all that was checked."""
     from backend.reports import verification
     from backend.reports.evidence import EvidenceError, SeriesEvidence, read
-    from backend.reports.series_verification import verify_series
+    from backend.reports.verification import verify_series
 
     of_pdf = file.suffix == ".pdf"
     if samples is not None:
@@ -327,8 +329,7 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Ev
     Where there is a file, a database that cannot be read is left out with the reason.
     """
     from backend.recording.codec import CodecError
-    from backend.reports.differences import Difference
-    from backend.reports.samples_file import SUFFIXES, read_samples_file
+    from backend.reports.verification import SUFFIXES, Difference, read_samples_file
     from backend.storage.database import SchemaError
     from backend.storage.orm import StorageError
 
@@ -352,7 +353,7 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Ev
 
 
 def _stored(settings: Settings, evidence: "Evidence") -> "tuple[Columns | None, int | None]":
-    from backend.reports.stored_samples import stored_samples
+    from backend.reports.verification import stored_samples
 
     if not has_database(settings):
         return None, None

@@ -11,8 +11,8 @@ from backend.units import in_words, read, reading_of
 
 if TYPE_CHECKING:
     from backend.archive.stored_runs import StoredRuns
-    from backend.messages.comparison import ComparedValue
-    from backend.messages.run import RunView
+    from backend.schemas.comparison import ComparedValue
+    from backend.schemas.run import RunView
     from backend.storage.database import Database
 
 Where = Annotated[str, typer.Option("--where", help='A search, such as "kind=tracking overshoot_q_percent < 5".')]
@@ -72,7 +72,7 @@ def compare(
 ) -> None:
     """Compare the metrics of runs, with the differences to one of them."""
     from backend.archive.run_library import RunLibrary
-    from backend.messages.comparison import ComparisonAsked
+    from backend.schemas.comparison import ComparisonAsked
 
     with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
@@ -225,7 +225,7 @@ def _stored_runs(database: "Database") -> "StoredRuns":
 
 
 def _end(run: "RunView") -> str:
-    from backend.messages.run import Evaluation
+    from backend.schemas.run import Evaluation
 
     if run.evaluation is not Evaluation.MISSING:
         return run.end_state

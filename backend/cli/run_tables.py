@@ -9,14 +9,14 @@ from backend.units import in_words, read, reading_of
 
 if TYPE_CHECKING:
     from backend.models.run import Criterion, Figure
-    from backend.reports.source import Source
+    from backend.reports.model import Source
 
 _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 
 
 def show_run(source: "Source", files: Sequence[Path] = ()) -> None:
     """Print how a run ended and what came of it, and the files that were written."""
-    from backend.reports.verdict import verdict_of
+    from backend.reports.provenance import verdict_of
 
     run, result = source.run, source.result
     end = ": ".join(filter(None, (run.end_state, run.end_detail)))
@@ -87,7 +87,7 @@ def _criteria(criteria: "Sequence[Criterion]", verdict: str) -> None:
 
 
 def _judged(item: "Criterion") -> str:
-    from backend.reports.verdict import SEEN
+    from backend.reports.provenance import SEEN
 
     seen = "" if item.passed is None else f"{SEEN[item.relation]}, "
     return _JUDGED[item.passed] + (f": {seen}{item.reason}" if item.reason else "")

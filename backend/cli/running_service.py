@@ -42,7 +42,7 @@ class RunningService:
 
     def _read(self, status: int, text: bytes, answer: type[_Answer]) -> _Answer:
         """Return what an answer says; one that refuses, or is none of Sinew's, ends the command."""
-        from backend.messages.base import Refusal
+        from backend.schemas.base import Refusal
 
         try:
             if status < http.client.BAD_REQUEST:
@@ -58,7 +58,7 @@ class RunningService:
 
 def running_service(settings: Settings) -> RunningService:
     """Return the service of a data folder; without one the command ends."""
-    from backend.access.tokens import load_tokens
+    from backend.auth.sessions import load_tokens
     from backend.data_folder import address_of_service, why_no_address
 
     address = address_of_service(settings.data)

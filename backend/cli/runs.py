@@ -32,8 +32,8 @@ RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 @app.command()
 def show(run: RunNumber, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Show a run with its settings, metrics and criteria."""
-    from backend.reports.files import metrics_document
-    from backend.reports.source import load_source
+    from backend.reports.build import metrics_document
+    from backend.reports.model import load_source
 
     with database_of(settings_with(data=data, station=station), reading=True) as database:
         source = load_source(database, run)
@@ -64,7 +64,7 @@ def report(
     station: StationName = None,
 ) -> None:
     """Write the report of a run with its data."""
-    from backend.reports.files import write_files
+    from backend.reports.build import write_files
 
     with database_of(settings_with(data=data, station=station), reading=True) as database:
         for path in write_files(database, run, folder, angles()):

@@ -22,7 +22,7 @@ from backend.cli.place import (
 )
 
 if TYPE_CHECKING:
-    from backend.access.tokens import Tokens
+    from backend.auth.sessions import Tokens
 
 SAID_AFTER_S = 3.0
 STILL_STARTING = "Sinew is starting. The first start after an installation compiles: that takes up to a minute."
@@ -54,7 +54,7 @@ def serve(
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
-    from backend.web_server.listening import served_by
+    from backend.server.server import served_by
     from plant.factory import require_available
 
     settings = settings_with(
@@ -99,7 +99,7 @@ def serve(
 
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
-    from backend.access.tokens import load_tokens
+    from backend.auth.sessions import load_tokens
     from backend.data_folder import addresses_of_service, why_no_address
 
     settings = settings_with(data=data)

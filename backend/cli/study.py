@@ -15,7 +15,7 @@ from backend.cli.place import DataFolder, ParameterSet, StationName, database_of
 from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.messages.study import StudyDetail, StudyFigure, StudyView
+    from backend.schemas.experiment import StudyDetail, StudyFigure, StudyView
     from backend.studies.crew import Crew
     from backend.studies.maps import Map
     from backend.studies.point import Base
@@ -167,7 +167,7 @@ def draw(
         for name, values in ((found.x, found.x_values), (found.y, found.y_values))
     )
     if to is not None:
-        from backend.reports.study_map import draw_map
+        from backend.reports.sheet import draw_map
 
         blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
         draw_map(cells, (x, at_x), (y, at_y), label + blank, to, _notes(found))

@@ -30,8 +30,8 @@ def rotate(
     data: DataFolder = None,
 ) -> None:
     """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
-    from backend.access.tokens import FILES, rotate
-    from backend.messages.session import Role
+    from backend.auth.sessions import FILES, rotate
+    from backend.schemas.state import Role
 
     settings = settings_with(data=data)
     if not settings.data.is_dir():

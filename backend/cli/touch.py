@@ -10,7 +10,7 @@ from backend.cli.place import DataFolder, settings_with
 from backend.cli.running_service import RunningService, running_service
 
 if TYPE_CHECKING:  # schemas take a tenth of a second, which no other command shall wait for
-    from backend.messages.touch import TouchView
+    from backend.schemas.state import TouchView
 
 app = typer.Typer(
     help="The outside force at the running service: what it reads with nothing outside.",
@@ -23,7 +23,7 @@ _LOOK_S = 0.5
 @app.command()
 def show(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Print what was learned and from what force on the joint gives way."""
-    from backend.messages.state import State
+    from backend.schemas.state import State
 
     _tell(_service(data).ask("GET", "/state", None, State).touch, as_json=as_json)
 
@@ -66,7 +66,7 @@ def _service(data: Any) -> RunningService:
 
 
 def _order(service: RunningService, order: dict[str, Any]) -> "TouchView":
-    from backend.messages.touch import TouchView
+    from backend.schemas.state import TouchView
 
     return service.ask("PUT", "/touch", order, TouchView)
 

@@ -40,7 +40,7 @@ def down(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _order(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
-    from backend.messages.state import WallOrder
+    from backend.schemas.state import WallOrder
 
     stands = running_service(settings_with(data=data)).ask("PUT", "/wall", {"wall": wall}, WallOrder).wall
     if as_json:

@@ -11,9 +11,6 @@ from dataclasses import replace
 from backend.commissioning.session import KeptHands, switch_drives
 from backend.errors import Because, RefusalError, require_within
 from backend.faults import EXPLAINED, Fault
-from backend.messages.live import MarkKind
-from backend.messages.player import PlayedRecording
-from backend.messages.state import Push, References, State, StopProof
 from backend.operating.answered import carried_out
 from backend.operating.event_marks import mark_of
 from backend.operating.journal import Journal
@@ -40,6 +37,8 @@ from backend.realtime.contact import PUSH_MAX_S
 from backend.realtime.program import Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor, result_of
+from backend.schemas.run import PlayedRecording
+from backend.schemas.state import MarkKind, Push, References, State, StopProof
 from backend.supervision import KeptTask, Part, Supervision
 from backend.units import in_digits
 from plant.calibration import BroughtUp

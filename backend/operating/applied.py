@@ -12,13 +12,13 @@ from typing import NamedTuple
 from backend.errors import Because, RefusalError
 from backend.experiments import applied_parameters
 from backend.experiments.applied_parameters import Change, NotApplicableError, Version, differences
-from backend.messages.parameters import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
 from backend.models.run import AppliedParameters
 from backend.operating.actuator import Actuator
 from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import Supervisor
+from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
 from backend.storage import identifications
 from backend.storage.database import Database
 from backend.tuning.gains import TuningError

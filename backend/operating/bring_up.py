@@ -11,13 +11,13 @@ from backend.commissioning.session import KeptHands, perform, switch_drives, val
 from backend.commissioning.steps import STEP, STEPS, Finding, Kept, Standing, Step, StepId, StepState, Work, blocked_by
 from backend.errors import Because, RefusalError, RefusedValueError
 from backend.faults import Fault
-from backend.messages.bring_up import BringUpView, DrivesLeft, RunningStep
 from backend.operating.actuator import Actuator
 from backend.operating.bring_up_view import nothing_to_do, step_view
 from backend.operating.findings import NOT_YET, Findings
 from backend.realtime.commands import ProveDirections
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.schemas.commissioning import BringUpView, DrivesLeft, RunningStep
 from backend.storage.database import Database
 from plant.calibration import calibrated
 from plant.interface import PlantError

@@ -1,7 +1,7 @@
 """How the steps of the bring-up are shown."""
 
 from backend.commissioning.steps import STEPS, Standing, Step, StepState
-from backend.messages.bring_up import BringUpStep, BringUpView, RunningStep, StepFigure, StepInput, StepResult
+from backend.schemas.commissioning import BringUpStep, BringUpView, RunningStep, StepFigure, StepInput, StepResult
 from backend.storage.commissioning import StepResult as Stored
 
 

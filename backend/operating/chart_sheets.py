@@ -1,6 +1,6 @@
 """Sheets of charts that people send to be made PDFs of: in a process of their own, which reports do not wait for."""
 
-from backend.access.people import Person
+from backend.auth.authentication import Person
 from backend.departure import HasLeft, unless_left
 from backend.operating.work_places import WorkPlaces
 from backend.reports.sheet import sheet_pdf

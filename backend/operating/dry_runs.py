@@ -10,17 +10,17 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
 
-from backend.access.people import Person
 from backend.archive.views import dry_run_view
+from backend.auth.authentication import Person
 from backend.departure import HasLeft, unless_left
 from backend.errors import require_within
 from backend.execution.runner import Doing, Order
 from backend.execution.simulation import dry_run, get_ready, progress_in
 from backend.experiments.library import values_of
 from backend.experiments.plans import LoopSettings
-from backend.messages.experiment import DryRunProgress, DryRunView
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.work_places import WorkPlaces
+from backend.schemas.experiment import DryRunProgress, DryRunView
 from backend.storage.banks import Bank
 from backend.workers import Offload
 from plant.parameters import PlantParameters

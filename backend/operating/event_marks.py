@@ -3,7 +3,6 @@
 from typing import NamedTuple, assert_never
 
 from backend.faults import Fault, explained
-from backend.messages.live import MarkKind
 from backend.operating.standing_wall import wall_in_words
 from backend.realtime.commands import (
     Accepted,
@@ -23,6 +22,7 @@ from backend.realtime.commands import (
 )
 from backend.realtime.program import ContactFelt, TouchForgotten
 from backend.realtime.supervisor import LoopDied
+from backend.schemas.state import MarkKind
 
 
 class Mark(NamedTuple):

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Awaitable, Callable
 
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.experiment import ExperimentRequest, QueuedView, QueueView
+from backend.schemas.experiment import ExperimentRequest, QueuedView, QueueView
 from backend.storage import queue
 from backend.storage.database import Database
 from backend.storage.orm import StorageError

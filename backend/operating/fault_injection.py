@@ -1,10 +1,10 @@
 """Break a simulated plant, or a link of the safety chain, to see each reaction of the loop."""
 
-from backend.access.control import Control
+from backend.auth.control_lease import Control
 from backend.errors import Because, RefusalError
 from backend.faults import EXPLAINED, FAULTS, Fault
-from backend.messages.faults import CardFault, FaultKind, FaultList, Injection, Silence
 from backend.operating.actuator import Actuator
+from backend.schemas.state import CardFault, FaultKind, FaultList, Injection, Silence
 from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0

@@ -12,8 +12,9 @@ from backend.experiments.plans import (
     SpringIdentificationPlan,
 )
 from backend.experiments.prediction import PredictedRun, predict, predict_motor, predict_spring
-from backend.messages.experiment import Metric
-from backend.messages.identification import (
+from backend.models.settings import from_values
+from backend.schemas.experiment import Metric
+from backend.schemas.identification import (
     ActuatorRequest,
     IdentificationRequest,
     MotorRequest,
@@ -21,7 +22,6 @@ from backend.messages.identification import (
     Prediction,
     SpringRequest,
 )
-from backend.models.settings import from_values
 from plant.parameters import PlantParameters
 
 

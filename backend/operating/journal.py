@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
 
-from backend.messages.live import EventMessage, MarkKind
+from backend.schemas.state import EventMessage, MarkKind
 from backend.storage import events
 from backend.storage.database import Database
 from backend.storage.events import EventKind

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from backend import wire
 from backend.faults import FAULTS, Limit
-from backend.messages.live import EventMessage, FieldView, LayoutMessage, StateMessage
 from backend.realtime.program import MODES
 from backend.sample import STORED
+from backend.schemas.state import EventMessage, FieldView, LayoutMessage, StateMessage
 from backend.supervision import Part
 from plant.interface import T_s
 

@@ -5,12 +5,12 @@ import time
 from collections.abc import Callable
 
 from backend.faults import FAULTS, Fault
-from backend.messages.state import LinkView, ReferencesView, TimingView
 from backend.realtime.program import MODES, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import Restart
 from backend.realtime.timing import timing
 from backend.sample import NAMES
+from backend.schemas.state import LinkView, ReferencesView, TimingView
 from plant.interface import T_s
 
 Sample = dict[str, float]

@@ -1,10 +1,10 @@
 """A wall in the way of a simulated joint: put up and taken away in flight."""
 
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.state import Wall, WallOrder
 from backend.operating.actuator import Actuator
 from backend.operating.standing_wall import wall_bounds, wall_in_words
 from backend.realtime.commands import Obstruct
+from backend.schemas.state import Wall, WallOrder
 from plant.dynamics import Obstacle
 from plant.parameters import PlantParameters
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 
-from backend.access.people import Person
 from backend.archive.own_experiments import Checked, OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
+from backend.auth.authentication import Person
 from backend.banks.tuning_settings import TuningChoice
 from backend.departure import HasLeft
 from backend.errors import Because, RefusalError, RefusedValueError
@@ -31,10 +31,6 @@ from backend.experiments.forecast import expected, forecast, start_from
 from backend.experiments.library import experiments, values_of
 from backend.experiments.plans import LoopSettings, Plan
 from backend.faults import Fault
-from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
-from backend.messages.identification import IdentificationRequest, Prediction
-from backend.messages.own_experiment import CheckedExperiment, ExperimentToCheck, OwnExperiment
-from backend.messages.tuning import TuningView
 from backend.models.settings import SettingError
 from backend.operating import run_kinds
 from backend.operating.actuator import Actuator
@@ -47,6 +43,16 @@ from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
 from backend.operating.text_work import Compute, TextWork
 from backend.operating.tuning_in_use import Chosen
+from backend.schemas.experiment import (
+    CheckedExperiment,
+    DryRunView,
+    ExperimentKind,
+    ExperimentRequest,
+    ExperimentToCheck,
+    OwnExperiment,
+)
+from backend.schemas.identification import IdentificationRequest, Prediction
+from backend.schemas.tuning import TuningView
 from backend.storage.banks import Bank
 from backend.storage.database import Database
 from backend.storage.runs import EndState, Run

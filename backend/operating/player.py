@@ -4,8 +4,8 @@ import math
 from collections.abc import Awaitable, Callable
 
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.player import PlayedRecording, PlayerOrder, PlayerView
 from backend.realtime.commands import SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
+from backend.schemas.run import PlayedRecording, PlayerOrder, PlayerView
 from plant.interface import T_s
 
 NO_COMMANDS = (

@@ -6,23 +6,6 @@ from typing import assert_never
 from backend import __version__
 from backend.control.decoupler import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault, explained
-from backend.messages.control import HolderView, WishView
-from backend.messages.player import PlayerView
-from backend.messages.session import Health, PersonView
-from backend.messages.state import (
-    FaultView,
-    LimitsView,
-    PlantView,
-    ReferencesView,
-    State,
-    StopProof,
-    TaskView,
-    TensionView,
-    TrialView,
-)
-from backend.messages.touch import TouchView
-from backend.messages.trigger import TriggerView
-from backend.messages.tuning import TuningView
 from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.operating.safety_chain import chain
 from backend.operating.standing_wall import NO_WALL_POSSIBLE, wall_bounds, wall_view
@@ -45,6 +28,25 @@ from backend.realtime.commands import (
 )
 from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, LEGAL, MOVING, ContactFelt, Mode, TouchForgotten
 from backend.realtime.supervisor import LoopDied, Supervisor
+from backend.schemas.run import PlayerView
+from backend.schemas.state import (
+    FaultView,
+    Health,
+    HolderView,
+    LimitsView,
+    PersonView,
+    PlantView,
+    ReferencesView,
+    State,
+    StopProof,
+    TaskView,
+    TensionView,
+    TouchView,
+    TrialView,
+    TriggerView,
+    WishView,
+)
+from backend.schemas.tuning import TuningView
 from plant.dynamics import Obstacle, elongation, slope
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import PlantParameters

@@ -11,17 +11,6 @@ from dataclasses import replace
 
 from backend.banks.tuning_settings import TuningChoice
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.live import MarkKind
-from backend.messages.state import State
-from backend.messages.tuning import (
-    Motion,
-    MotorPreview,
-    RobustTuning,
-    TrialRequest,
-    TuningPreview,
-    TuningRequest,
-    TuningView,
-)
 from backend.operating import tuning_previews
 from backend.operating.journal import Journal
 from backend.operating.kept_tuning import KeptTuning
@@ -34,6 +23,16 @@ from backend.realtime.commands import Accepted
 from backend.realtime.gains import NOT_LEARNED
 from backend.realtime.program import SetTuning
 from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.schemas.state import MarkKind, State
+from backend.schemas.tuning import (
+    Motion,
+    MotorPreview,
+    RobustTuning,
+    TrialRequest,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F

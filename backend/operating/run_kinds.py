@@ -5,11 +5,11 @@ from dataclasses import asdict, replace
 
 from backend.experiments.library import IDENTIFICATIONS, Entry
 from backend.experiments.plans import LoopSettings, SequencePlan
-from backend.messages.experiment import ExperimentKind, SettingView
-from backend.messages.identification import IdentificationKind
-from backend.messages.tuning import TuningView
 from backend.models.settings import Setting, describe
 from backend.realtime.program import NO_WALL, RefusedError, require_able
+from backend.schemas.experiment import ExperimentKind, SettingView
+from backend.schemas.identification import IdentificationKind
+from backend.schemas.tuning import TuningView
 from plant.interface import PlantKind
 
 _MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)

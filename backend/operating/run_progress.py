@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from backend.execution.runner import Doing, Notify
 from backend.experiments.forecast import Expected, Stage
 from backend.experiments.plans import KIND, ComposedPlan, Plan
-from backend.messages.state import PartView, TaskView
 from backend.operating.pause import Pause
 from backend.operating.present_state import PresentState
 from backend.plain_text import as_line
+from backend.schemas.state import PartView, TaskView
 from plant.interface import T_s
 
 

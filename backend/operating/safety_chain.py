@@ -3,11 +3,10 @@
 from typing import assert_never
 
 from backend.faults import Fault
-from backend.messages.control import HolderView
-from backend.messages.state import ChainLinkView, LinkView
 from backend.realtime.heartbeat import CardGuard
 from backend.realtime.process import SILENCE_S
 from backend.realtime.supervisor import Supervisor
+from backend.schemas.state import ChainLinkView, HolderView, LinkView
 from plant.interface import PlantChoice, PlantKind
 from plant.safety_card import CardState
 

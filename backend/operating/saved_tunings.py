@@ -3,8 +3,8 @@
 import asyncio
 
 from backend.banks.tuning_settings import SAVED, SavedParts, TuningChoice, saved_for
-from backend.messages.tuning import SavedTuning
 from backend.operating.tuning_in_use import TuningInUse, parts_of
+from backend.schemas.tuning import SavedTuning
 from backend.storage import settings
 from backend.storage.database import Database
 from backend.storage.settings import StoredSetting

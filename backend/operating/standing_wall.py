@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from backend.messages.state import Wall
+from backend.schemas.state import Wall
 from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, most_damped, stiffest
 from plant.interface import T_s
 from plant.parameters import PlantParameters

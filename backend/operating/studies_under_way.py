@@ -8,13 +8,13 @@ import logging
 import time
 from collections.abc import Callable
 
-from backend.access.people import Person
 from backend.archive.studies import Studies
+from backend.auth.authentication import Person
 from backend.banks.tuning_settings import TuningChoice
 from backend.departure import HasLeft
 from backend.errors import Because, RefusalError
-from backend.messages.study import CheckedStudy, PlantNumber, PlantNumbers, StudyDetail, StudyList, StudyView
 from backend.operating.text_work import TextWork
+from backend.schemas.experiment import CheckedStudy, PlantNumber, PlantNumbers, StudyDetail, StudyList, StudyView
 from backend.storage.database import Database
 from backend.studies.crew import cores
 from backend.studies.point import numbers_of

@@ -9,7 +9,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any, ParamSpec, TypeVar
 
-from backend.access.people import Person
+from backend.auth.authentication import Person
 from backend.departure import LOOK_S, HasLeft, unless_left
 from backend.errors import Because, RefusalError
 from backend.operating.work_places import WorkPlaces, is_operator

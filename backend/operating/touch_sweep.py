@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.errors import Because, RefusalError
-from backend.messages.live import MarkKind
-from backend.messages.touch import SweepView
 from backend.operating.journal import Journal
 from backend.operating.present_state import PresentState
 from backend.operating.touch_rest import DRIFT_N, LEARNED_TICKS, drift, touched_by, why_not
@@ -22,6 +20,7 @@ from backend.realtime.commands import Accepted, Command, SetReferences
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.sample import INDEX
+from backend.schemas.state import MarkKind, SweepView
 from backend.units import in_digits
 from plant.interface import T_s
 

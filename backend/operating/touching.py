@@ -12,8 +12,6 @@ import numpy as np
 
 from backend.control import disturbance_observer
 from backend.errors import Because, RefusalError, require_within
-from backend.messages.live import MarkKind
-from backend.messages.touch import ContactView, TouchOrder, TouchPoint, TouchView
 from backend.operating.journal import Journal
 from backend.operating.present_state import PresentState
 from backend.operating.touch_rest import LEARNED_TICKS, why_not
@@ -23,6 +21,7 @@ from backend.realtime.commands import Accepted, Command, Event, ModeChanged
 from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS, Cause, ContactFelt, TouchForgotten
 from backend.realtime.supervisor import LoopDied, Supervisor
 from backend.sample import INDEX
+from backend.schemas.state import ContactView, MarkKind, TouchOrder, TouchPoint, TouchView
 from backend.units import in_digits
 
 

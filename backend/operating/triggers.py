@@ -4,13 +4,12 @@ import asyncio
 from datetime import UTC, datetime
 
 from backend.errors import Because, RefusalError
-from backend.messages.live import MarkKind
-from backend.messages.trigger import TriggerOrder, TriggerView
 from backend.operating.actuator import Actuator
 from backend.operating.journal import Journal
 from backend.recording.derived_signals import Derived, derived_from
 from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, left_armed
 from backend.sample import UNIT_OF, nearest
+from backend.schemas.state import MarkKind, TriggerOrder, TriggerView
 from backend.storage import formulas
 from backend.storage.database import Database
 from backend.storage.events import EventKind

@@ -8,7 +8,8 @@ from typing import Any
 from backend.banks.builder import points_of, tuning_command
 from backend.banks.tuning_settings import DefaultChoice, TuningChoice, default_choice
 from backend.errors import require_within
-from backend.messages.tuning import (
+from backend.realtime.program import SetTuning
+from backend.schemas.tuning import (
     BankReference,
     ChosenTuning,
     LoopPreview,
@@ -25,7 +26,6 @@ from backend.messages.tuning import (
     TuningRequest,
     TuningView,
 )
-from backend.realtime.program import SetTuning
 from backend.storage.banks import Bank, entry_in_use
 from backend.tuning import preview
 from backend.tuning.gains import LAM_MAX, Lambdas, TuningError, require_share

@@ -9,8 +9,8 @@ from threading import Lock
 
 from backend.banks.builder import points_of
 from backend.banks.tuning_settings import TuningChoice
-from backend.messages.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
 from backend.operating.tuning_in_use import TuningInUse
+from backend.schemas.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
 from backend.storage.banks import Bank
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters

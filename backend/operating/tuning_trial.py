@@ -6,8 +6,8 @@ A trial ends at its time, or earlier when the mode or the person in control chan
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from backend.messages.state import TrialView
 from backend.operating.tuning_in_use import TuningInUse, parts_of
+from backend.schemas.state import TrialView
 from backend.supervision import KeptTask, Part, Supervision
 
 _PART = Part("The clock of a tuning on trial", "The earlier tuning is put back at its time all the same.")

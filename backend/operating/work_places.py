@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-from backend.access.people import Person
+from backend.auth.authentication import Person
 from backend.errors import Because, RefusalError
-from backend.messages.session import Role
+from backend.schemas.state import Role
 
 RETRY_S = 1
 """How long to wait before asking again where there was no place [s]."""

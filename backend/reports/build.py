@@ -1,22 +1,52 @@
-"""Which report a run gets."""
+"""Builds the report of a run or a series, by its kind, and the files beside it."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
 
-from backend.reports.actuator_identification import actuator_identification_report
-from backend.reports.compliance import compliance_report
-from backend.reports.composed import composed_report
-from backend.reports.document import NO_FIGURE, Block, Code, Column, Figure, Paragraph, Report, Section, Table
+from backend.analysis.evaluation import catch_up
+from backend.exports.base import stored_or_none
+from backend.exports.formats import DataFormat, pieces, write_all
+from backend.models.run import CRITERIA
 from backend.reports.evidence import Evidence, evidence_of, to_element
-from backend.reports.judgement import definitions_facts
-from backend.reports.motor_identification import motor_identification_report
-from backend.reports.recording import recording_report
-from backend.reports.robustness import robustness_report
-from backend.reports.source import Source
-from backend.reports.spring_identification import spring_identification_report
-from backend.reports.timing import timing_section
-from backend.reports.tracking import tracking_report
-from backend.storage.runs import RunKind
+from backend.reports.experiment_report import (
+    compliance_report,
+    composed_report,
+    recording_report,
+    robustness_report,
+    tracking_report,
+)
+from backend.reports.identification_report import (
+    actuator_identification_report,
+    motor_identification_report,
+    spring_identification_report,
+)
+from backend.reports.model import (
+    NO_FIGURE,
+    Block,
+    Code,
+    Column,
+    Figure,
+    Paragraph,
+    Report,
+    Section,
+    Source,
+    Table,
+    load_source,
+    to_html,
+    to_pdf,
+)
+from backend.reports.provenance import definitions_facts, verdict_of
+from backend.reports.sections import timing_section
+from backend.storage.database import Database
+from backend.storage.runs import EndState, RunKind
 from backend.units import Angles, in_words
+
+# Build ---------------------------------------------------------------------------------------------
+#
+# Which report a run gets.
+
 
 _BUILDERS = {
     RunKind.TRACKING: tracking_report,
@@ -87,3 +117,60 @@ def _told_block(block: Block, angles: Angles) -> Block:
             return Figure(name, svg, in_words(caption, angles))
         case Code(caption, text):
             return Code(in_words(caption, angles), text)
+
+
+# Files ---------------------------------------------------------------------------------------------
+#
+# What a run leaves in a folder: the report to read, the data and the metrics to compute with.
+
+
+def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:
+    """Write report.html, report.pdf, data.csv and metrics.json, all or none; make the folder where it is missing.
+
+    ``angles`` is for the report; data and metrics are in SI. A run that was left behind gets its result first.
+
+    Raises UnknownRecordError, ExportError, OSError.
+    """
+    catch_up(database, [run_id])
+    source = load_source(database, run_id, angles)
+    report = build_report(source)
+    contents = {
+        "report.html": to_html(report).encode(),
+        "report.pdf": to_pdf(report),
+        "metrics.json": json.dumps(metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    data = pieces(stored_or_none(database, run_id), DataFormat.CSV, folder)
+    write_all({**{folder / name: (content,) for name, content in contents.items()}, folder / "data.csv": data})
+    return tuple(folder / name for name in ("report.html", "report.pdf", "data.csv", "metrics.json"))
+
+
+def metrics_document(source: Source) -> dict[str, Any]:
+    """Return what a program wants to know of a run: figures by name with units, criteria, steps, models."""
+    run = source.run
+    metrics = source.result.metrics if source.result else None
+    criteria = source.result.criteria if source.result else ()
+    figures = metrics.figures if metrics else ()
+    found = source.identification
+    return {
+        "run": run.id,
+        "kind": run.kind,
+        "end_state": run.end_state,
+        "end_detail": run.end_detail,
+        "plant": run.plant,
+        "parameters": run.parameters_name,
+        "settings": run.settings,
+        "complete": metrics.complete if metrics else False,
+        "problem": metrics.problem if metrics else run.evaluation_problem,
+        "missing_samples": metrics.missing_samples if metrics and run.end_state != EndState.SERVICE_DIED else None,
+        "metrics": {item.name: item.value for item in figures},
+        "not_measured": {item.name: item.reason for item in figures if item.reason},
+        "verdict": verdict_of(metrics, criteria).sentence,
+        "labels": {item.name: item.label for item in figures},
+        "units": {item.name: item.unit for item in figures},
+        "criteria": CRITERIA.write(criteria),
+        "steps": [asdict(step) for step in (metrics.steps or () if metrics else ())],
+        "identification": None
+        if found is None
+        else {"estimate": found.id, "model": found.model, "quality": found.quality, "verdict": found.verdict},
+    }

@@ -1,31 +1,90 @@
-"""What a report carries beside what it shows: all that its numbers were computed from but the samples, and their sums.
-
-It is the report's own account of itself, read again by ``verification``; hashes tie it to samples kept elsewhere.
-"""
+"""What a report carries beside what it shows: digests, settings, and what its numbers follow from."""
 
 import hashlib
 import json
+import zlib
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 import backend
 import plant
 from backend import __version__
+from backend.analysis.evaluation import used_settings
 from backend.models.document import digest_of
-from backend.models.run import CRITERIA, METRICS, Criterion, Metrics
+from backend.models.run import CRITERIA, METRICS, PLANT_NUMBERS, Criterion, Metrics
 from backend.recording.reader import Columns, missing_between
-from backend.reports.digests import blocks_of, of_samples
-from backend.reports.source import Source
+from backend.reports.model import Source
+from backend.reports.sections import granted_rows
+from backend.sample import STORED_NAMES
 from backend.storage.banks import Bank, BankEntry, ChannelFit
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
 from backend.units import Angles
+from plant.interface import T_s
+
+# Digests -------------------------------------------------------------------------------------------
+#
+# Content hashes: what a report was made of, so that whoever has the same can tell that it is the
+# same.
+
+
+BLOCK_S = 1.0
+"""Samples have a check sum for each signal and stretch of this length [s]: it says where one was changed."""
+
+HASHED = ("t", *STORED_NAMES)
+_BLOCK = round(BLOCK_S / T_s)
+
+
+def of_samples(columns: Columns) -> str:
+    """Return the SHA-256 of all samples signal by signal: their times, then what is stored of each."""
+    found = hashlib.sha256()
+    for name in _present(columns):
+        found.update(_stored(columns, name).tobytes())
+    return found.hexdigest()
+
+
+def blocks_of(columns: Columns) -> dict[str, list[str]]:
+    """Return for each signal, and their times, the check sum of each stretch of its samples."""
+    size = columns["t"].size
+    return {
+        name: [_check(stored[start : start + _BLOCK]) for start in range(0, size, _BLOCK)]
+        for name, stored in ((name, _stored(columns, name)) for name in _present(columns))
+    }
+
+
+def _present(columns: Columns) -> list[str]:
+    return [name for name in HASHED if name in columns]
+
+
+def _check(stored: NDArray[Any]) -> str:
+    return f"{zlib.crc32(stored.tobytes()):08x}"
+
+
+def _stored(columns: Columns, name: str) -> NDArray[Any]:
+    """Return times in whole ns, which every format gives back; signals in single precision, with one kind of nan."""
+    if name == "t":
+        return np.rint(1e9 * columns["t"]).astype("<f8")
+    stored = np.ascontiguousarray(columns[name], dtype="<f4")
+    return np.where(np.isnan(stored), np.float32(np.nan), stored).astype("<f4")
+
+
+# Evidence ------------------------------------------------------------------------------------------
+#
+# What a report carries beside what it shows: all that its numbers were computed from but the
+# samples, and their sums.
+#
+# It is the report's own account of itself, read again by ``verification``; hashes tie it to samples
+# kept elsewhere.
+
 
 FORMAT = 2
 _BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script
@@ -259,3 +318,45 @@ def _named(source: Source) -> set[int]:
     entries = () if source.bank is None else source.bank.entries
     named = {entry.identification_id for entry in entries if entry.identification_id is not None}
     return {number for number in named if number in source.runs_of}
+
+
+# Set to --------------------------------------------------------------------------------------------
+#
+# All that a run was set to and computed on, each by what it is called: for what differs between
+# runs. Pure.
+
+
+_DIGITS = 12
+"""Of a digest, that tell it from others beside it."""
+
+
+@dataclass(frozen=True)
+class SetTo:
+    """One of it: in SI, ``unit`` "" for what has none."""
+
+    name: str
+    value: Any
+    unit: str = ""
+
+
+def set_to(run: Run, bank: Bank | None) -> Iterator[SetTo]:
+    """Yield what a run was set to: plant, software, experiment, ``bank``, machine, settings and parameters."""
+    yield SetTo("plant", run.plant)
+    yield SetTo("name of the parameters", run.parameters_name)
+    yield SetTo("Sinew", run.software)
+    yield from (SetTo(name, version) for name, version in (run.set_to.versions or {}).items())
+    if text := run.set_to.experiment:
+        yield SetTo("text of the experiment, sha256", digest_of(text)[:_DIGITS])
+    known = carried(bank)
+    yield SetTo("bank", "none" if known is None else f"“{known.name}” version {known.version}")
+    if known is not None:
+        yield SetTo("bank, sha256", known.digest[:_DIGITS])
+    granted: dict[str, list[str]] = {}
+    for name, value, unit, meaning in granted_rows(run.set_to.granted):
+        granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
+    yield from (SetTo(name, "; ".join(told)) for name, told in granted.items())
+    for item in used_settings(run):
+        yield SetTo(f"{item.meaning} {item.symbol}", item.value, item.unit)
+    for section, entries in PLANT_NUMBERS.read(run.parameters, f"run {run.id}").items():
+        for entry, number in entries.items():
+            yield SetTo(f"{section}.{entry}", number.value, number.unit)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.identification.models import Kind, Structure, structure
 from backend.models.identification import CHANNELS, ActuatorModel, ChannelModel, ChannelName, MotorModel, SpringModel
-from backend.reports.document import Block, Code, Column, Table, shown
+from backend.reports.model import Block, Code, Column, Table, shown
 from plant.parameters import SIDES, Side
 
 _GAIN_UNITS = {"G_q": "rad/rad", "G_S": "N·m/rad²"}

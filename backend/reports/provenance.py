@@ -1,18 +1,30 @@
-"""What every report says of where a run comes from: who, when, on what, with which settings, gains and parameters."""
+"""What all reports share: provenance, verdict, metrics, and how to reproduce a run."""
 
-from collections.abc import Sequence
+import json
+import shlex
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from backend.analysis.evaluation import USED, law_of, used_settings
+from backend.experiments import library, parser
+from backend.experiments.library import OF_THE_PAPER, experiments
+from backend.identification.models import Grade
 from backend.models.identification import CHANNELS
-from backend.models.run import PLANT_NUMBERS, DeclaredValue
+from backend.models.run import DEFINITIONS, PLANT_NUMBERS, Criterion, DeclaredValue, Metrics, Outcome, Value, outcome_of
 from backend.realtime.program import Law
-from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
-from backend.reports.source import Source
+from backend.reports.model import Block, Code, Column, Fact, Paragraph, Report, Section, Source, Table, exact, shown
 from backend.storage.banks import BankEntry, name_of_entry
-from backend.storage.runs import EndState
+from backend.storage.runs import EndState, RunKind
 from backend.units import Angles, read, reading_of
-from plant.interface import SIMULATED
+from plant.interface import SIMULATED, SIMULATOR
+from plant.parameters import SHIPPED, load_parameters
+
+# Provenance ----------------------------------------------------------------------------------------
+#
+# What every report says of where a run comes from: who, when, on what, with which settings, gains
+# and parameters.
+
 
 S_NOTE = (
     "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
@@ -225,3 +237,338 @@ def chosen(value: Any, unit: str, angles: Angles) -> str:
 def shown_unit(unit: str, angles: Angles) -> str:
     """Return a unit as it is printed; counts have none."""
     return "" if unit == "1" else reading_of(unit, angles).unit
+
+
+# Verdict -------------------------------------------------------------------------------------------
+#
+# What a run came to, in one word and one sentence: the same in report, page, dry run and command
+# line. Pure.
+
+
+__all__ = ["SEEN", "Outcome", "Verdict", "verdict_of"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The outcome, and the sentence that says it."""
+
+    outcome: Outcome
+    sentence: str
+
+
+def verdict_of(metrics: Metrics | None, criteria: Sequence[Criterion], problem: str = "") -> Verdict:
+    """Judge a run by its stored metrics and criteria; ``problem`` says why it has none."""
+    if metrics is None:
+        return Verdict(outcome_of(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
+    if not metrics.complete:
+        failed = _titles(criteria, passed=False)
+        already = f" Already failed: {', '.join(failed)}." if failed else ""
+        played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were played"
+        return Verdict(outcome_of(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}")
+    if not criteria:
+        return Verdict(outcome_of(metrics, criteria), "Completed. No criteria are set for this kind of run.")
+    return Verdict(outcome_of(metrics, criteria), _judged(criteria))
+
+
+SEEN = {"<": "at least this", ">": "at most this"}
+"""What a figure is that was not seen whole, by the relation to its bound."""
+
+
+def _judged(criteria: Sequence[Criterion]) -> str:
+    failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
+    parts = []
+    if failed:
+        parts.append(f"{len(failed)} of {len(criteria)} criteria failed: {', '.join(failed)}.")
+    if unmeasured:
+        verb = "was" if len(unmeasured) == 1 else "were"
+        parts.append(f"{len(unmeasured)} of {len(criteria)} criteria {verb} not measured: {', '.join(unmeasured)}.")
+    all_passed = "The criterion passed." if len(criteria) == 1 else f"All {len(criteria)} criteria passed."
+    return " ".join(parts) or all_passed
+
+
+def _titles(criteria: Sequence[Criterion], *, passed: bool | None) -> list[str]:
+    return [item.title for item in criteria if item.passed is passed]
+
+
+# Judgement -----------------------------------------------------------------------------------------
+#
+# What a run came to: its criteria, its figures, and a sentence that says it.
+
+
+OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
+"""Outcome of a report by the grade of its model."""
+
+NOT_MEASURED = "not measured"
+_WORDS = {True: "pass", False: "fail", None: NOT_MEASURED}
+
+
+def verdict(source: Source) -> tuple[str, str]:
+    """Return the outcome (passed, failed, incomplete or neutral) and the sentence that heads the report."""
+    result = source.result
+    found = (
+        verdict_of(None, (), source.run.evaluation_problem)
+        if result is None
+        else verdict_of(result.metrics, result.criteria)
+    )
+    return found.outcome, found.sentence
+
+
+def definitions_facts(sources: Sequence[Source]) -> tuple[Fact, ...]:
+    """Return a line that names the runs whose results are of other definitions than this version's; none for none."""
+    of = {source.run.id: source.result.metrics.definitions for source in sources if source.result is not None}
+    others = {number: version for number, version in of.items() if version != DEFINITIONS}
+    if not others:
+        return ()
+    versions = " and ".join(map(str, sorted(set(others.values()))))
+    commands = ", ".join(f"sinew runs evaluate {number}" for number in others)
+    which = "" if len(sources) == 1 else f"of run {', '.join(map(str, others))}: "
+    words = (
+        f"{which}computed by version {versions} of the definitions of figures and criteria; this Sinew computes by "
+        f"version {DEFINITIONS}. To compute anew, before a new report: {commands}"
+    )
+    return (Fact("Definitions", words),)
+
+
+def measured(value: float | None, digits: int = 3) -> str:
+    """Write a figure, or that it was not measured."""
+    return NOT_MEASURED if value is None else shown(value, digits)
+
+
+def read_or_none(value: float | None, unit: str, angles: Angles) -> float | None:
+    """Return a figure in SI as it is read; none where none was measured."""
+    return None if value is None else read(value, unit, angles)
+
+
+def results_section(source: Source) -> tuple[Section, ...]:
+    """Return criteria and figures; nothing for a run without a result."""
+    if source.result is None:
+        return ()
+    tables = (
+        criteria_table(source.result.criteria, source.angles),
+        figures_table(source.result.metrics, source.angles),
+    )
+    return (Section("Results", tables if source.result.criteria else tables[1:]),)
+
+
+def criteria_table(criteria: Sequence[Criterion], angles: Angles) -> Table:
+    """Return each criterion with bound, figure and result."""
+    columns = (
+        Column("Criterion", number=False),
+        Column("Bound"),
+        Column("Figure"),
+        Column("Unit", number=False),
+        Column("Result", number=False, wide=True),
+    )
+    rows = tuple(
+        (
+            item.title,
+            f"{item.relation} {exact(read(item.bound, item.unit, angles))}",
+            measured(read_or_none(item.figure, item.unit, angles)),
+            shown_unit(item.unit, angles),
+            _with_reason(
+                _WORDS[item.passed],
+                item.reason,
+                "" if item.passed is None else SEEN[item.relation],
+            ),
+        )
+        for item in criteria
+    )
+    return Table("Criteria.", columns, rows)
+
+
+def measured_figures(source: Source) -> tuple[Table, ...]:
+    """Return the table of figures; none for a run without a result."""
+    return () if source.result is None else (figures_table(source.result.metrics, source.angles),)
+
+
+def figures_table(metrics: Metrics, angles: Angles) -> Table:
+    """Return the figures of a result, each with unit and definition."""
+    columns = (
+        Column("Quantity", number=False),
+        Column("Value"),
+        Column("Unit", number=False),
+        Column("Definition", number=False, wide=True),
+    )
+    part = "" if metrics.complete else " The run is incomplete: only finished steps count."
+    rows = tuple(
+        (
+            item.label,
+            measured(read_or_none(item.value, item.unit, angles)),
+            shown_unit(item.unit, angles),
+            _with_reason(
+                item.definition,
+                item.reason,
+                "" if item.value is None else SEEN["<"],
+            ),
+        )
+        for item in metrics.figures
+    )
+    return Table(f"Metrics on measured signals.{part}", columns, rows)
+
+
+def _with_reason(text: str, reason: str, seen: str) -> str:
+    if not reason:
+        return text
+    return f"{text}; {seen}: {reason}" if seen else f"{text}; {reason}"
+
+
+# Reproduction --------------------------------------------------------------------------------------
+#
+# How to play a run of the simulator again: a command to copy, with the files that it needs.
+
+
+_IDENTIFY = {
+    RunKind.ACTUATOR_IDENTIFICATION: "actuator",
+    RunKind.MOTOR_IDENTIFICATION: "motor",
+    RunKind.SPRING_IDENTIFICATION: "spring",
+}
+_PARAMETERS_FILE, _EXPERIMENT_FILE = "parameters.toml", "experiment.json"
+_FOLDER = "reproduced"
+_LINE = 92
+"""Longest line of a command [characters], so that it fits between the margins of a page."""
+
+
+def reproduction(source: Source) -> tuple[Block, ...]:
+    """Return the command that plays a run again, and its files; a paragraph with the reason where there is none."""
+    if reason := _not_again(source):
+        return (Paragraph(f"No command plays this run again: {reason}."),)
+    return tuple(_blocks(source))
+
+
+def _not_again(source: Source) -> str:
+    run = source.run
+    if run.plant != SIMULATOR.name:
+        return f"only the simulator repeats a run, and this one is of the plant {run.plant}"
+    if run.set_to.plan is None:
+        return "it was moved by hand"
+    if run.end_state != EndState.COMPLETED:
+        return "it did not play its program to the end"
+    return ""
+
+
+def _blocks(source: Source) -> Iterator[Block]:
+    run, plan = source.run, dict(source.run.set_to.plan or {})
+    words = ["sinew"]
+    experiment = str(plan.pop("experiment")) if "experiment" in plan else ""
+    files: list[Code] = []
+    if run.kind in _IDENTIFY:
+        words += ["identify", _IDENTIFY[RunKind(run.kind)]]
+    elif not experiment or (ready := _ready_made(experiment)):
+        words += ["experiment", run.kind if not experiment else ready]
+    else:
+        words += ["experiment", _EXPERIMENT_FILE]
+        files.append(Code(f"{_EXPERIMENT_FILE}, the experiment as it was played:", _indented(json.loads(experiment))))
+    lines = [" ".join(words)]
+    lines += [f"--set {_quoted(name, value)}" for name, value in {**plan, **run.set_to.loop.known()}.items()]
+    parameters = run.parameters_name
+    if not _is_shipped(source):
+        parameters = _PARAMETERS_FILE
+        files.append(Code(f"{_PARAMETERS_FILE}, the numbers of the plant as they were:", _toml(source)))
+    where = [f"--params {parameters}", f"--out {_FOLDER}/report"]
+    if source.bank is None:
+        where.append(f"--data {_FOLDER}")
+    yield Code(_caption(source, bool(files)), " \\\n  ".join([lines[0], *_filled([*lines[1:], *where])]))
+    yield from files
+
+
+def _filled(words: Sequence[str]) -> Iterator[str]:
+    """Yield lines of as many words as fit; one with lines of its own stands alone."""
+    line = ""
+    for word in words:
+        if line and ("\n" in line + word or len(line) + len(word) >= _LINE):
+            yield line
+            line = ""
+        line = f"{line} {word}".strip()
+    yield line
+
+
+def _caption(source: Source, files: bool) -> str:
+    words = "Play this run again"
+    if source.bank is None:
+        words += f", in a data folder of its own, {_FOLDER}"
+    else:
+        words += f", in the data folder that has bank “{source.bank.name}” version {source.bank.version}"
+    if files:
+        words += ", with the files below in the same folder as the shell"
+    if source.run.set_to.granted is None:
+        words += (
+            ". The same versions give the same samples; where the run was not the first of its command, its noise and "
+            "its state at the start differ"
+        )
+    else:
+        words += ". The run was played in real time from where the joint was; the command starts from slack tendons"
+    return f"{words}:"
+
+
+def _ready_made(experiment: str) -> str:
+    """Return the name of the experiment that Sinew holds with the same text, "" where there is none."""
+    name = str(json.loads(experiment).get("name", ""))
+    if name not in OF_THE_PAPER and name not in experiments():
+        return ""
+    try:
+        return name if parser.canonical(library.ready_made(name)[0]) == experiment else ""
+    except (KeyError, OSError):
+        return ""
+
+
+def _quoted(name: str, value: Value) -> str:
+    if isinstance(value, bool):
+        return f"{name}={str(value).lower()}"
+    if isinstance(value, str) and value.startswith("["):  # parts of a sequence: a line for each
+        return shlex.quote(f"{name}=[\n" + ",\n".join(json.dumps(item) for item in json.loads(value)) + "\n]")
+    return shlex.quote(f"{name}={value if isinstance(value, str) else repr(value)}")
+
+
+def _is_shipped(source: Source) -> bool:
+    """Whether the numbers of the plant are those of a set that comes with Sinew."""
+    name = source.run.parameters_name
+    return name in SHIPPED and load_parameters(name).document() == source.run.parameters
+
+
+def _indented(document: object) -> str:
+    return json.dumps(document, indent=1, ensure_ascii=True)
+
+
+def _toml(source: Source) -> str:
+    """Return a parameter set as a TOML file, whose strings are written as those of JSON."""
+    lines = []
+    for section, entries in PLANT_NUMBERS.read(source.run.parameters, f"run {source.run.id}").items():
+        lines.append(f"[{section}]")
+        for entry, number in entries.items():
+            said = f"unit = {_string(number.unit)}, source = {_string(number.source)}"
+            lines.append(f"{entry} = {{ value = {json.dumps(number.value)}, {said} }}")
+        lines.append("")
+    return "\n".join(lines[:-1])
+
+
+def _string(words: str) -> str:
+    return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+# Experiment ----------------------------------------------------------------------------------------
+#
+# What the reports of all judged experiments have in common: the order in which one is read.
+
+
+def experiment_report(source: Source, title: str, name: str, seen: Iterable[Section], notes: tuple[str, ...]) -> Report:
+    """Build the report of an experiment: verdict and criteria, how it was made, what was ``seen``, notes, parameters.
+
+    ``name`` is what the footer calls the experiment. A run without result says why it has none.
+    """
+    outcome, sentence = verdict(source)
+    return Report(
+        title=title,
+        subtitle=subtitle(source),
+        outcome=outcome,
+        verdict=sentence,
+        facts=(*facts(source), *tuning_facts(source)),
+        sections=(
+            *results_section(source),
+            Section("How it was made", (settings_table(source), *reproduction(source), *lineage(source))),
+            *seen,
+            Section("Notes", tuple(Paragraph(note) for note in notes)),
+            parameter_section(source),
+        ),
+        footer=f"Sinew {source.run.software} · {name} · run {source.run.id}",
+        date=source.run.started_at,
+    )

@@ -1,24 +1,129 @@
-"""The report of a series: runs beside each other, what differs between them, their metrics and their curves."""
+"""The report of a series: its runs, their differences, metrics and curves."""
 
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from backend import __version__
+from backend.analysis.evaluation import catch_up
+from backend.errors import Because, RefusalError
 from backend.models.run import Figure as Measured
+from backend.models.run import Figure as RunFigure
 from backend.models.run import Outcome
-from backend.reports.bode import overlay_bode
 from backend.reports.build import told
-from backend.reports.composed import lines_of
-from backend.reports.document import Block, Code, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
-from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, to_element
-from backend.reports.identified import identifications_section
-from backend.reports.judgement import definitions_facts, measured, verdict
-from backend.reports.provenance import chosen, shown_unit
-from backend.reports.series_figures import is_partial, metric_panels, overlay
-from backend.reports.set_to import set_to
-from backend.reports.source import Source
-from backend.storage.runs import title_of
+from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, set_to, to_element
+from backend.reports.experiment_report import lines_of
+from backend.reports.model import (
+    Block,
+    Code,
+    Column,
+    Fact,
+    Figure,
+    Paragraph,
+    Report,
+    Section,
+    Source,
+    Table,
+    load_source,
+    shown,
+)
+from backend.reports.plotting import INK, axis_label, drawn_once, figure, in_unit, thinned, to_svg, upper_legend
+from backend.reports.provenance import chosen, definitions_facts, measured, shown_unit, verdict
+from backend.reports.sections import identifications_section, overlay_bode
+from backend.storage import recordings, runs
+from backend.storage.database import Database
+from backend.storage.orm import UnknownRecordError
+from backend.storage.runs import EndState, RunKind, title_of
 from backend.units import Angles, read
+
+# Series figures ------------------------------------------------------------------------------------
+#
+# Figures of a series: its metrics from run to run, and the curves of all runs on the same axes.
+
+
+_COLUMNS = 3
+_ROW_IN = 1.25
+_UNITS = {"q": "rad", "S": "N·m/rad"}
+_LEGEND = 8
+"""Runs that are named beside the curves; of more, first and last."""
+
+
+def is_partial(item: RunFigure | None) -> bool:
+    """Whether a figure has a value that was not measured whole."""
+    return item is not None and item.value is not None and item.reason != ""
+
+
+@drawn_once
+def metric_panels(metrics: Sequence[Sequence[RunFigure | None]], angles: Angles) -> str:
+    """Draw each metric over the places of the runs in their list, from 1 on, one panel each."""
+    rows = -(-len(metrics) // _COLUMNS)
+    with figure(rows, _COLUMNS, height_in=0.6 + rows * _ROW_IN, gap_in=(0.42, 0.5), squeeze=False) as (drawn, axes):
+        for panel, items in zip(axes.flat, metrics, strict=False):
+            of = next(item for item in items if item is not None)
+            values = [
+                np.nan if item is None or item.value is None else read(item.value, of.unit, angles) for item in items
+            ]
+            places, partial = np.arange(1, len(items) + 1), [is_partial(item) for item in items]
+            panel.plot(places, values, color=INK, linewidth=0.6, marker="o", markersize=2.5)
+            if any(partial):
+                hollow = {"linestyle": "", "marker": "o", "markersize": 2.5, "markerfacecolor": "white"}
+                panel.plot(places[partial], np.array(values)[partial], color=INK, **hollow)
+            unit = shown_unit(of.unit, angles)
+            panel.set_title(_short(of.label) + (f" [{unit}]" if unit else ""), fontsize=6.5)
+            panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+            panel.set_xlim(0.5, len(items) + 0.5)
+        for panel in axes.flat[len(metrics) :]:
+            panel.set_visible(False)
+        for panel in axes.flat[max(len(metrics) - _COLUMNS, 0) : len(metrics)]:  # the lowest of each column
+            panel.set_xlabel("place in the list of runs")
+        return to_svg(drawn, "metrics")
+
+
+@drawn_once
+def overlay(runs: Sequence[tuple[int, Mapping[str, NDArray[np.float64]]]], angles: Angles) -> str:
+    """Draw q and S of all runs over the time since the first sample of each."""
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))
+    with figure(2, height_in=3.6, sharex=True) as (drawn, axes):
+        for panel, signal in zip(axes, ("q", "S"), strict=True):
+            for place, (number, columns) in enumerate(runs):
+                named = len(runs) <= _LEGEND or place in (0, len(runs) - 1)
+                _curve(panel, columns, signal, colours[place], f"run {number}" if named else "", angles)
+            panel.set_ylabel(axis_label(signal, _UNITS[signal], angles))
+        upper_legend(axes[0])
+        axes[1].set_xlabel("t [s]")
+        axes[1].set_xlim(0.0, max(float(columns["t"][-1]) for _, columns in runs) or 1.0)
+        return to_svg(drawn, "curves")
+
+
+def _curve(
+    panel: Axes,
+    columns: Mapping[str, NDArray[np.float64]],
+    signal: str,
+    colour: NDArray[np.float64],
+    label: str,
+    angles: Angles,
+) -> None:
+    unit, t = _UNITS[signal], columns["t"]
+    panel.plot(*thinned(t, in_unit(columns[signal], unit, angles)), color=colour, linewidth=0.8, label=label or None)
+    reference = in_unit(columns[f"{signal}_ref"], unit, angles)
+    panel.plot(*thinned(t, reference), color=colour, linewidth=0.5, linestyle=(0, (4, 2)), alpha=0.7)
+
+
+def _short(label: str) -> str:
+    return label if len(label) <= 34 else label[:33] + "…"
+
+
+# Series --------------------------------------------------------------------------------------------
+#
+# The report of a series: runs beside each other, what differs between them, their metrics and their
+# curves.
+
 
 _BESIDE = 5
 """Runs that stand beside each other in one table: as many as fit a page."""
@@ -257,3 +362,45 @@ def _hashes(evidence: SeriesEvidence) -> Table:
     columns = (Column("Run"), Column("SHA-256 of its samples", number=False, wide=True))
     rows = tuple((str(one.run.id), one.hashes["samples"]) for one in evidence.runs)
     return Table("Content hashes.", columns, rows)
+
+
+# Series source -------------------------------------------------------------------------------------
+#
+# The runs of a series, gathered: as many and as long as one report can hold.
+
+
+MOST_RUNS = 100
+MOST_SAMPLES = 3_000_000
+"""All runs together: their samples are in memory at once, 50 minutes of them."""
+
+
+def load_series(database: Database, numbers: Sequence[int], angles: Angles) -> list[Source]:
+    """Gather what is stored of each run; one that was left behind gets its result first.
+
+    Raises RefusalError, UnknownRecordError, before samples are read.
+    """
+    chosen = list(dict.fromkeys(numbers))
+    if not 2 <= len(chosen) <= MOST_RUNS:
+        raise RefusalError(
+            Because.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
+        )
+    samples = 0
+    with database.reading() as session:
+        for number in chosen:
+            run = runs.get(session, number)
+            with suppress(UnknownRecordError):  # of a run that ended before its first sample there is no recording
+                samples += recordings.extent(session, number).count
+            if run.kind == RunKind.SESSION:
+                raise RefusalError(
+                    Because.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
+                )
+            if run.end_state == EndState.RUNNING:
+                raise RefusalError(
+                    Because.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
+                )
+    if samples > MOST_SAMPLES:
+        raise RefusalError(
+            Because.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
+        )
+    catch_up(database, chosen)
+    return [load_source(database, number, angles) for number in chosen]

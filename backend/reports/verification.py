@@ -1,11 +1,13 @@
-"""Whether a report holds: everything in it is computed again from the samples that it names, and compared.
-
-What differs is told by its name: a figure, a criterion, a parameter, a sample, a hash, a version, a line of the page.
-"""
+"""Verifies a report: computes everything in it again from the samples that it names, and compares."""
 
 import json
-from collections.abc import Iterator, Mapping
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import unescape
+from itertools import zip_longest
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +16,18 @@ from backend.analysis.context import points_in
 from backend.analysis.evaluation import computed
 from backend.analysis.step_metrics import NoSamplesError
 from backend.experiments.library import stored_plan
+from backend.exports.base import Batch, Facts, ImportRefusedError, described
+from backend.exports.formats import DataFormat, read
+from backend.exports.importer import require_told
+from backend.exports.writers import heading_problem, schema_problem
 from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
-from backend.recording.reader import Columns, missing_between
-from backend.reports.build import build_report
-from backend.reports.differences import LIKE, LIKE_ESTIMATE, MOST, Difference, Verified, differing, not_made
-from backend.reports.digests import BLOCK_S, HASHED, blocks_of
+from backend.recording.reader import Columns, missing_between, recorded_columns
+from backend.reports.build import build_report, metrics_document
 from backend.reports.evidence import (
     ACCOUNT,
+    BLOCK_S,
+    DRAWING,
+    HASHED,
     LAYOUT,
     SINEW,
     Estimate,
@@ -28,19 +35,380 @@ from backend.reports.evidence import (
     EvidenceError,
     SeriesEvidence,
     account_hash,
+    blocks_of,
+    element_of,
     estimate_of,
     hashes_of,
     made_with,
-    read,
+    of_samples,
     source_of,
+    to_element,
     unseen,
+    without_element,
 )
-from backend.reports.files import metrics_document
-from backend.reports.html import to_html
-from backend.reports.page_comparison import compare_pages
-from backend.reports.pdf import to_pdf
-from backend.reports.source import Source
+from backend.reports.evidence import read as read_evidence
+from backend.reports.model import Source, to_html, to_pdf
+from backend.reports.series import series_report
+from backend.sample import ADDED_LATER, STORED_NAMES
+from backend.storage import runs
+from backend.storage.database import Database
+from backend.storage.runs import RunKind
 from plant.parameters import parameters_of
+
+# Differences ---------------------------------------------------------------------------------------
+#
+# What does not hold of a report, and how two documents are compared number by number.
+
+
+LIKE = 1e-9
+"""Share by which a number may differ where another machine has computed it again."""
+
+LIKE_ESTIMATE = 1e-4
+"""The same of what an optimizer ends at: its standard errors are known to five digits."""
+
+MOST = 50
+"""Differences that are told; who finds so many needs no more."""
+
+EVERYTHING = "every number, criterion, parameter and hash"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What does not hold: its name, what the report says, and what was found."""
+
+    name: str
+    said: str
+    found: str
+
+    @property
+    def sentence(self) -> str:
+        """Say it."""
+        return f"{self.name}: the report says {self.said}, found {self.found}"
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What was ``compared``: differences, and what could not be compared with the reason."""
+
+    differences: tuple[Difference, ...]
+    left_out: tuple[str, ...]
+    compared: str = EVERYTHING
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether all of it holds; None where nothing differs, but something was not compared."""
+        if self.differences:
+            return False
+        return None if self.left_out else True
+
+
+def not_made(name: str, wanted: str, error: Exception) -> Difference:
+    """Return the difference that something of a report cannot be made again, whatever is wrong with it."""
+    return Difference(name, wanted, f"{type(error).__name__}: {error}"[:200])
+
+
+def differing(name: str, said: Any, found: Any, like: float = LIKE, floor: float = 1e-15) -> Iterator[Difference]:
+    """Compare two documents, part by part; parts of lists are called by their own name, where they have one.
+
+    Numbers may differ by the share ``like`` of themselves, those of a list of the largest, and by ``floor``.
+    """
+    if isinstance(said, Mapping) and isinstance(found, Mapping):
+        for part in dict.fromkeys([*said, *found]):
+            yield from differing(f"{name}, {part}", said.get(part), found.get(part), like)
+    elif _is_list(said) and _is_list(found) and len(said) == len(found):
+        largest = max((abs(one) for one in found if isinstance(one, float)), default=0.0)
+        for place, (one, other) in enumerate(zip(said, found, strict=True)):
+            called = one.get("name") if isinstance(one, Mapping) else None
+            yield from differing(f"{name}, {called or place + 1}", one, other, like, max(floor, like * largest))
+    elif not _alike(said, found, like, floor):
+        yield Difference(name, _short(said), _short(found))
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str)
+
+
+def _alike(said: Any, found: Any, like: float, floor: float) -> bool:
+    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (said, found))
+    try:
+        return math.isclose(said, found, rel_tol=like, abs_tol=floor) if numbers else bool(said == found)
+    except OverflowError:  # a whole number beyond any float
+        return bool(said == found)
+
+
+def _short(value: Any) -> str:
+    return "nothing" if value is None else str(value)[:80]
+
+
+# Page comparison -----------------------------------------------------------------------------------
+#
+# A page as it is read beside the one that is made again: line by line, drawing by drawing.
+
+
+_TAG = re.compile(r"<[^<>]*>")
+_SET = re.compile(r"</?(?:i|b|sub|sup)>")
+_OPEN, _CLOSE = "<svg", "</svg>"
+_PLACE = "<svg/>"
+_LINE = 2000
+"""Letters of a line of which a difference is told: what is longer is a forged page's."""
+_DRAWING_OF = "drawing of figure"
+_CARRIED = "figures, criteria, models, parameters and hashes that it carries, but not the page as it is read"
+
+_XML = re.compile(r"<(/?)([A-Za-z][\w:.-]*)([^<>]*)>")
+_ATTRIBUTE = re.compile(r'\s+([A-Za-z][\w:.-]*)="([^"<>]*)"')
+_COMMENT = re.compile(r"<!--[^<>]*-->")
+_REST = re.compile(r"\s*/?")
+_NAMESPACES = {"xmlns", "xmlns:xlink", "xmlns:rdf", "xmlns:dc", "xmlns:cc"}
+_DRAWS: dict[str, set[str]] = {
+    "svg": {"role", "aria-label", "width", "height", "viewBox", "version"} | _NAMESPACES,
+    "g": {"id", "style", "transform", "clip-path"},
+    "defs": set(),
+    "path": {"id", "style", "transform", "clip-path", "d"},
+    "use": {"style", "transform", "x", "y", "xlink:href", "clip-path"},
+    "clipPath": {"id"},
+    "rect": {"x", "y", "width", "height", "style"},
+    "image": {"id", "style", "transform", "x", "y", "width", "height", "xlink:href", "clip-path"},
+    "metadata": set(),
+    "style": {"type"},
+    "rdf:RDF": set(_NAMESPACES),
+    "cc:Work": set(),
+    "dc:type": {"rdf:resource"},
+    "dc:format": set(),
+    "title": set(),
+}
+"""Elements that a drawing of a report has, with their attributes: none covers the page or fetches anything."""
+_STYLES = {
+    *("fill", "fill-opacity", "fill-rule", "stroke", "stroke-width", "stroke-linecap", "stroke-linejoin", "opacity"),
+    *("stroke-opacity", "stroke-dasharray", "stroke-dashoffset", "stroke-miterlimit", "image-rendering"),
+}
+_STYLE_SHEET = "*{stroke-linejoin: round; stroke-linecap: butt}"
+
+
+def compare_pages(page: str, evidence: Evidence | SeriesEvidence, make_again: Callable[[], str]) -> Verified:
+    """Compare a page, whose account was read from it, with the same page made here.
+
+    The versions that the account names decide nothing, as anybody can change them: they only explain why a page that
+    differs may have been written by another version. Such a page is not verified; it does not hold.
+    """
+    here = made_with()
+    said = evidence.made_with if isinstance(evidence, Evidence) else evidence.runs[0].made_with
+    foreign = tuple(_foreign(page))
+    try:
+        again = make_again()
+    except Exception as error:
+        return Verified((not_made("the page", "one that can be made again", error), *foreign)[:MOST], ())
+    differences = [*_account(page, evidence), *_pages(page, again)]
+    others = [name for name, other in here.items() if said.get(name) != other] + [*({*said} - {*here})]
+    if SINEW in others or LAYOUT in others:
+        by, this = (
+            f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (said, here)
+        )
+        left_out = f"the page as it is read: it was written by {by}, this is {this}"
+        return Verified(foreign[:MOST], (left_out,), _CARRIED)
+    if DRAWING in others:
+        differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]
+    told = (
+        f"what {name} made: the account names its version {said.get(name)}, here is {here.get(name)}" for name in others
+    )
+    return Verified((*differences, *foreign)[:MOST], tuple(told))
+
+
+def _foreign(page: str) -> Iterator[Difference]:
+    """Name what stands in the drawings of a page and is none of a report's: elements, attributes, styles, addresses."""
+    for number, drawing in enumerate(_drawings(page), start=1):
+        found = next(_strangers(drawing), None)
+        if found is not None:
+            yield Difference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "nothing but lines, letters and areas")
+
+
+def _strangers(drawing: str) -> Iterator[str]:
+    end, before = 0, ""
+    for tag in _XML.finditer(drawing):
+        between = _COMMENT.sub("", drawing[end : tag.start()])
+        if "<" in between or ">" in between:
+            yield between.strip()
+        if before == "style" and between.strip() and between.strip() != _STYLE_SHEET:
+            yield between.strip()
+        end, name = tag.end(), tag[2]
+        before = "" if tag[1] else name
+        if name not in _DRAWS:
+            yield tag[0]
+            continue
+        if tag[1]:
+            continue
+        attributes = list(_ATTRIBUTE.finditer(tag[3]))
+        rest = tag[3][attributes[-1].end() :] if attributes else tag[3]
+        if sum(len(one[0]) for one in attributes) + len(rest) != len(tag[3]) or not _REST.fullmatch(rest):
+            yield tag[0]
+        for one in attributes:
+            if one[1] not in _DRAWS[name] or not _is_harmless(name, one[1], unescape(one[2])):
+                yield one[0].strip()
+
+
+def _is_harmless(element: str, attribute: str, value: str) -> bool:
+    if attribute == "style":
+        named = {part.split(":")[0].strip() for part in value.split(";") if part.strip()}
+        return named <= _STYLES and "url(" not in value
+    if attribute == "xlink:href":
+        return value.startswith("data:image/png;base64,") if element == "image" else value.startswith("#")
+    if attribute == "clip-path":
+        return value.startswith("url(#")
+    return True
+
+
+def _account(page: str, evidence: Evidence | SeriesEvidence) -> Iterator[Difference]:
+    """Compare the account as it is written with what was read of it: nothing else may stand in it."""
+    said, found = element_of(page), to_element(evidence)
+    if said != found:
+        yield Difference("the account as it is written", *where_they_differ(said, found))
+
+
+def _pages(page: str, again: str) -> Iterator[Difference]:
+    """Compare what a person sees, line by line, and drawing by drawing."""
+    said, found = without_element(page), without_element(again)
+    drawn = [list(_drawings(text)) for text in (said, found)]
+    counts = [len(each) for each in drawn]
+    if counts[0] != counts[1]:
+        yield Difference("number of drawings", str(counts[0]), str(counts[1]))
+    else:
+        for number, (one, other) in enumerate(zip(*drawn, strict=True), start=1):
+            if one != other:
+                yield Difference(f"{_DRAWING_OF} {number}", "another drawing", "that of its samples")
+    lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (said, found)]
+    for number, (one, other) in enumerate(zip(*lines, strict=False), start=1):
+        if one != other:
+            yield Difference(_called(one[:_LINE], number), *where_they_differ(one, other))
+    sizes = [len(each) for each in lines]
+    if sizes[0] != sizes[1]:
+        yield Difference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
+
+
+def _drawings(text: str) -> Iterator[str]:
+    """Return the drawings of a page in turn; one look over the page, whatever stands in it."""
+    for begin, end in _places(text):
+        yield text[begin:end]
+
+
+def _without_drawings(text: str) -> str:
+    parts, after = [], 0
+    for begin, end in _places(text):
+        parts += [text[after:begin], _PLACE]
+        after = end
+    return "".join((*parts, text[after:]))
+
+
+def _places(text: str) -> Iterator[tuple[int, int]]:
+    end = 0
+    while (begin := text.find(_OPEN, end)) >= 0:
+        close = text.find(_CLOSE, begin)
+        if close < 0:
+            return
+        end = close + len(_CLOSE)
+        yield begin, end
+
+
+def _called(line: str, number: int) -> str:
+    if row := re.match(r"<tr><t[dh][^>]*>(.*?)</t[dh]>", line):
+        return f"row “{_plain(row.group(1))}”"
+    if fact := re.match(r"<dt>(.*?)</dt>", line):
+        return f"“{_plain(fact.group(1))}” in the heading"
+    return f"line {number} of the page"
+
+
+def _plain(line: str) -> str:
+    return " ".join(unescape(_TAG.sub(" ", _SET.sub("", line.replace("<sub>", "_")))).split())
+
+
+def where_they_differ(one: str, other: str) -> tuple[str, str]:
+    """Return what stands around the first difference of two lines: as a person reads them, else with their markup."""
+    first = next(place for place, (left, right) in enumerate(zip_longest(one, other)) if left != right)
+    near = slice(max(0, first - _LINE), first + _LINE)
+    said, found = _plain(one[near]), _plain(other[near])
+    if said == found:
+        said, found = one[near], other[near]
+    same = next(place for place, (left, right) in enumerate(zip_longest(said, found)) if left != right)
+    part = slice(max(0, same - 30), same + 40)
+    return f"“{said[part]}”", f"“{found[part]}”"
+
+
+# Samples file --------------------------------------------------------------------------------------
+#
+# Samples of a run read back from a file that was exported, as they are stored.
+
+
+SUFFIXES = tuple(f".{kind}" for kind in DataFormat)
+
+
+class SamplesFileError(ValueError):
+    """A file that does not hold the samples of a run."""
+
+
+def read_samples_file(file: Path) -> tuple[Columns, tuple[Difference, ...]]:
+    """Return the columns of an export, ``t`` [s] and every stored signal, and how the file is not as it was exported.
+
+    Raises SamplesFileError.
+    """
+    try:
+        facts, batches = read(file)
+        parts = list(batches)
+    except (ImportRefusedError, OSError) as error:
+        raise SamplesFileError(f"{file} cannot be read: {error}") from None
+    missing = [name for name in STORED_NAMES if name not in facts.names and name not in ADDED_LATER]
+    if "t" not in facts.names or "q" in missing:
+        raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
+    names = ("t", *(name for name in STORED_NAMES if name in facts.names))
+    columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
+    # What an older version did not store was not measured; where the account has its check sum, that differs.
+    columns |= {name: np.full(columns["t"].size, np.nan) for name in missing}
+    return columns, tuple(_problems(file, facts, parts))
+
+
+def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Difference]:
+    try:
+        require_told(facts, parts)
+    except ImportRefusedError as error:
+        yield Difference("the file of the samples", "samples as they were exported", str(error))
+    known = {column.name: column.unit for column in described(facts.fields)}
+    for column in facts.columns:
+        if column.unit != known[column.name]:
+            yield Difference(f"unit of {column.name} in {file.name}", f"[{column.unit}]", f"[{known[column.name]}]")
+    if file.suffix == ".csv" and (problem := heading_problem(file, facts)):
+        yield Difference(f"units and meanings in {file.name}", "the lines of its export", problem)
+    if file.suffix == ".parquet" and (problem := schema_problem(file, facts)):
+        yield Difference(f"units and meanings in {file.name}", "the columns of its export", problem)
+
+
+# Stored samples ------------------------------------------------------------------------------------
+#
+# The stored run that a report was made of, found by what it holds: another installation may number
+# it otherwise.
+
+
+def stored_samples(database: Database, evidence: Evidence) -> tuple[Columns | None, int | None]:
+    """Return the samples of the stored run that an account speaks of and its number here, None where there is none.
+
+    Of runs that began at the same moment it is the one whose samples have the hash; else the first, so that it can be
+    told what differs.
+    """
+    with database.reading() as session:
+        began = runs.began_at(session, evidence.run.started_at)
+    found: list[tuple[Columns, int]] = []
+    for run in began:
+        columns, _ = recorded_columns(database, run.id)
+        if of_samples(columns) == evidence.hashes.get("samples"):
+            return columns, run.id
+        found.append((columns, run.id))
+    return found[0] if found else (None, None)
+
+
+# Verification --------------------------------------------------------------------------------------
+#
+# Whether a report holds: everything in it is computed again from the samples that it names, and
+# compared.
+#
+# What differs is told by its name: a figure, a criterion, a parameter, a sample, a hash, a version,
+# a line of the page.
+
 
 _NO_RESULT = (
     "the result: the report was made without one, and from its samples one can be computed: sinew runs evaluate RUN"
@@ -150,7 +518,7 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, beside: Beside = 
 
 
 def _of_a_run(page: str) -> Evidence:
-    evidence = read(page)
+    evidence = read_evidence(page)
     if isinstance(evidence, SeriesEvidence):
         raise EvidenceError("it is of a series: its runs are looked for where they are stored, in the folder of --data")
     return evidence
@@ -272,3 +640,35 @@ def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
                 yield Difference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
         if len(said) != len(found.get(name, [])):
             yield Difference(f"check sums of {name}", str(len(said)), str(len(found.get(name, []))))
+
+
+# Series verification -------------------------------------------------------------------------------
+#
+# Whether the report of a series holds: each of its runs is computed again from where it is stored,
+# then the page.
+
+
+def verify_series(page: str, evidence: SeriesEvidence, find: Callable[[Evidence], Columns | None]) -> Verified:
+    """Compare the accounts of a series with the samples that ``find`` has of each run, and its page with one made anew.
+
+    Raises EvidenceError where the samples of a run are not there.
+    """
+    if len(evidence.runs) < 2 or any(one.run.kind == RunKind.SESSION for one in evidence.runs):
+        raise EvidenceError("its account is of no series: that is of two runs or more, none of them a session")
+    found, sources = [], []
+    for one in evidence.runs:
+        columns = find(one)
+        if columns is None:
+            raise EvidenceError(f"the samples of its run {one.run.id} are not here: name the folder with its runs")
+        again, source = computed_again(one, columns)
+        found.append(_of_run(one.run.id, again))
+        if source is not None:
+            sources.append(source)
+    if len(sources) == len(evidence.runs):
+        found.append(compare_pages(page, evidence, lambda: to_html(series_report(sources))))
+    return joined(*found)
+
+
+def _of_run(number: int, again: Verified) -> Verified:
+    differences = tuple(replace(one, name=f"run {number}, {one.name}") for one in again.differences)
+    return replace(again, differences=differences, left_out=tuple(f"run {number}, {one}" for one in again.left_out))

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 import httpx
 from websockets.sync.connection import Connection
 
-from backend.access.control import HEADER
+from backend.auth.control_lease import HEADER
 from tests.api.conftest import PATIENCE_S, live
 from tests.api.patient import connect
 from tests.e2e.service import Service

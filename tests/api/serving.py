@@ -8,8 +8,7 @@ from contextlib import contextmanager
 
 from starlette.types import ASGIApp
 
-from backend.ending import Ending
-from backend.web_server.server import Server
+from backend.server.server import Ending, Server
 
 
 @contextmanager

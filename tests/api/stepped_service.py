@@ -6,14 +6,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from backend.access.people import Person
 from backend.archive.own_experiments import OwnExperiments
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
+from backend.auth.authentication import Person
 from backend.commissioning.session import KeptHands
 from backend.execution.runner import Station
-from backend.messages.session import Role
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
 from backend.operating.journal import Journal
@@ -31,6 +30,7 @@ from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import Listener, LoopDiedError, Supervisor
 from backend.recording.recorder import Recorder
+from backend.schemas.state import Role
 from backend.storage.database import Database
 from backend.supervision import Supervision
 from backend.workers import Offload

@@ -12,9 +12,8 @@ import httpx
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from backend.access.attempts import ATTEMPTS
-from backend.web_server.cookies import COOKIE
-from backend.web_server.session_ends import OVER
+from backend.auth.authentication import ATTEMPTS
+from backend.server.security import COOKIE, OVER
 from tests.api.conftest import PATIENCE_S, until
 from tests.api.patient import connect
 from tests.e2e.service import Service, running_service

@@ -14,7 +14,6 @@ import plant
 from backend.banks.tuning_settings import TuningChoice
 from backend.errors import RefusalError
 from backend.experiments import applied_parameters
-from backend.messages.tuning import TrialRequest
 from backend.operating import foundation
 from backend.operating.applied import Applied
 from backend.operating.tuning_in_use import TuningInUse, initial
@@ -23,6 +22,7 @@ from backend.realtime.ipc import Setup
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.sample import INDEX
+from backend.schemas.tuning import TrialRequest
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database

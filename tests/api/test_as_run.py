@@ -17,14 +17,13 @@ from backend.execution.simulation import headless_station
 from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, entry_of
 from backend.experiments.parser import read
 from backend.experiments.plans import LoopSettings
-from backend.messages.history import RunMark
-from backend.messages.own_experiment import RecordedExperiment
-from backend.messages.state import Push, Wall, WallOrder
-from backend.messages.touch import TouchOrder
-from backend.messages.tuning import TuningRequest
 from backend.operating.obstruction import obstruct
 from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
+from backend.schemas.experiment import RecordedExperiment
+from backend.schemas.run import RunMark
+from backend.schemas.state import Push, TouchOrder, Wall, WallOrder
+from backend.schemas.tuning import TuningRequest
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from plant.interface import T_s

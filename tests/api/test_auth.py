@@ -8,15 +8,12 @@ import pytest
 from fastapi import Response
 from starlette.requests import HTTPConnection
 
-from backend.access.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S, SIGN_INS
-from backend.access.authentication import GRACE_S, Authentication
-from backend.access.people import Person
-from backend.access.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
-from backend.access.tokens import TokenFiles, rotate
 from backend.api.errors import STATUS
+from backend.auth.authentication import ATTEMPTS, ATTEMPTS_WINDOW_S, GRACE_S, SIGN_INS, Authentication, Person
+from backend.auth.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions, TokenFiles, rotate
 from backend.errors import RefusalError
-from backend.messages.session import Role
-from backend.web_server.cookies import COOKIE, forget, grant, shown_by
+from backend.schemas.state import Role
+from backend.server.security import COOKIE, forget, grant, shown_by
 
 
 class Clock:

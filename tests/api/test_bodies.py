@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from backend.operating.chart_sheets import PLACES_EACH
-from backend.web_server.bodies import MOST_LISTED, MOST_NAMES
+from backend.server.security import MOST_LISTED, MOST_NAMES
 from tests.api.conftest import until
 from tests.e2e.service import Service
 

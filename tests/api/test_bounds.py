@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from backend.api.export import openapi
-from backend.messages.live import Ping
+from backend.schemas.state import Ping
 
 HTTP_METHODS = {"get", "put", "post", "patch", "delete"}
 NEEDED = {

@@ -16,14 +16,14 @@ from backend.commissioning.session import KeptHands
 from backend.commissioning.steps import Finding, StepId, StepState
 from backend.errors import RefusalError
 from backend.execution.runner import create_run
-from backend.messages.bring_up import BringUpStep
-from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp
 from backend.realtime.commands import Accepted, Command, Refused, TryMotor
 from backend.realtime.ipc import Ready
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import Granted
+from backend.schemas.commissioning import BringUpStep
+from backend.schemas.identification import ActuatorRequest
 from backend.storage.commissioning import StepResult
 from backend.storage.database import open_database
 from backend.storage.orm import StorageError

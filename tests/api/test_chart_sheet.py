@@ -5,7 +5,7 @@ import io
 import httpx
 from pypdf import PdfReader
 
-from backend.web_server.guard import MAX_BODY_BYTES, MAX_SHEET_BYTES, SHEETS
+from backend.server.security import MAX_BODY_BYTES, MAX_SHEET_BYTES, SHEETS
 from tests.e2e.service import Service
 
 FOOT = "run 3 · SIM · λ_q 0.5 s"

@@ -7,11 +7,11 @@ from http.client import HTTPConnection
 import httpx
 import pytest
 
-from backend.access.control import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
-from backend.access.people import BEARER, Person
+from backend.auth.authentication import BEARER, Person
+from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
 from backend.errors import Because, RefusalError
 from backend.faults import Fault
-from backend.messages.session import Role
+from backend.schemas.state import Role
 from tests.api.conftest import ended, once_told, problem, wait_for
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from backend.access.people import BEARER, Person
+from backend.auth.authentication import BEARER, Person
 from backend.errors import RefusalError
 from backend.execution.runner import Doing, Order
 from backend.execution.simulation import _Progress
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
-from backend.messages.session import Role
 from backend.operating.dry_runs import DryRuns
+from backend.schemas.state import Role
 from backend.workers import Offload
 from plant.parameters import load_parameters
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from backend.faults import Fault
-from backend.messages.live import MarkKind
 from backend.realtime.commands import Inject, SetMode
 from backend.realtime.program import Mode
 from backend.recording.flight import FlightRecorder, Quota
+from backend.schemas.state import MarkKind
 from backend.storage import flights
 from backend.storage.database import Database, open_database
 from plant.interface import Breakage, Broken, PlantChoice, PlantKind

@@ -6,7 +6,7 @@ from typing import Any, cast
 import httpx
 import pytest
 
-from backend.access.control import Control
+from backend.auth.control_lease import Control
 from backend.errors import Because, RefusalError
 from backend.faults import FAULTS, Fault
 from backend.operating.actuator import Actuator

@@ -6,8 +6,8 @@ What the forms of the page show, send and leave behind is looked at in the brows
 import pytest
 
 from backend.experiments.library import IDENTIFICATIONS
-from backend.messages.identification import ActuatorRequest, MotorRequest, SpringRequest
 from backend.models.settings import describe
+from backend.schemas.identification import ActuatorRequest, MotorRequest, SpringRequest
 
 
 @pytest.mark.parametrize(

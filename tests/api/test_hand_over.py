@@ -5,12 +5,11 @@ from contextlib import ExitStack
 
 import pytest
 
-from backend.access.control import HOLD_S, LOOK_S, LOST_S, Control, Holder, Stamp
-from backend.access.hand_over import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, HandOver
-from backend.access.people import BEARER, People, Person
+from backend.auth.authentication import BEARER, People, Person
+from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, Control, Holder, Stamp
+from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, HandOver
 from backend.errors import Because, RefusalError
-from backend.messages.control import Answer
-from backend.messages.session import Role
+from backend.schemas.state import Answer, Role
 
 ANA, VERA, ODA = (Person(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
 VIC = Person("Vic (viewer)", Role.VIEWER, "vic", "Vic")

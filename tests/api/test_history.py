@@ -12,7 +12,7 @@ import pytest
 
 from backend.archive import checklist
 from backend.banks.tuning_settings import SAVED, SavedParts, saved_for
-from backend.messages.history import ChecklistState
+from backend.schemas.run import ChecklistState
 from backend.storage import banks, identifications, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database

@@ -13,12 +13,12 @@ from backend.control.motion_primitives import ZERO_VOLTS_S
 from backend.errors import RefusalError
 from backend.execution.runner import Doing
 from backend.experiments.forecast import Stage
-from backend.messages.history import Planned
-from backend.messages.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
-from backend.messages.state import TaskView
 from backend.realtime.commands import Accepted, SetMode
 from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
+from backend.schemas.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
+from backend.schemas.run import Planned
+from backend.schemas.state import TaskView
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from backend.errors import RefusalError
-from backend.messages.layouts import ChartLayout, look_over
+from backend.schemas.preferences import ChartLayout, look_over
 
 ERRORS = {"title": "Errors", "signals": ["q - q_ref"], "over": None, "share": 1.5}
 PLANE = {"title": "S over q", "signals": ["S", "S_ref"], "over": "q", "share": 2.0}

@@ -10,10 +10,10 @@ from fastapi import WebSocket, WebSocketDisconnect
 
 from backend import wire
 from backend.api.live import serve
-from backend.messages.live import EventMessage, MarkKind, StateMessage
 from backend.operating.live_stream import QUEUE_FRAMES, Client, LiveStream
 from backend.realtime.ring_buffer import Ring
 from backend.sample import FIELDS, INDEX
+from backend.schemas.state import EventMessage, MarkKind, StateMessage
 
 
 def fill(ring: Ring, count: int) -> None:

@@ -3,10 +3,10 @@
 import httpx
 import pytest
 
-from backend.access.control import HEADER
-from backend.access.people import BEARER, People, Person
+from backend.auth.authentication import BEARER, People, Person
+from backend.auth.control_lease import HEADER
 from backend.errors import Because, RefusalError
-from backend.messages.session import Role
+from backend.schemas.state import Role
 from tests.e2e.service import Service
 
 

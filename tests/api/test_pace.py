@@ -4,12 +4,10 @@ import asyncio
 
 from starlette.types import Receive, Scope, Send
 
-from backend.access.people import BEARER, Person
 from backend.api.export import openapi
-from backend.messages.session import Role
-from backend.web_server.places import Place
-from backend.web_server.protocols import PLACE
-from backend.web_server.request_turns import PASSES_BY, RequestTurns
+from backend.auth.authentication import BEARER, Person
+from backend.schemas.state import Role
+from backend.server.connections import PASSES_BY, PLACE, Place, RequestTurns
 
 CROWD = 20
 

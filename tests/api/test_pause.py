@@ -11,8 +11,6 @@ import pytest
 from backend.analysis.evaluation import Evaluation
 from backend.errors import OutOfRangeError, RefusalError
 from backend.execution.runner import Doing, Notify, NotReadyError, Order, Station, create_run
-from backend.messages.identification import ActuatorRequest
-from backend.messages.state import TaskView
 from backend.operating import ordered_runs
 from backend.operating.pause import Pause, not_begun
 from backend.operating.present_state import PresentState
@@ -20,6 +18,8 @@ from backend.realtime.commands import SetMode
 from backend.realtime.program import MODE_CODE, Mode
 from backend.realtime.supervisor import LoopAccess, LoopDiedError
 from backend.sample import INDEX, NAMES
+from backend.schemas.identification import ActuatorRequest
+from backend.schemas.state import TaskView
 from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, Run

@@ -4,10 +4,10 @@ import logging
 
 import pytest
 
-from backend.access.people import BEARER, Person
+from backend.auth.authentication import BEARER, Person
 from backend.logs import LINES, WINDOW_S, Limit
-from backend.messages.session import Role
-from backend.web_server.places import BROWSER_PLACES, SOCKET_COSTS, Place, Places, Room
+from backend.schemas.state import Role
+from backend.server.connections import BROWSER_PLACES, SOCKET_COSTS, Place, Places, Room
 
 OPERATOR = Person("operator", Role.OPERATOR, BEARER)
 VIEWER = Person("viewer", Role.VIEWER, BEARER)

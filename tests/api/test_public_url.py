@@ -12,8 +12,8 @@ from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 
 from backend.public_url import PublicUrl, read_networks, read_public_url
-from backend.web_server import cookies, deployment
-from backend.web_server.guard import Guard
+from backend.server import deployment, security
+from backend.server.security import Guard
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from
 
@@ -174,9 +174,9 @@ def cookie_lines(public: PublicUrl | None, headers: dict[str, str], path: str = 
             response, connection = Response(), HTTPConnection(scope)
             given: Any = Granting()
             if granted:
-                cookies.grant(given, connection, response, given)
+                security.grant(given, connection, response, given)
             else:
-                cookies.forget(given, connection, response)
+                security.forget(given, connection, response)
             said.extend(response.headers.getlist("set-cookie"))
         await Response()(scope, receive, send)
 

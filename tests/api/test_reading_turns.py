@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from backend.web_server.reading import (
+from backend.server.connections import (
     BYTES_AT_ONCE,
     BYTES_PER_S,
     FRAMES_AT_ONCE,

@@ -8,10 +8,10 @@ import pytest
 
 from backend.banks import tuning_settings
 from backend.errors import OutOfRangeError, RefusalError
-from backend.messages.touch import TouchOrder, TouchPoint
-from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.realtime.program import TouchForgotten
 from backend.realtime.supervisor import LoopDied
+from backend.schemas.state import TouchOrder, TouchPoint
+from backend.schemas.tuning import TrialRequest, TuningRequest
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped

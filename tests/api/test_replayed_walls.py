@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from backend.archive.replay import Replay
-from backend.messages.state import Wall, WallOrder
-from backend.messages.tuning import TuningRequest
 from backend.operating.obstruction import obstruct
 from backend.realtime.commands import RunEnded, RunProgram
 from backend.realtime.program import Law, Mode, Program, Segment
 from backend.recording.reader import read_samples
-from backend.scene.mirror import SceneMirror
-from backend.scene.pose import Pose
+from backend.scene.model import Pose, SceneMirror
+from backend.schemas.state import Wall, WallOrder
+from backend.schemas.tuning import TuningRequest
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters

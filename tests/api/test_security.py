@@ -8,7 +8,7 @@ import httpx
 import pytest
 from fastapi import FastAPI, WebSocket
 
-from backend.web_server.guard import MAX_BODY_BYTES, Guard
+from backend.server.security import MAX_BODY_BYTES, Guard
 
 app = FastAPI()
 guarded = Guard(app, ["rig.lab"])

@@ -5,7 +5,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from backend.web_server.cookies import COOKIE
+from backend.server.security import COOKIE
 from tests.api.conftest import problem
 from tests.e2e.service import Service
 

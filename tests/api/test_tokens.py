@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.access.tokens import TokenError, load_tokens
+from backend.auth.sessions import TokenError, load_tokens
 from backend.settings import Settings
 
 

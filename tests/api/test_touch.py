@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from backend.errors import OutOfRangeError, RefusalError
-from backend.messages.touch import TouchOrder, TouchView
 from backend.realtime.commands import Obstruct
 from backend.realtime.commands import Push as PushCommand
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDied
 from backend.sample import INDEX
+from backend.schemas.state import TouchOrder, TouchView
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle

@@ -12,13 +12,12 @@ import pytest
 from backend.errors import RefusalError
 from backend.execution.runner import Doing
 from backend.faults import Fault
-from backend.messages.state import Push, TaskView
-from backend.messages.touch import SweepView, TouchOrder
 from backend.operating import touch_sweep
 from backend.realtime import commands
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDied
 from backend.sample import INDEX
+from backend.schemas.state import Push, SweepView, TaskView, TouchOrder
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from backend.access.command_turns import BUSY_S, GAP_S, WAITING, Turns
+from backend.auth.control_lease import BUSY_S, GAP_S, WAITING, Turns
 from backend.errors import RefusalError
 
 

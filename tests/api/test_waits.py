@@ -8,9 +8,9 @@ import pytest
 from fastapi import FastAPI, Request
 from starlette.responses import Response
 
-from backend.web_server import guard, listener, protocols
-from backend.web_server.guard import MAX_BODY_BYTES, SHEETS, Guard, most_bytes
-from backend.web_server.places import Places
+from backend.server import connections, security
+from backend.server.connections import Places
+from backend.server.security import MAX_BODY_BYTES, SHEETS, Guard, most_bytes
 from tests.api.conftest import PATIENCE_S
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from, is_closed, many, seconds_until_refused
@@ -34,7 +34,7 @@ async def large() -> Response:
 
 @app.get("/guests")
 async def count(request: Request) -> int:
-    places: Places = getattr(request.state, protocols.ALL_PLACES)
+    places: Places = getattr(request.state, connections.ALL_PLACES)
     return places.guests
 
 
@@ -57,9 +57,9 @@ def address() -> Iterator[tuple[str, int]]:
 @pytest.fixture
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     """For those who are to be sent away; whoever is to stay has the whole time, as the machine may be busy."""
-    monkeypatch.setattr(listener, "SILENCE_S", SHORT_S)
+    monkeypatch.setattr(connections, "SILENCE_S", SHORT_S)
     for name in ("HEAD_S", "BODY_S", "REST_S"):
-        monkeypatch.setattr(protocols, name, SHORT_S)
+        monkeypatch.setattr(connections, name, SHORT_S)
 
 
 @pytest.mark.usefixtures("short_waits")
@@ -81,10 +81,10 @@ def test_a_sheet_has_as_much_longer_as_it_may_be_larger(
     address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It would not come over a slow link in the time of other bodies."""
-    assert protocols.body_s(SHEETS) / protocols.body_s("/thing") == most_bytes(SHEETS) / MAX_BODY_BYTES > 1.0
+    assert connections.body_s(SHEETS) / connections.body_s("/thing") == most_bytes(SHEETS) / MAX_BODY_BYTES > 1.0
     # as much larger that its time does not end here
-    monkeypatch.setattr(protocols, "most_bytes", lambda path: MAX_BODY_BYTES * (10_000 if path == SHEETS else 1))
-    monkeypatch.setattr(protocols, "BODY_S", SHORT_S)
+    monkeypatch.setattr(connections, "most_bytes", lambda path: MAX_BODY_BYTES * (10_000 if path == SHEETS else 1))
+    monkeypatch.setattr(connections, "BODY_S", SHORT_S)
     head = b" HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 8\r\nConnection: close\r\n" + HOST + b"\r\n"
     with connected(address, b"POST " + SHEETS.encode() + head + b'{"a"') as sheet:
         with connected(address, b"POST /thing" + head + b'{"a"') as other:
@@ -106,7 +106,7 @@ def test_a_body_that_nobody_waits_for_is_not_taken_for_ever(address: tuple[str, 
 
 
 def test_an_answer_that_is_not_read_is_given_up(address: tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocols, "STALL_S", SHORT_S)
+    monkeypatch.setattr(connections, "STALL_S", SHORT_S)
     with connected(address, b"GET /large HTTP/1.1\r\n" + HOST + b"\r\n") as deaf:
         while guests(address) > 1:
             time.sleep(SHORT_S)
@@ -119,8 +119,8 @@ def guests(address: tuple[str, int]) -> int:
 
 
 def test_a_connection_is_kept_for_the_next_request(address: tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocols, "HEAD_S", SHORT_S)
-    monkeypatch.setattr(protocols, "GUEST_PAUSE_S", 60)
+    monkeypatch.setattr(connections, "HEAD_S", SHORT_S)
+    monkeypatch.setattr(connections, "GUEST_PAUSE_S", 60)
     with connected(address) as kept:
         for _ in range(3):
             kept.sendall(b"GET /thing HTTP/1.1\r\n" + HOST + b"\r\n")
@@ -148,13 +148,13 @@ def test_nonsense_behind_a_request_ends_the_connection(address: tuple[str, int])
 
 
 def test_a_head_that_is_too_long_is_refused_by_its_length(address: tuple[str, int]) -> None:
-    lines = b"X: y\r\n" * (2 * guard.LONGEST_HEAD // 6)
+    lines = b"X: y\r\n" * (2 * security.LONGEST_HEAD // 6)
     with connected(address, b"GET /thing HTTP/1.1\r\n" + HOST + lines + b"\r\n") as stranger:
         assert everything_from(stranger).startswith(b"HTTP/1.1 431 ")
 
 
 def test_a_long_body_comes_whole(address: tuple[str, int]) -> None:
-    body = b'{"a": 1' + b" " * 5 * guard.LONGEST_HEAD + b"}"
+    body = b'{"a": 1' + b" " * 5 * security.LONGEST_HEAD + b"}"
     answer = httpx.post(
         f"http://localhost:{address[1]}/thing", content=body, headers={"Content-Type": "application/json"}
     )

@@ -9,7 +9,7 @@ import pytest
 
 from backend.banks.tuning_settings import TuningChoice, default_choice
 from backend.errors import RefusalError
-from backend.messages.tuning import TrialRequest, TuningRequest
+from backend.schemas.tuning import TrialRequest, TuningRequest
 from backend.storage import banks, events
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database

@@ -15,10 +15,10 @@ import pytest
 from backend.archive.comparison_file import curves_file, table_file
 from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, write_file
-from backend.messages.comparison import ComparisonAsked, DifferencesAsked
 from backend.models.run import Criterion, Figure, Metrics
 from backend.plain_text import as_line
-from backend.reports.files import write_files
+from backend.reports.build import write_files
+from backend.schemas.comparison import ComparisonAsked, DifferencesAsked
 from backend.storage import banks, experiments, results
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database

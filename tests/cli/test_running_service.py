@@ -11,7 +11,7 @@ import pytest
 from backend import main
 from backend.cli import serve
 from backend.cli.running_service import RunningService
-from backend.messages.experiment import QueuePlace
+from backend.schemas.experiment import QueuePlace
 
 OK, REFUSED = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", b"HTTP/1.1 409 Conflict\r\nConnection: close\r\n\r\n"
 

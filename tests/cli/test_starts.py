@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.access.tokens import Tokens, load_tokens
+from backend.auth.sessions import Tokens, load_tokens
 from backend.cli import main
 
 PORT_IN_WORDS = "valid integer"

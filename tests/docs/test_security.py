@@ -4,11 +4,11 @@ import re
 from pathlib import Path
 
 from backend import logs
-from backend.access import attempts, control, sessions
+from backend.auth import authentication, control_lease, sessions
 from backend.faults import Fault
 from backend.realtime import heartbeat
+from backend.server import connections, security
 from backend.settings import Settings
-from backend.web_server import guard, places, protocols, reading
 from tests.docs.faults_page import SECTIONS, documented_ms
 from tests.soak.attack import kill_service, kill_watchdog, parts, tally
 
@@ -26,43 +26,43 @@ def cells(heading: str, columns: int) -> list[list[str]]:
 def test_numbers_are_those_of_the_code() -> None:
     settings = Settings()
     assert dict(cells("### Numbers\n", 2)[:22]) == {
-        "largest body of a request": f"{guard.MAX_BODY_BYTES // 1024} kB",
-        "largest sheet of charts to be made a PDF": f"{guard.MAX_SHEET_BYTES // 1024} kB",
-        "connections of those who have not shown who they are": f"{places.GUESTS}",
-        "connections in all, as far as descriptors allow": f"{places.MOST_PLACES}",
-        "connections of one browser session": f"{places.BROWSER_PLACES}",
-        "descriptors kept for everything else": f"{places.RESERVE}",
-        "largest head of a request, of a websocket too": f"{guard.LONGEST_HEAD // 1024} kB",
-        "time for the head of a request, and for its body": f"{protocols.HEAD_S:g} s each",
+        "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
+        "largest sheet of charts to be made a PDF": f"{security.MAX_SHEET_BYTES // 1024} kB",
+        "connections of those who have not shown who they are": f"{connections.GUESTS}",
+        "connections in all, as far as descriptors allow": f"{connections.MOST_PLACES}",
+        "connections of one browser session": f"{connections.BROWSER_PLACES}",
+        "descriptors kept for everything else": f"{connections.RESERVE}",
+        "largest head of a request, of a websocket too": f"{security.LONGEST_HEAD // 1024} kB",
+        "time for the head of a request, and for its body": f"{connections.HEAD_S:g} s each",
         "time for a sheet of charts, which has to come as fast as other bodies": (
-            f"{protocols.body_s(guard.SHEETS):g} s"
+            f"{connections.body_s(security.SHEETS):g} s"
         ),
-        "time without a byte taken of an answer": f"{protocols.STALL_S:g} s",
-        "wrong tokens of one address in a minute before it is slowed": f"{attempts.ATTEMPTS}",
-        "sessions that one address may begin in a minute with the token of one role": f"{attempts.SIGN_INS}",
+        "time without a byte taken of an answer": f"{connections.STALL_S:g} s",
+        "wrong tokens of one address in a minute before it is slowed": f"{authentication.ATTEMPTS}",
+        "sessions that one address may begin in a minute with the token of one role": f"{authentication.SIGN_INS}",
         "frames of a websocket in a second, in the long run and at once": (
-            f"{reading.FRAMES_PER_S:g}, {reading.FRAMES_AT_ONCE:g}"
+            f"{connections.FRAMES_PER_S:g}, {connections.FRAMES_AT_ONCE:g}"
         ),
         "bytes of a websocket in a second, in the long run and at once": (
-            f"{reading.BYTES_PER_S / 1024:g} kB, {reading.BYTES_AT_ONCE / 1024:g} kB"
+            f"{connections.BYTES_PER_S / 1024:g} kB, {connections.BYTES_AT_ONCE / 1024:g} kB"
         ),
-        "a websocket that sends more than that is closed after": f"{reading.PATIENCE_S:g} s",
+        "a websocket that sends more than that is closed after": f"{connections.PATIENCE_S:g} s",
         "websockets that a session may open in a second, in the long run and at once": (
-            f"{reading.SOCKETS_PER_S:g}, {reading.SOCKETS_AT_ONCE}"
+            f"{connections.SOCKETS_PER_S:g}, {connections.SOCKETS_AT_ONCE}"
         ),
         "a session ends after so long without a sign of life, while the service runs": (
             f"{sessions.IDLE_S / 86_400:g} days"
         ),
         "lines of one kind in the log": f"{logs.LINES} in {logs.WINDOW_S:g} s",
-        "a page in control is lost after": f"{control.LOST_S:g} s",
-        "references are held for it for": f"{control.HOLD_S:g} s",
+        "a page in control is lost after": f"{control_lease.LOST_S:g} s",
+        "references are held for it for": f"{control_lease.HOLD_S:g} s",
         "flight records of trips, and as many captures of triggers; the oldest give way": (
             f"{settings.flight_records}, {settings.flight_records_MB} MB"
         ),
         "recordings of this size are reported; a person says what goes": f"{settings.recordings_GB:g} GB",
     }
-    assert protocols.HEAD_S == protocols.BODY_S
-    assert attempts.ATTEMPTS_WINDOW_S == 60.0
+    assert connections.HEAD_S == connections.BODY_S
+    assert authentication.ATTEMPTS_WINDOW_S == 60.0
 
 
 def test_what_follows_a_death_has_the_times_of_the_faults() -> None:

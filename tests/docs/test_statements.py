@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from backend import main
-from backend.access import control
+from backend.auth import control_lease
 from backend.control import fault_detection, motion_primitives, motion_types
 from backend.control.step import KINDS, Resting
 from backend.experiments.plans import ActuatorIdentificationPlan
-from backend.messages.state import TimingView
 from backend.realtime import commands, control_loop, heartbeat, process, supervisor, timing  # noqa: F401  # with what it plays
 from backend.realtime.motions import Interpreted
 from backend.recording import flight
+from backend.schemas.state import TimingView
 from plant import safety_card
 from plant.interface import PlantKind, T_s
 from plant.parameters import load_parameters
@@ -50,8 +50,8 @@ def said(documented: object) -> str:
         f"differed by more than {fault_detection.CONTRADICTION_N:g} N",
         f"by a count for {fault_detection.UNMOVED_S:g} s",
         f"may be left alone: {Simulator.unattended_max_s:g} s on the simulator",
-        f"was not heard for {control.LOST_S:g} s",
-        f"held for {control.HOLD_S:g} s more",
+        f"was not heard for {control_lease.LOST_S:g} s",
+        f"held for {control_lease.HOLD_S:g} s more",
         f"not written for {safety_card.WATCHDOG_S:g} s",
     ],
 )
@@ -135,7 +135,7 @@ def test_files_that_the_architecture_names_are_there() -> None:
     "statement",
     [
         f"{flight.BEFORE_S:g} s before and {flight.AFTER_S:g} s after at 1 kHz",
-        f"not heard for {control.LOST_S:g} s is lost; after {control.HOLD_S:g} s more",
+        f"not heard for {control_lease.LOST_S:g} s is lost; after {control_lease.HOLD_S:g} s more",
     ],
 )
 def test_times_of_the_architecture_are_those_of_the_code(statement: str) -> None:

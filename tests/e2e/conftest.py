@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from backend.messages.preferences import NEW_HERE
+from backend.schemas.preferences import NEW_HERE
 from tests.api.conftest import client_with, until
 from tests.e2e.browser import DESKTOP, Watched, chromium
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator

@@ -10,8 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect
 
 from backend.faults import EXPLAINED, Fault
-from backend.glossary.entry import Kind
-from backend.glossary.typescript import glossary
+from backend.glossary.glossary import Kind, glossary
 from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import covered

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.access.hand_over import GONE_S
+from backend.auth.handover import GONE_S
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.layout import survey
 from tests.e2e.operator import MOTION_TIMEOUT_MS

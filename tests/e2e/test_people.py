@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from backend.api.live import SILENT_S
-from backend.web_server.cookies import COOKIE
+from backend.server.security import COOKIE
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.relay import relayed

@@ -2,8 +2,8 @@
 
 from playwright.sync_api import Browser
 
-from backend.reports.html import to_html
-from backend.reports.tracking import tracking_report
+from backend.reports.experiment_report import tracking_report
+from backend.reports.model import to_html
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 

@@ -7,9 +7,9 @@ from fastapi import Response
 from playwright.sync_api import Browser, Page, expect
 from starlette.requests import HTTPConnection
 
-from backend.access.authentication import Authentication
-from backend.access.tokens import TokenFiles
-from backend.web_server.cookies import grant, shown_by
+from backend.auth.authentication import Authentication
+from backend.auth.sessions import TokenFiles
+from backend.server.security import grant, shown_by
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service

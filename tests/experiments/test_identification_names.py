@@ -12,9 +12,8 @@ from backend.archive import views
 from backend.archive.stored_banks import _lineage
 from backend.banks.builder import BankError, build_bank
 from backend.cli import app
-from backend.reports.document import Table
+from backend.reports.model import Table, load_source
 from backend.reports.provenance import lineage
-from backend.reports.source import load_source
 from backend.storage import banks, identifications, runs
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification

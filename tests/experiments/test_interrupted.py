@@ -15,10 +15,8 @@ from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Command, Inject, Stop
 from backend.reports.build import build_report
-from backend.reports.differences import Verified
-from backend.reports.html import to_html
-from backend.reports.source import Source, load_source
-from backend.reports.verification import verify
+from backend.reports.model import Source, load_source, to_html
+from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
 from plant.interface import Breakage, Broken
 from plant.parameters import load_parameters

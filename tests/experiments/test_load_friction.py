@@ -8,9 +8,8 @@ import numpy as np
 from backend.analysis.identification import document_of, load_friction_of
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.recording.reader import Columns
-from backend.reports.document import Paragraph
-from backend.reports.identified import identifications_section
-from backend.reports.source import Source
+from backend.reports.model import Paragraph, Source
+from backend.reports.sections import identifications_section
 from backend.storage.runs import EndState, Run
 from tests.identification.test_load_friction import C0, C1, computed
 from tests.reports.test_identification_report import identification

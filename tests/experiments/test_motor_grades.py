@@ -11,11 +11,11 @@ from backend.archive import checklist
 from backend.experiments.plans import MotorIdentificationPlan
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor
-from backend.messages.history import ChecklistState
 from backend.models.identification import grade_of
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.source import Source
+from backend.reports.model import Source
+from backend.schemas.run import ChecklistState
 from backend.storage import runs
 from backend.storage.database import Session, open_database
 from backend.storage.identifications import Identification

@@ -17,10 +17,9 @@ from backend.identification.actuator import ActuatorIdentification
 from backend.identification.fitting import Method
 from backend.models.identification import ChannelName
 from backend.models.run import Metrics
-from backend.reports.actuator_identification import again_command
 from backend.reports.build import build_report
-from backend.reports.document import Code, Paragraph, Report
-from backend.reports.source import Source
+from backend.reports.identification_report import again_command
+from backend.reports.model import Code, Paragraph, Report, Source
 from backend.storage.identifications import Identification
 from plant.interface import T_s
 from plant.parameters import load_parameters

@@ -20,8 +20,7 @@ from backend.experiments.plans import ComposedPlan, LoopSettings
 from backend.realtime.commands import Accepted, Refused, RunProgram
 from backend.realtime.program import Law, Mode, Program, Segment, Shape
 from backend.reports.build import build_report
-from backend.reports.document import Report, Table
-from backend.reports.source import Source, load_source
+from backend.reports.model import Report, Source, Table, load_source
 from backend.storage.database import open_database
 from backend.tuning.gains import motor_loops
 from plant.interface import T_s

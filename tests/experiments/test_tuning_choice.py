@@ -12,9 +12,9 @@ from backend.banks import tuning_settings
 from backend.banks.builder import tuning_command
 from backend.banks.tuning_settings import TuningChoice, changes_told
 from backend.experiments.plans import LoopSettings, SequencePlan, split_values
-from backend.messages.state import TrialView
-from backend.messages.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.models.settings import describe, from_values
+from backend.schemas.state import TrialView
+from backend.schemas.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import settings
 from backend.storage.database import open_database
 from backend.tuning.gains import Lambdas

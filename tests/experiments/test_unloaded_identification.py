@@ -17,9 +17,7 @@ from backend.models.settings import from_values
 from backend.realtime.commands import Stop
 from backend.recording.reader import recorded_columns
 from backend.reports.build import build_report
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
-from backend.reports.source import load_source
+from backend.reports.model import load_source, to_html, to_pdf
 from backend.storage import identifications
 from backend.storage.database import open_database
 from plant.dynamics import tension

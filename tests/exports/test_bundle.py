@@ -15,10 +15,8 @@ from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
 from backend.exports.importer import TakenIn, import_bundle
 from backend.models.document import digest_of
-from backend.reports.differences import Verified
 from backend.reports.evidence import Evidence, read
-from backend.reports.stored_samples import stored_samples
-from backend.reports.verification import verify
+from backend.reports.verification import Verified, stored_samples, verify
 from backend.storage import banks, results, runs
 from backend.storage.database import Database
 from tests.exports.stored import NEW, boxes, held, nothing_left, recorded

@@ -10,8 +10,7 @@ from contextlib import asynccontextmanager
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
-from backend.foxglove.door import FAREWELL_S, HOST, MOST_CLIENTS, VENDORS, Door
-from backend.foxglove.tickets import Tickets
+from backend.foxglove.bridge import FAREWELL_S, HOST, MOST_CLIENTS, VENDORS, Door, Tickets
 
 Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 

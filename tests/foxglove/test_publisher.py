@@ -4,8 +4,7 @@ import struct
 
 import pytest
 
-from backend.foxglove.publisher import OtherVersionError, Publisher
-from backend.foxglove.tickets import Tickets
+from backend.foxglove.bridge import OtherVersionError, Publisher, Tickets
 from backend.operating.live_stream import layout
 
 

@@ -6,13 +6,12 @@ from pydantic import TypeAdapter, ValidationError
 from backend.errors import RefusedValueError
 from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
-from backend.glossary.entry import Kind
-from backend.glossary.fields import FORMS, bounds, fields
-from backend.messages.base import UNITS
-from backend.messages.experiment import SettingView
-from backend.messages.identification import IdentificationRequest
+from backend.glossary.glossary import FORMS, Kind, bounds, fields
 from backend.models.settings import describe
 from backend.operating.run_kinds import identification_kinds, views_of
+from backend.schemas.base import UNITS
+from backend.schemas.experiment import SettingView
+from backend.schemas.identification import IdentificationRequest
 
 REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)
 NAMED = ("kind",)

@@ -12,17 +12,14 @@ from backend.analysis.step_metrics import Whole
 from backend.api.export import files
 from backend.commissioning.steps import StepState
 from backend.faults import EXPLAINED, Fault, Limit
-from backend.glossary import pages
-from backend.glossary.entry import Entry, Kind
-from backend.glossary.figures import EQUATIONS
-from backend.glossary.pages import GlossaryError
-from backend.glossary.typescript import glossary
+from backend.glossary import glossary as pages
+from backend.glossary.glossary import EQUATIONS, Entry, GlossaryError, Kind, glossary
 from backend.identification.models import Grade
-from backend.messages.history import ChecklistState
-from backend.messages.state import ChainLinkView
 from backend.models.run import Outcome
 from backend.realtime.program import Cause, HomingEnd, Mode
 from backend.sample import FIELDS
+from backend.schemas.run import ChecklistState
+from backend.schemas.state import ChainLinkView
 from backend.storage.runs import EndState
 from plant.parameters import SECTIONS
 

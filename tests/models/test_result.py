@@ -12,9 +12,8 @@ from sqlalchemy import text
 from backend.archive.stored_runs import Asked, StoredRuns
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS, OLDER
-from backend.reports.build import build_report
-from backend.reports.files import metrics_document
-from backend.reports.source import load_source
+from backend.reports.build import build_report, metrics_document
+from backend.reports.model import load_source
 from backend.storage import results
 from backend.storage.database import Database
 from backend.storage.results import NewResult

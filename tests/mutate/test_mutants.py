@@ -102,7 +102,7 @@ def test_what_is_explained_says_why() -> None:
 def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp_path: Path) -> None:
     base, tree = Tree(tmp_path / "base"), Tree(tmp_path / "tree")
     for copy in (base, tree):
-        copy.bring_up_to_date(name for name in tracked() if name.startswith(("plant/", "backend/__", "backend/cont")))
+        copy.bring_up_to_date(name for name in tracked() if name.startswith(("plant/", "backend/__", "backend/control/", "backend/errors", "backend/units")))
         (copy.root / "test_torque.py").write_text(TORQUE, encoding="utf-8")
     asked, touched = ["-q", "test_torque.py"], {DYNAMICS}
     assert base.test(asked, 100.0)[0] == 0
@@ -112,6 +112,6 @@ def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp
     with tree.changed(mutant.path, mutant.of(file.read_text("utf-8"))):
         code, said = tree.test(asked, 100.0, base, touched)
     assert code == 1
-    assert "\n-1.0 2.0 ['dead_zone.beyond']\n" in said
+    assert "\n-1.0 2.0 ['pid.beyond']\n" in said
     assert (file.read_bytes(), file.stat().st_mtime_ns) == before
     assert tree.test(["-q", "-p", "no:timeout", "--collect-only", "test_torque.py"], 0.0)[0] is None

@@ -4,10 +4,9 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from backend.reports.document import Report
-from backend.reports.drawn_once import forget_drawings
-from backend.reports.source import Source
-from backend.reports.tracking import tracking_report
+from backend.reports.experiment_report import tracking_report
+from backend.reports.model import Report, Source
+from backend.reports.plotting import forget_drawings
 from tests.reports.figure_labels import assert_it_reads_well
 from tests.reports.tracking_run import PLAN, samples, source_of
 

@@ -8,8 +8,7 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from backend.reports.evidence import ACCOUNT, Evidence, EvidenceError, account_hash, element_of, read, to_element
-from backend.reports.signature import sign_page
-from backend.reports.signing_key import public_half
+from backend.reports.signing import public_half, sign_page
 
 SIGNATURE = b'<template id="signature">'
 Path = tuple[str | int, ...]

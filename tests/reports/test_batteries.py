@@ -13,14 +13,10 @@ from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
-from backend.reports.composed import lines_of
-from backend.reports.differences import Verified
-from backend.reports.document import NO_FIGURE, Figure, Report, Table
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
+from backend.reports.experiment_report import lines_of
+from backend.reports.model import NO_FIGURE, Figure, Report, Source, Table, load_source, to_html, to_pdf
 from backend.reports.series import series_report
-from backend.reports.source import Source, load_source
-from backend.reports.verification import verify
+from backend.reports.verification import Verified, verify
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from backend.reports.document import exact, shown
+from backend.reports.model import exact, shown
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from backend.analysis.disturbance_metrics import Held
-from backend.reports.document import Paragraph, Report, Section
-from backend.reports.drawing import figure, frequency_axis, limit_line
-from backend.reports.held import hold_panels
-from backend.reports.html import to_html
-from backend.reports.series_figures import overlay
+from backend.reports.model import Paragraph, Report, Section, to_html
+from backend.reports.plotting import figure, frequency_axis, limit_line
+from backend.reports.sections import hold_panels
+from backend.reports.series import overlay
 from backend.units import Angles
 from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
 

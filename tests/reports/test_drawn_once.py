@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from backend.analysis.disturbance_metrics import Held
-from backend.reports.drawn_once import drawn_once, forget_drawings
-from backend.reports.html import to_html
-from backend.reports.source import Source
-from backend.reports.tracking import tracking_report
+from backend.reports.experiment_report import tracking_report
+from backend.reports.model import Source, to_html
+from backend.reports.plotting import drawn_once, forget_drawings
 from backend.units import Angles
 
 Given = tuple[tuple[Any, ...], dict[str, Any]]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Drawn
 
-from backend.reports.drawn_once import forget_drawings
-from backend.reports.tracking_figures import largest_error, tension_panel, tracking_panels
+from backend.reports.plotting import forget_drawings, largest_error, tension_panel, tracking_panels
 from backend.units import Angles
 from tests.reports.tracking_run import PLAN, samples
 

@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 
 from backend.models.run import StepFigures
-from backend.reports.document import Fact, Figure, Report, Table
-from backend.reports.followed import PapersLaw, beside, papers_law
-from backend.reports.html import to_html
+from backend.reports.experiment_report import PapersLaw, beside, papers_law, tracking_report
+from backend.reports.model import Fact, Figure, Report, Source, Table, to_html
 from backend.reports.provenance import tuning_facts
-from backend.reports.source import Source
-from backend.reports.tracking import tracking_report
 from backend.tuning.gains import Lambdas, cascade_tuning
 from backend.tuning.simulation import run
 from backend.units import Angles

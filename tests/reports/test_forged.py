@@ -8,9 +8,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from backend.reports.build import build_report
 from backend.reports.evidence import EvidenceError
-from backend.reports.html import to_html
-from backend.reports.signature import read_signature, sign_page, with_signature
-from backend.reports.signing_key import public_half
+from backend.reports.model import to_html
+from backend.reports.signing import public_half, read_signature, sign_page, with_signature
 from backend.reports.verification import verify
 from tests.reports import forgeries
 from tests.reports.test_verification import Made, made

@@ -12,12 +12,8 @@ from backend.identification.models import Model
 from backend.models.run import Figure as Measured
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.document import Figure, Report, Table
-from backend.reports.drawn_once import forget_drawings
-from backend.reports.html import to_html
-from backend.reports.identification_figures import simulated_from_rest
-from backend.reports.pdf import to_pdf
-from backend.reports.source import Source
+from backend.reports.model import Figure, Report, Source, Table, to_html, to_pdf
+from backend.reports.plotting import forget_drawings, simulated_from_rest
 from backend.sample import STORED_NAMES
 from backend.storage.identifications import Identification
 from backend.units import Angles

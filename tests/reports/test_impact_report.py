@@ -12,12 +12,9 @@ from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.reports.build import build_report
-from backend.reports.differences import Verified
-from backend.reports.document import NO_FIGURE, Figure, Table
-from backend.reports.html import to_html
-from backend.reports.impact import hits_table, reaction_tables
-from backend.reports.source import Source, load_source
-from backend.reports.verification import verify
+from backend.reports.model import NO_FIGURE, Figure, Source, Table, load_source, to_html
+from backend.reports.sections import hits_table, reaction_tables
+from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
 from backend.units import Angles
 from plant.parameters import load_parameters

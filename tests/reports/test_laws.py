@@ -13,8 +13,7 @@ from backend.experiments.plans import LoopSettings
 from backend.models.settings import declared_values
 from backend.realtime.program import Law
 from backend.reports.build import build_report
-from backend.reports.document import Report, Table
-from backend.reports.source import Source
+from backend.reports.model import Report, Source, Table
 from backend.tuning.gains import Lambdas, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.simulation import run
 from plant.parameters import load_parameters

@@ -6,11 +6,9 @@ from dataclasses import replace
 import pytest
 from pypdf import PdfReader
 
-from backend.reports import missing_letters as module
+from backend.reports import model as module
 from backend.reports.build import build_report
-from backend.reports.html import to_html
-from backend.reports.missing_letters import BOX, missing_letters, sentence, with_boxes
-from backend.reports.pdf import to_pdf
+from backend.reports.model import BOX, missing_letters, sentence, to_html, to_pdf, with_boxes
 from backend.reports.sheet import sheet_pdf
 from tests.reports.tracking_run import PLAN, samples, source_of
 

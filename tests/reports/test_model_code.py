@@ -16,7 +16,7 @@ from backend.models.identification import (
     SpringFit,
     SpringModel,
 )
-from backend.reports.document import Code, Table
+from backend.reports.model import Code, Table
 from backend.reports.model_code import actuator_blocks, motor_blocks, spring_blocks
 from plant.parameters import Side
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.reports.page_comparison import where_they_differ
+from backend.reports.verification import where_they_differ
 
 
 @pytest.mark.parametrize(

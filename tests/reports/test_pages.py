@@ -8,9 +8,7 @@ import pytest
 from pypdf import PdfReader
 
 from backend.reports.build import build_report
-from backend.reports.document import Code, Paragraph, Report, Section
-from backend.reports.pdf import to_pdf
-from backend.reports.source import Source
+from backend.reports.model import Code, Paragraph, Report, Section, Source, to_pdf
 from tests.reports.pages import filled_shares
 from tests.reports.test_identification_report import PLAYED, identification
 from tests.reports.test_identification_report import source as actuator_source

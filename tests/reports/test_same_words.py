@@ -6,11 +6,10 @@ from dataclasses import replace
 import pytest
 
 from backend.archive.views import experiment_view, run_view
-from backend.messages.run import Evaluation
 from backend.models.run import CRITERIA, METRICS
-from backend.reports.build import build_report
-from backend.reports.files import metrics_document
-from backend.reports.source import Source
+from backend.reports.build import build_report, metrics_document
+from backend.reports.model import Source
+from backend.schemas.run import Evaluation
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 

@@ -18,18 +18,11 @@ from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
-from backend.reports.differences import Verified
-from backend.reports.document import Report, Table
 from backend.reports.evidence import Evidence, EvidenceError, SeriesEvidence, read
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
+from backend.reports.model import Report, Source, Table, to_html, to_pdf
 from backend.reports.rendering import render_series
-from backend.reports.series import series_report
-from backend.reports.series_source import load_series
-from backend.reports.series_verification import verify_series
-from backend.reports.source import Source
-from backend.reports.stored_samples import stored_samples
-from backend.reports.verification import verify, verify_pdf
+from backend.reports.series import load_series, series_report
+from backend.reports.verification import Verified, stored_samples, verify, verify_pdf, verify_series
 from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database

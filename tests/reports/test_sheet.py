@@ -7,7 +7,6 @@ import pytest
 from pypdf import PdfReader
 
 from backend.errors import RefusalError
-from backend.messages.sheet import LONGEST_SHEET
 from backend.reports.sheet import (
     DEEPEST,
     LONGEST_MM,
@@ -20,6 +19,7 @@ from backend.reports.sheet import (
     read_sheet,
     sheet_pdf,
 )
+from backend.schemas.run import LONGEST_SHEET
 
 MM_PER_POINT = 25.4 / 72.0
 WIDTH_MM, HEIGHT_MM = 180.0, 123.46

@@ -12,14 +12,17 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from cryptography.hazmat.primitives.serialization import load_ssh_public_key
 
 from backend.data_folder import make_private
-from backend.reports.signature import UnsignableError, Whose, read_signature, sign_page
-from backend.reports.signing_key import (
+from backend.reports.signing import (
     SigningKeyError,
+    UnsignableError,
+    Whose,
     find_public_key,
     load_or_make_signing_key,
     own_public_key,
     parse_public_key,
     public_half,
+    read_signature,
+    sign_page,
 )
 
 PAGE = '<h1>λ</h1>\n<template id="evidence">{}</template>\n</body>\n'.encode()
@@ -137,8 +140,8 @@ def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: byt
 
 def test_nothing_loads_the_library_but_a_signature() -> None:
     code = (
-        "import sys, backend.main, backend.cli.report, backend.reports.signature\n"
-        "backend.reports.signature.read_signature(b'<html></html>')\n"
+        "import sys, backend.main, backend.cli.report, backend.reports.signing\n"
+        "backend.reports.signing.read_signature(b'<html></html>')\n"
         "print('cryptography' in sys.modules)"
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from backend.models.run import SETTINGS, KeptGrant
-from backend.reports.document import Table
-from backend.reports.source import Source
-from backend.reports.timing import timing_section
+from backend.reports.model import Source, Table
+from backend.reports.sections import timing_section
 
 
 def rows(source: Source) -> dict[str, tuple[str, ...]]:

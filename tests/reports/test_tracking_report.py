@@ -11,12 +11,9 @@ import pytest
 
 from backend.exports.base import of_columns
 from backend.models.run import CRITERIA, METRICS
-from backend.reports.document import Figure, Report, Table
-from backend.reports.files import write_files
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
-from backend.reports.source import Source
-from backend.reports.tracking import tracking_report
+from backend.reports.build import write_files
+from backend.reports.experiment_report import tracking_report
+from backend.reports.model import Figure, Report, Source, Table, to_html, to_pdf
 from backend.storage.database import Database
 from tests.reports.tracking_run import PLAN, samples, source_of
 
@@ -177,10 +174,10 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> No
 def test_files_for_a_folder_say_the_same_as_the_report(
     tracking_source: Source, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("backend.reports.files.catch_up", lambda *_: None)
-    monkeypatch.setattr("backend.reports.files.load_source", lambda *_: tracking_source)
+    monkeypatch.setattr("backend.reports.build.catch_up", lambda *_: None)
+    monkeypatch.setattr("backend.reports.build.load_source", lambda *_: tracking_source)
     monkeypatch.setattr(
-        "backend.reports.files.stored_or_none", lambda *_: of_columns(tracking_source.columns, "run 12")
+        "backend.reports.build.stored_or_none", lambda *_: of_columns(tracking_source.columns, "run 12")
     )
     paths = write_files(cast("Database", None), 12, tmp_path / "out")
     assert [path.name for path in paths] == ["report.html", "report.pdf", "data.csv", "metrics.json"]

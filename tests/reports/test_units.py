@@ -12,9 +12,8 @@ import pytest
 from matplotlib.figure import Figure as Drawn
 
 from backend.reports.build import build_report
-from backend.reports.document import Code, Figure, Paragraph, Report, Table
-from backend.reports.drawn_once import forget_drawings
-from backend.reports.source import Source
+from backend.reports.model import Code, Figure, Paragraph, Report, Source, Table
+from backend.reports.plotting import forget_drawings
 from backend.units import Angles
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS

@@ -17,8 +17,6 @@ from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
-from backend.reports.differences import Verified
-from backend.reports.drawn_once import forget_drawings
 from backend.reports.evidence import (
     ACCOUNT,
     LAYOUT,
@@ -30,11 +28,9 @@ from backend.reports.evidence import (
     read,
     to_element,
 )
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
-from backend.reports.samples_file import SamplesFileError, read_samples_file
-from backend.reports.source import Source, load_source
-from backend.reports.verification import verify
+from backend.reports.model import Source, load_source, to_html, to_pdf
+from backend.reports.plotting import forget_drawings
+from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.exports.written import to_csv, written

@@ -18,12 +18,9 @@ from backend.experiments.plans import (
     SpringIdentificationPlan,
 )
 from backend.reports.build import build_report
-from backend.reports.differences import Verified
 from backend.reports.evidence import ACCOUNT, LAYOUT, Evidence, account_hash, element_of, read, to_element
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
-from backend.reports.source import Source, load_source
-from backend.reports.verification import verify
+from backend.reports.model import Source, load_source, to_html, to_pdf
+from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 

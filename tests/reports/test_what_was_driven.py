@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from backend.reports.tracking import tracking_report
+from backend.reports.experiment_report import tracking_report
 from plant.interface import PlantChoice, PlantKind
 from tests.reports.tracking_run import PLAN, samples, source_of
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.scene.page import POLICY, page
+from backend.scene.proxy import POLICY, page
 
 
 def test_the_page_is_one_file_that_reconnects_without_the_focus() -> None:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from viser.infra import _messages
 
 from backend.sample import FIELDS, INDEX
-from backend.scene.mirror import PART, SceneMirror
-from backend.scene.portless import PortlessServer, SceneEndedError
+from backend.scene.model import PART, SceneMirror
+from backend.scene.server import PortlessServer, SceneEndedError
 from backend.supervision import Supervision
 from plant.parameters import load_parameters
 from tests.api.processes import children, held
@@ -187,7 +187,7 @@ def test_a_scene_that_is_never_put_up_holds_nobody_up(monkeypatch: pytest.Monkey
         assert {type(error) for error in ended[:50]} == {asyncio.CancelledError}
         assert {type(error) for error in ended[50:]} == {SceneEndedError}
 
-    monkeypatch.setattr("backend.scene.mirror.UP_WITHIN_S", 0.2)
+    monkeypatch.setattr("backend.scene.model.UP_WITHIN_S", 0.2)
     run(session)
 
 

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.scene import layout
-from backend.scene.portless import PortlessServer
-from backend.scene.pose import SLACK_COLOUR, can_be_drawn, force_colour, pose
-from backend.scene.stage import SCALE, Stage, draw_force
+from backend.scene import model
+from backend.scene.model import SCALE, SLACK_COLOUR, Stage, can_be_drawn, draw_force, force_colour, pose
+from backend.scene.server import PortlessServer
 from plant.dynamics import Obstacle, elongation
 from plant.parameters import load_parameters
 
@@ -32,7 +31,7 @@ def test_springs_shorten_by_their_elongation_at_any_joint_position(q: float, F: 
     x = elongation(SPRINGS[0], F)
     drawn = pose(sample(q, x, x), R_M, R_J, *SPRINGS)
     for side in (drawn.A, drawn.B):
-        assert side.spring_length == pytest.approx(layout.SPRING_FREE - x, abs=1e-9)
+        assert side.spring_length == pytest.approx(model.SPRING_FREE - x, abs=1e-9)
         assert not side.slack
 
 
@@ -41,14 +40,14 @@ def test_a_slack_tendon_hangs_by_what_it_is_too_long() -> None:
     assert drawn.A.slack
     assert drawn.A.sag == pytest.approx(0.00646, abs=1e-5)
     assert drawn.A.colour == SLACK_COLOUR
-    assert drawn.A.spring_length == pytest.approx(layout.SPRING_FREE - drawn.A.sag)
+    assert drawn.A.spring_length == pytest.approx(model.SPRING_FREE - drawn.A.sag)
     assert not drawn.B.slack
 
 
 def test_a_spring_is_never_drawn_shorter_than_its_coils() -> None:
     drawn = pose(sample(0.0, 0.080, 0.080), R_M, R_J, *SPRINGS)
-    assert drawn.A.spring_length == pytest.approx(layout.SPRING_FREE - IDEAL.spring.x_solid)
-    assert drawn.A.spring_length > 2.0 * layout.SPRING_WIRE * layout.SPRING_COILS
+    assert drawn.A.spring_length == pytest.approx(model.SPRING_FREE - IDEAL.spring.x_solid)
+    assert drawn.A.spring_length > 2.0 * model.SPRING_WIRE * model.SPRING_COILS
 
 
 @given(q=st.floats(-1.0, 1.0), x_A=st.floats(0.0, 0.06), x_B=st.floats(0.0, 0.06))
@@ -125,9 +124,9 @@ def test_a_wall_begins_where_the_links_flank_is_at_its_angle(side: float, q_wall
     q = -2.0 * math.atan2(y, w)
     assert q == pytest.approx(q_wall)
     x, z = stage._faces[side].vertices[:, 0], stage._faces[side].vertices[:, 2]
-    beyond = -side * x / SCALE - layout.LINK_WIDTH / 2.0  # along the flank's normal, in the wall's own frame
+    beyond = -side * x / SCALE - model.LINK_WIDTH / 2.0  # along the flank's normal, in the wall's own frame
     assert beyond.min() == pytest.approx(0.0, abs=1e-6)
-    assert beyond.max() == pytest.approx(layout.WALL_THICKNESS, abs=1e-6)
+    assert beyond.max() == pytest.approx(model.WALL_THICKNESS, abs=1e-6)
     assert z.min() / SCALE > R_J
     stage.show_wall(None)
     stands.append(stage._walls.visible)

@@ -3,26 +3,26 @@
 import numpy as np
 import pytest
 
-from backend.scene import layout, parts
-from backend.scene.shapes import disc, joined, plate, rounded, sector, tube
+from backend.scene import model
+from backend.scene.model import disc, joined, plate, rounded, sector, tube
 
 
-@pytest.mark.parametrize("length", [0.031, 0.05, layout.SPRING_FREE])
+@pytest.mark.parametrize("length", [0.031, 0.05, model.SPRING_FREE])
 def test_a_coil_fills_its_length_and_no_more(length: float) -> None:
-    mesh = parts.coil(length)
+    mesh = model.make_coil(length)
     z = mesh.vertices[:, 2]
     assert z.max() <= 1e-9
     assert z.min() == pytest.approx(-length, abs=1e-4)
     radii = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
-    assert radii.max() == pytest.approx(layout.SPRING_RADIUS + layout.SPRING_WIRE, abs=2e-4)
+    assert radii.max() == pytest.approx(model.SPRING_RADIUS + model.SPRING_WIRE, abs=2e-4)
 
 
 def test_a_loose_tendon_is_as_much_longer_as_it_sags() -> None:
     sag = 0.006
-    vertices = parts.loose_tendon(1.0, sag).vertices.reshape(25, -1, 3)
+    vertices = model.make_loose_tendon(1.0, sag).vertices.reshape(25, -1, 3)
     centre = vertices.mean(axis=1)
     length = np.linalg.norm(np.diff(centre, axis=0), axis=1).sum()
-    assert length + layout.BRACKET_Z == pytest.approx(sag, rel=0.05)
+    assert length + model.BRACKET_Z == pytest.approx(sag, rel=0.05)
     assert np.all(centre[1:-1, 0] > 0.0)
 
 

@@ -19,9 +19,9 @@ from backend.faults import Fault
 from backend.identification.fitting import Fit
 from backend.identification.models import joint_method
 from backend.identification.validation import MAX_NOISE_ORDER
-from backend.messages.run_search import SEARCH_NAME_MAX
 from backend.models.document import digest_of
 from backend.models.run import Outcome
+from backend.schemas.run import SEARCH_NAME_MAX
 from backend.storage import identifications, runs
 from backend.storage.database import Database
 from backend.storage.events import EventKind

@@ -13,8 +13,8 @@ import pytest
 from sqlalchemy import text
 
 from backend.archive.history import History
-from backend.messages.history import LineageKind, LineageNode
 from backend.recording.codec import digest_of_recording, pack
+from backend.schemas.run import LineageKind, LineageNode
 from backend.storage import banks, commissioning, identifications, recordings, runs
 from backend.storage import recordings as retention
 from backend.storage.banks import BankEntry

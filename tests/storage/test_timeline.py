@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import update
 
 from backend.errors import RefusalError
-from backend.messages.live import MarkKind
+from backend.schemas.state import MarkKind
 from backend.storage import events, recordings, runs, timeline
 from backend.storage.database import Database, Session
 from backend.storage.events import EventKind

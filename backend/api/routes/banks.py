@@ -7,9 +7,8 @@ from fastapi import APIRouter, Query
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
 from backend.errors import Because, RefusalError
-from backend.messages.bank import BankDetail, BankDifference, BankFile, BankList, BankRequest, BankView
-from backend.messages.base import RowNumber
-from backend.messages.tuning import TuningView
+from backend.schemas.base import RowNumber
+from backend.schemas.tuning import BankDetail, BankDifference, BankFile, BankList, BankRequest, BankView, TuningView
 
 router = APIRouter(prefix="/api/banks", tags=["banks"])
 

@@ -5,7 +5,7 @@ from fastapi import APIRouter
 from backend.api.auth import SignedIn
 from backend.api.service import InControl, ServiceInUse
 from backend.commissioning.steps import StepId
-from backend.messages.bring_up import BringUpView, DrivesSwitch, StepValues
+from backend.schemas.commissioning import BringUpView, DrivesSwitch, StepValues
 
 router = APIRouter(prefix="/api/bring-up", tags=["bring-up"])
 

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter
 
-from backend.access.control import read_stamp
 from backend.api.auth import Operator
 from backend.api.service import RowId, ServiceInUse, Stamped
-from backend.messages.control import ControlRequest, Lease, Wish, WishAnswer, WishView
+from backend.auth.control_lease import read_stamp
+from backend.schemas.state import ControlRequest, Lease, Wish, WishAnswer, WishView
 
 router = APIRouter(prefix="/api/control", tags=["operate"])
 

@@ -4,7 +4,7 @@ from fastapi import APIRouter, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
-from backend.messages.experiment import (
+from backend.schemas.experiment import (
     DryRunProgress,
     DryRunView,
     ExperimentKindList,
@@ -13,7 +13,7 @@ from backend.messages.experiment import (
     QueuePlace,
     QueueView,
 )
-from backend.messages.identification import Started
+from backend.schemas.identification import Started
 
 router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 

@@ -4,8 +4,8 @@ from fastapi import APIRouter
 
 from backend.api.auth import SignedIn
 from backend.api.service import InControl, ServiceInUse
-from backend.messages.faults import FaultList, Injection
 from backend.operating.fault_injection import fault_list, inject, mend
+from backend.schemas.state import FaultList, Injection
 
 router = APIRouter(prefix="/api/faults", tags=["faults"])
 

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Path
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import ServiceInUse
-from backend.messages.formula import FormulaList, FormulaName, FormulaText, FormulaView
+from backend.schemas.state import FormulaList, FormulaName, FormulaText, FormulaView
 
 router = APIRouter(prefix="/api", tags=["runs"])
 

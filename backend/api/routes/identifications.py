@@ -6,12 +6,11 @@ from backend import __version__
 from backend.analysis.identification import from_table
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
-from backend.messages import identification as told
-from backend.messages.base import RowNumber
-from backend.messages.compared_models import Trend, UnseenView
-from backend.messages.curves import IdentificationCurves
-from backend.messages.parameters import ApplyRequest, ParametersView, UndoRequest
 from backend.operating.run_kinds import identification_kinds
+from backend.schemas import identification as told
+from backend.schemas.base import RowNumber
+from backend.schemas.identification import IdentificationCurves, Trend, UnseenView
+from backend.schemas.tuning import ApplyRequest, ParametersView, UndoRequest
 
 router = APIRouter(prefix="/api", tags=["identification"])
 

@@ -9,8 +9,7 @@ from backend.api.auth import Operator, SignedIn
 from backend.api.routes.runs import DATA, download
 from backend.api.service import RowId, ServiceInUse
 from backend.exports.formats import MEDIA_TYPES, DataFormat
-from backend.messages.flight import FlightList, FlightMoment
-from backend.messages.timeline import Instant, Remark, Timeline
+from backend.schemas.run import FlightList, FlightMoment, Instant, Remark, Timeline
 from backend.storage.events import EventKind
 from backend.storage.timeline import Asked
 

@@ -4,10 +4,19 @@ from fastapi import APIRouter
 
 from backend.api.auth import MayStop, Operator, SignedIn
 from backend.api.service import HoldsControl, InControl, ServiceInUse
-from backend.messages.state import ModeRequest, Push, References, State, StopProof, WallOrder
-from backend.messages.touch import TouchOrder, TouchView
-from backend.messages.trigger import TriggerOrder, TriggerView
 from backend.operating.obstruction import obstruct
+from backend.schemas.state import (
+    ModeRequest,
+    Push,
+    References,
+    State,
+    StopProof,
+    TouchOrder,
+    TouchView,
+    TriggerOrder,
+    TriggerView,
+    WallOrder,
+)
 
 router = APIRouter(prefix="/api", tags=["operate"])
 

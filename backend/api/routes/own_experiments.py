@@ -8,7 +8,7 @@ from fastapi import APIRouter, Path, Request
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
 from backend.experiments.schema import schema
-from backend.messages.own_experiment import (
+from backend.schemas.experiment import (
     CheckedExperiment,
     ExperimentText,
     ExperimentToCheck,

@@ -4,7 +4,7 @@ from fastapi import APIRouter
 
 from backend.api.auth import SignedIn
 from backend.api.service import HoldsControl, ServiceInUse
-from backend.messages.player import PlayedRecording, PlayerOrder
+from backend.schemas.run import PlayedRecording, PlayerOrder
 
 router = APIRouter(prefix="/api/player", tags=["operate"])
 

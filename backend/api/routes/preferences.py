@@ -4,7 +4,7 @@ from fastapi import APIRouter
 
 from backend.api.auth import SignedIn
 from backend.api.service import ServiceInUse
-from backend.messages.preferences import Preferences
+from backend.schemas.preferences import Preferences
 
 router = APIRouter(prefix="/api/preferences", tags=["session"])
 

@@ -10,8 +10,8 @@ from backend.api.auth import SignedIn
 from backend.api.routes.runs import download
 from backend.api.service import RowId, ServiceInUse
 from backend.archive.figures import RangeAsked
-from backend.messages.base import Finite, Schema
-from backend.messages.figures import RecordedValues, SpectraLine, StatisticsLine
+from backend.schemas.base import Finite, Schema
+from backend.schemas.run import RecordedValues, SpectraLine, StatisticsLine
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 

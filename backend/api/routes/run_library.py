@@ -9,8 +9,9 @@ from backend.api.auth import Operator, SignedIn
 from backend.api.routes.runs import download, report
 from backend.api.service import ServiceInUse
 from backend.departure import unless_left
-from backend.messages.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
-from backend.messages.run_search import (
+from backend.reports.series import MOST_RUNS
+from backend.schemas.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
+from backend.schemas.run import (
     SEARCH_NAME_MAX,
     MetricHistory,
     SavedSearchList,
@@ -19,7 +20,6 @@ from backend.messages.run_search import (
     TagList,
     TagRequest,
 )
-from backend.reports.series_source import MOST_RUNS
 from backend.storage.orm import TAG_MAX
 from backend.storage.search import LONGEST
 

@@ -16,14 +16,23 @@ from backend.archive.stored_runs import Asked, Excerpt
 from backend.departure import unless_left
 from backend.exports.formats import MEDIA_TYPES, DataFormat
 from backend.exports.mcap import layout
-from backend.messages.base import Finite
-from backend.messages.history import LONGEST_S, Lineage, Planned, ReplayRequest, RunMarks
-from backend.messages.run import NoteRequest, RunList, RunView, SamplesView
-from backend.messages.run_search import TagRequest
 from backend.plain_text import as_file_name
+from backend.schemas.base import Finite
+from backend.schemas.run import (
+    LONGEST_S,
+    Lineage,
+    NoteRequest,
+    Planned,
+    ReplayRequest,
+    RunList,
+    RunMarks,
+    RunView,
+    SamplesView,
+    TagRequest,
+)
+from backend.server.security import DOCUMENT_POLICY
 from backend.storage.orm import TAG_MAX
 from backend.storage.search import LONGEST
-from backend.web_server.message_page import DOCUMENT_POLICY
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 

@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
-from backend.access.people import Person
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import ServiceInUse
-from backend.messages.history import Checklist
-from backend.messages.session import (
+from backend.auth.authentication import Person
+from backend.schemas.run import Checklist
+from backend.schemas.state import (
     FreshTokens,
     Health,
     NameRequest,
@@ -17,9 +17,8 @@ from backend.messages.session import (
     SessionView,
     SignIn,
 )
-from backend.web_server.cookies import authentication_of, forget, grant, shown_by
-from backend.web_server.deployment import findings
-from backend.web_server.proxied import PEER, PUBLIC
+from backend.server.deployment import PEER, PUBLIC, findings
+from backend.server.security import authentication_of, forget, grant, shown_by
 
 router = APIRouter(prefix="/api", tags=["session"])
 

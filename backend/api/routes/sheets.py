@@ -5,8 +5,8 @@ from fastapi import APIRouter, Request, Response
 from backend.api.auth import SignedIn
 from backend.api.routes.runs import PDF, download
 from backend.api.service import ServiceInUse
-from backend.messages.sheet import SheetToPrint
-from backend.web_server.guard import SHEETS
+from backend.schemas.run import SheetToPrint
+from backend.server.security import SHEETS
 
 router = APIRouter(tags=["runs"])
 

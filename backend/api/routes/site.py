@@ -13,9 +13,8 @@ from backend.api.auth import SignedIn
 from backend.api.errors import STATUS
 from backend.errors import RefusalError
 from backend.public_url import PublicUrl
-from backend.web_server.cookies import authentication_of, grant, shown_by
-from backend.web_server.message_page import message_page
-from backend.web_server.proxied import COOKIE_PATH, PUBLIC
+from backend.server.deployment import COOKIE_PATH, PUBLIC
+from backend.server.security import authentication_of, grant, message_page, shown_by
 
 STATIC = Path(__file__).parents[2] / "static"
 

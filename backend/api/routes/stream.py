@@ -5,7 +5,7 @@ from fastapi import APIRouter, WebSocket
 from backend.api.auth import signed_in
 from backend.api.live import serve
 from backend.api.service import service_of
-from backend.web_server.session_ends import LIVE
+from backend.server.security import LIVE
 
 router = APIRouter()
 

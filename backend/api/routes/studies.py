@@ -4,7 +4,7 @@ from fastapi import APIRouter, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
-from backend.messages.study import CheckedStudy, MapPick, PlantNumbers, StudyDetail, StudyList, StudyText, StudyView
+from backend.schemas.experiment import CheckedStudy, MapPick, PlantNumbers, StudyDetail, StudyList, StudyText, StudyView
 
 router = APIRouter(prefix="/api/studies", tags=["studies"])
 

@@ -4,7 +4,7 @@ from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import ServiceInUse
-from backend.messages.system import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
+from backend.schemas.state import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
 
 router = APIRouter(prefix="/api/system", tags=["system"])
 

@@ -7,9 +7,9 @@ from fastapi import APIRouter, Query, Request
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, ServiceInUse
 from backend.errors import Because, RefusalError
-from backend.messages.base import Finite
-from backend.messages.state import State
-from backend.messages.tuning import (
+from backend.schemas.base import Finite
+from backend.schemas.state import State
+from backend.schemas.tuning import (
     Motion,
     MotorPreview,
     RobustTuning,

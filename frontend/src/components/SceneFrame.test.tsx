@@ -35,7 +35,7 @@ function mark(stage: string): void {
   frame().contentDocument?.documentElement.setAttribute("data-stage", stage);
 }
 
-/** What backend/scene/page.py does: it writes down how far it has come, and says that it has. */
+/** What backend/scene/proxy.py does: it writes down how far it has come, and says that it has. */
 function reaches(stage: string, source: Window | null = frame().contentWindow): void {
   mark(stage);
   act(() => void window.dispatchEvent(new MessageEvent("message", { data: "stage", source })));

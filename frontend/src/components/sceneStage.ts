@@ -1,6 +1,6 @@
 /** How far a 3D view has come, and what is said of it until there is a picture. */
 
-/** What backend/scene/page.py writes on its document, in the order in which it comes; "dropped" by the browser. */
+/** What backend/scene/proxy.py writes on its document, in the order in which it comes; "dropped" by the browser. */
 const TOLD = ["connecting", "drawing", "shown", "lost", "dropped"] as const;
 
 /** Before its page is there, and when what came is not its page. */

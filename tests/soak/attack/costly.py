@@ -10,8 +10,8 @@ from typing import Any
 import httpx
 from rich.console import Console
 
-from backend.messages.sheet import LONGEST_SHEET
 from backend.reports import sheet
+from backend.schemas.run import LONGEST_SHEET
 from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, NewRun, RunKind

@@ -1,1 +1,0 @@
-"""Who may do what: sign-in, tokens, sessions, names, and who holds control. Knows no HTTP."""

@@ -1,0 +1,1 @@
+"""Who may do what: sign-in, tokens, sessions, and the control lease. Knows no HTTP."""

@@ -1,0 +1,412 @@
+"""Foxglove bridge: relays the live stream of a service to Foxglove's server, behind a key."""
+
+import asyncio
+import json
+import logging
+import secrets
+import struct
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any, cast
+from urllib.parse import parse_qs, urlsplit
+
+import foxglove
+import numpy as np
+from foxglove import messages
+from foxglove.websocket import StatusLevel
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
+
+from backend import wire
+from backend.exports import writers
+from backend.exports.base import ORDER, described
+from backend.exports.mcap import TOPIC
+from backend.sample import STORED_NAMES
+from backend.schemas.state import EventMessage, LayoutMessage, MarkKind, StateMessage
+from plant.interface import T_s
+
+# Tickets -------------------------------------------------------------------------------------------
+#
+# What the vendor's server is given in place of a message: a number, which only this process can
+# turn into the message.
+#
+# That server listens on a port that asks nobody for a token. Whoever finds it hears numbers.
+
+
+_TICKET = struct.Struct("<Q")
+_HEAD = struct.Struct("<BIQ")
+"""Of a frame with a message: what it is, the subscription, the time [ns]."""
+
+MESSAGE = 1
+"""First byte of a frame with a message (Foxglove WebSocket protocol, Message Data)."""
+
+KEPT = 8192
+"""So many messages are kept: more than any queue on the way holds."""
+
+
+class Tickets:
+    """The newest messages by their numbers."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._kept: list[tuple[int, bytes]] = [(-1, b"")] * kept
+        self._next = 0
+
+    def ticket_for(self, message: bytes) -> bytes:
+        """Keep a message; return what goes in its place."""
+        number, self._next = self._next, self._next + 1
+        self._kept[number % len(self._kept)] = (number, message)
+        return _TICKET.pack(number)
+
+    def redeemed(self, frame: bytes) -> bytes | None:
+        """Return a frame of the vendor's server with the message in it; None where that is not kept any more."""
+        if frame[:1] != bytes([MESSAGE]):
+            return frame
+        if len(frame) != _HEAD.size + _TICKET.size:
+            return None
+        (number,) = _TICKET.unpack_from(frame, _HEAD.size)
+        kept, message = self._kept[number % len(self._kept)]
+        return frame[: _HEAD.size] + message if kept == number else None
+
+
+# Door ----------------------------------------------------------------------------------------------
+#
+# The port that Foxglove connects to: lets in who shows the key in the address, and hears
+# subscriptions only.
+#
+# ``ws://127.0.0.1:8765/?token=KEY``: a program that shows data can be told an address, and nothing
+# else.
+
+
+VENDORS = Subprotocol("foxglove.sdk.v1")
+SPOKEN = (VENDORS, Subprotocol("foxglove.websocket.v1"))
+"""What clients call this protocol; the second is the older word, which the vendor's server does not take."""
+
+HOST = "127.0.0.1"
+HEARD = ("subscribe", "unsubscribe")
+MOST_CLIENTS = 8
+MOST_BYTES = 64 * 1024
+POLICY_VIOLATION, FAILED = 1008, 1011
+FAREWELL_S = 1.0
+
+
+class Door:
+    """Relays between who was let in and the vendor's server on ``port``; nobody is, before there is a key."""
+
+    def __init__(self, port: int, tickets: Tickets) -> None:
+        self._port, self._tickets = port, tickets
+        self._key: str | None = None
+        self._inside: set[ServerConnection] = set()
+
+    @asynccontextmanager
+    async def open(self, port: int) -> AsyncIterator[int]:
+        """Listen on a port of this machine for the block, which gets its number; 0 is any free one. Raises OSError."""
+        async with serve(
+            self._relay,
+            HOST,
+            port,
+            process_request=self._look_at,
+            select_subprotocol=_agreed,
+            compression=None,
+            max_size=MOST_BYTES,
+            server_header=None,
+        ) as server:
+            yield _port_of(server)
+
+    async def let_in(self, key: str) -> None:
+        """Let in who shows ``key``, and nobody with the one of before: who came in with that is sent away."""
+        if key != self._key:
+            self._key = key
+            why = "the token was replaced: take the new address"
+            await asyncio.gather(*(_send_away(client, POLICY_VIOLATION, why) for client in tuple(self._inside)))
+
+    def _look_at(self, connection: ServerConnection, request: Request) -> Response | None:
+        refused = self._refused(request)
+        return connection.respond(refused[0], f"{refused[1]}\n") if refused else None
+
+    def _refused(self, request: Request) -> tuple[HTTPStatus, str] | None:
+        shown = parse_qs(urlsplit(request.path).query, errors="replace").get("token", [""])[-1]
+        if self._key is None or not secrets.compare_digest(shown.encode(errors="replace"), self._key.encode()):
+            return (
+                HTTPStatus.UNAUTHORIZED,
+                "the address needs ?token= with the viewer's token, as sinew foxglove prints it",
+            )
+        if len(self._inside) >= MOST_CLIENTS:
+            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} are connected already"
+        return None
+
+    async def _relay(self, client: ServerConnection) -> None:
+        assert client.request is not None  # it was looked at
+        if refused := self._refused(client.request):  # since: by another key, or others who were faster
+            await _send_away(client, POLICY_VIOLATION, refused[1])
+            return
+        self._inside.add(client)
+        try:
+            async with connect(
+                f"ws://{HOST}:{self._port}", subprotocols=[VENDORS], compression=None, max_size=None, proxy=None
+            ) as server:
+                await _first_of(self._show(server, client), _hear(client, server))
+        except (OSError, InvalidHandshake):
+            await _send_away(client, FAILED, "the vendor's server has ended: start sinew foxglove again")
+        finally:
+            self._inside.discard(client)
+
+    async def _show(self, server: ClientConnection, client: ServerConnection) -> None:
+        async for said in server:
+            if isinstance(said, str):
+                await client.send(said)
+            elif (frame := self._tickets.redeemed(said)) is not None:
+                await client.send(frame)
+
+
+async def _hear(client: ServerConnection, server: ClientConnection) -> None:
+    """Pass on what is asked to be shown; anything else is for servers that can be commanded."""
+    async for said in client:
+        try:
+            asked = json.loads(said) if isinstance(said, str) else {}
+        except (ValueError, RecursionError):
+            await _send_away(client, POLICY_VIOLATION, "this is not JSON")
+            return
+        if isinstance(asked, dict) and asked.get("op") in HEARD:
+            await server.send(said)
+
+
+async def _send_away(client: ServerConnection, code: int, why: str) -> None:
+    """Close a connection, also to one who does not answer, or does not even read."""
+    try:
+        async with asyncio.timeout(FAREWELL_S):
+            await client.close(code, why)
+    except TimeoutError:
+        client.transport.abort()
+
+
+async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
+    """Run until the first has ended; then end the others."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            with suppress(ConnectionClosed):
+                task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _agreed(_connection: ServerConnection, offered: Sequence[Subprotocol]) -> Subprotocol | None:
+    """Return the word for the protocol that a client knows; it ends the connection itself where there is none."""
+    return next((word for word in SPOKEN if word in offered), None)
+
+
+def _port_of(server: Server) -> int:
+    return cast(int, next(iter(server.sockets)).getsockname()[1])
+
+
+# Publisher -----------------------------------------------------------------------------------------
+#
+# Samples and events of the live stream as Foxglove's channels ``/sample`` and ``/log``, on the
+# vendor's server.
+#
+# ``/sample`` has every sample as an MCAP export has it, ``t`` since the loop started; the time of a
+# message is that of its sample, by the clock of this machine.
+
+
+LOG_TOPIC = "/log"
+NOTATION = (
+    "SI units, angles in rad. t counts from the start of the loop. _ref: a reference, _gov: after governor or plan, "
+    "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
+    "Equations: docs/notation.md."
+)
+BACKLOG = 4096
+"""Messages that wait for a client before the oldest is dropped: four seconds."""
+
+_PERIOD_NS = round(T_s * 1e9)
+_ASTRAY_NS = 50_000_000
+"""The clock of this machine was set, or the loop stood still: times are counted anew."""
+
+_AWAY = "service"
+_LEVELS = {MarkKind.FAULT: messages.LogLevel.Error, MarkKind.TRIP: messages.LogLevel.Error}
+
+
+class OtherVersionError(Exception):
+    """The service streams other signals than this version knows."""
+
+
+class Publisher:
+    """Publishes what it hears of the live stream. ``clock_ns`` is the time of day; ``tickets`` keep the messages."""
+
+    def __init__(self, name: str, tickets: Tickets, clock_ns: Callable[[], int] = time.time_ns) -> None:
+        logging.getLogger("foxglove").setLevel(logging.ERROR)
+        self._tickets, self._clock_ns = tickets, clock_ns
+        context = self._context = foxglove.Context()  # which knows its channels only while somebody holds it
+        self._samples = foxglove.Channel(
+            TOPIC,
+            schema=foxglove.Schema(
+                name=writers.NAME, encoding="jsonschema", data=writers.json_schema(described(ORDER), NOTATION)
+            ),
+            message_encoding="json",
+            context=context,
+        )
+        self._log = foxglove.Channel(
+            LOG_TOPIC, schema=messages.Log.get_schema(), message_encoding="protobuf", context=context
+        )
+        # No capability: nothing can be sent to the actuator this way.
+        self._server = foxglove.start_server(
+            name=name, host="127.0.0.1", port=0, context=context, message_backlog_size=BACKLOG
+        )
+        self.port = self._server.port
+        self._began_ns: int | None = None
+        self._heard_from = 0
+        self._problems: set[str] = set()
+
+    def hear(self, message: str | bytes) -> None:
+        """Publish a message of ``/api/live``. Raises OtherVersionError."""
+        if isinstance(message, bytes):
+            self._publish_samples(message)
+            return
+        said: dict[str, Any] = json.loads(message)
+        match said.get("type"):
+            case "layout":
+                self._begin(LayoutMessage.model_validate(said))
+            case "state":
+                self._note(StateMessage.model_validate(said))
+            case "event":
+                mark = EventMessage.model_validate(said)
+                self._tell(mark.text, _LEVELS.get(mark.kind, messages.LogLevel.Info), mark.kind, mark.tick)
+            case _:  # an answer to a ping: none is sent
+                pass
+
+    def say_away(self, why: str) -> None:
+        """Show that nothing is heard of the service."""
+        self._server.publish_status(why, StatusLevel.Error, _AWAY)
+
+    def close(self) -> None:
+        """End the server, and the connections to it."""
+        self._server.stop()
+
+    def _begin(self, layout: LayoutMessage) -> None:
+        names = tuple(field.name for field in layout.fields)
+        if names != STORED_NAMES or layout.period_s != T_s:
+            raise OtherVersionError(
+                "the service streams other signals than this version knows: use one version of both"
+            )
+        self._server.remove_status([_AWAY])
+        self._began_ns = None
+
+    def _note(self, state: StateMessage) -> None:
+        began_ns = self._clock_ns() - state.tick * _PERIOD_NS
+        if self._began_ns is None:
+            self._heard_from = state.tick  # what comes of before is for a page that has just been opened
+        if self._began_ns is None or abs(began_ns - self._began_ns) > _ASTRAY_NS:
+            self._began_ns = began_ns
+        now = set(state.problems)
+        for problem in state.problems:
+            if problem not in self._problems:
+                self._tell(problem, messages.LogLevel.Warning, "problem", state.tick)
+        self._problems = now
+
+    def _publish_samples(self, packed: bytes) -> None:
+        frame = wire.unpack(packed)
+        if self._began_ns is None or frame.first_tick < self._heard_from or not self._samples.has_sinks():
+            return
+        if frame.missed:
+            words = f"{frame.missed} samples before this one are missing here; the recording has them"
+            self._tell(words, messages.LogLevel.Warning, "stream", frame.first_tick)
+        ticks = np.arange(frame.first_tick, frame.first_tick + frame.columns.shape[1])
+        batch = {"t": ticks * T_s, **dict(zip(STORED_NAMES, frame.columns, strict=True))}
+        for tick, line in zip(ticks.tolist(), writers.lines(ORDER, batch), strict=True):
+            self._samples.log(self._tickets.ticket_for(line), log_time=self._began_ns + tick * _PERIOD_NS)
+
+    def _tell(self, words: str, level: messages.LogLevel, name: str, tick: int) -> None:
+        if self._began_ns is None or not self._log.has_sinks():
+            return
+        at_ns = self._began_ns + tick * _PERIOD_NS
+        stamp = messages.Timestamp(*divmod(at_ns, 10**9))
+        entry = messages.Log(timestamp=stamp, level=level, message=words, name=name)
+        self._log.log(self._tickets.ticket_for(entry.encode()), log_time=at_ns)
+
+
+# Relay ---------------------------------------------------------------------------------------------
+#
+# Runs the server: hears the live stream of the service on a data folder, and comes back to it when
+# it was away.
+
+
+AGAIN_S = 1.0
+LIVE = "/api/live"
+SILENT_S = 10.0
+"""The state comes twice a second: a service that says nothing for so long does not answer."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """``address`` is where a service answers; ``token`` the viewer's, empty where it asks for none."""
+
+    address: str
+    token: str
+
+
+async def relay(
+    look: Callable[[], Source | None], key_of: Callable[[Source], str], port: int, say: Callable[[str], None]
+) -> None:
+    """Serve until cancelled. ``look`` finds the service, ``key_of`` the key for its address, ``say`` tells the person.
+
+    Raises OSError where ``port`` is taken, OtherVersionError.
+    """
+    tickets, told, shown = Tickets(), "", ""
+    publisher = Publisher("Sinew", tickets)
+    door = Door(publisher.port, tickets)
+    try:
+        async with door.open(port) as open_on:
+            while True:
+                source = look()
+                if source is None:
+                    heard, why = False, "no service works on the folder"
+                else:
+                    key = key_of(source)
+                    await door.let_in(key)
+                    if key != shown:
+                        say(f"Foxglove or Lichtblick, Open connection: ws://{HOST}:{open_on}/?token={key}")
+                        shown = key
+                    heard, why = await _listen(source, publisher)
+                if heard or why != told:  # once, however long it lasts
+                    publisher.say_away(f"{why}: nothing new is shown until it answers")
+                    say(f"{why}; it is tried again each second")
+                    told = why
+                await asyncio.sleep(AGAIN_S)
+    finally:
+        publisher.close()
+
+
+async def _listen(source: Source, publisher: Publisher) -> tuple[bool, str]:
+    """Publish what the service streams until it ends; return whether there was anything, and why it ended."""
+    heard = False
+    where = urlsplit(source.address)
+    headers = {"Authorization": f"Bearer {source.token}"} if source.token else {}
+    try:
+        async with connect(
+            f"ws://{where.netloc}{where.path}{LIVE}",
+            additional_headers=headers,
+            compression=None,
+            max_size=None,
+            proxy=None,
+        ) as live:
+            while True:
+                async with asyncio.timeout(SILENT_S):
+                    message = await live.recv()
+                publisher.hear(message)
+                heard = True
+    except ConnectionClosed as closed:
+        told = closed.rcvd.reason if closed.rcvd is not None else ""
+        why = f"the service at {source.address} has ended the stream{f': {told}' if told else ''}"
+    except TimeoutError:
+        why = f"the service at {source.address} says nothing any more"
+    except (OSError, InvalidHandshake) as error:
+        why = f"the service at {source.address} does not answer: {error}"
+    return heard, why

@@ -1,0 +1,575 @@
+"""The glossary: what each word, figure, field and verdict of the page means, from where it is defined."""
+
+import dataclasses
+import importlib
+import json
+import pkgutil
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, is_dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import get_args
+
+from annotated_types import Ge, Le
+from pydantic.fields import FieldInfo
+
+from backend import analysis
+from backend.analysis.step_metrics import SETTLING_BAND
+from backend.commissioning.steps import StepState
+from backend.errors import WORDS
+from backend.faults import EXPLAINED, Fault, Limit
+from backend.identification import validation as rule
+from backend.identification.models import Grade
+from backend.models.run import Outcome
+from backend.realtime.program import Cause, HomingEnd, Mode
+from backend.schemas.base import HUGE, Schema
+from backend.schemas.identification import ActuatorRequest
+from backend.schemas.run import ChecklistState
+from backend.schemas.state import ChainLinkView, Push, References, TimingView, TouchOrder, TriggerOrder, Wall
+from backend.schemas.tuning import TrialRequest
+from backend.storage.runs import EndState
+
+# Entry ---------------------------------------------------------------------------------------------
+#
+# An entry of the glossary: what a word of the page means.
+
+
+class Kind(StrEnum):
+    """What an entry is of; the first half of its key."""
+
+    SIGNAL = "signal"
+    QUANTITY = "quantity"
+    PARAMETER = "parameter"
+    SETTING = "setting"
+    FIGURE = "figure"
+    OUTCOME = "outcome"
+    CRITERION = "criterion"
+    GRADE = "grade"
+    END = "end"
+    MODE = "mode"
+    CAUSE = "cause"
+    FAULT = "fault"
+    LIMIT = "limit"
+    CHAIN = "chain"
+    STEP = "step"
+    SETUP = "setup"
+    TIMING = "timing"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One word.
+
+    ``name`` is its spelling in the code, unique within its kind; ``term`` what a person reads: a symbol, or words.
+    ``unit`` is SI, "" where it has none or needs none. ``equation`` is plain text in the spelling of docs/notation.md,
+    ``source`` where it stands; "" where there is none. ``more`` tells further: heading and text.
+    """
+
+    kind: Kind
+    name: str
+    term: str
+    meaning: str
+    unit: str = ""
+    equation: str = ""
+    source: str = ""
+    more: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What the page asks by."""
+        return f"{self.kind}:{self.name}"
+
+
+# Fields --------------------------------------------------------------------------------------------
+#
+# What the boxes of the page's forms mean: read from the requests that the forms send, which
+# describe each field.
+#
+# Settings of experiments and identifications describe themselves where they are offered
+# (``SettingView``).
+
+
+FORMS: dict[str, type[Schema]] = {
+    "references": References,
+    "push": Push,
+    "wall": Wall,
+    "touch": TouchOrder,
+    "trigger": TriggerOrder,
+    "tuning": TrialRequest,
+    "identification": ActuatorRequest,
+}
+
+
+def fields() -> list[Entry]:
+    """Return an entry for each described field of each form, by the form's name and its own."""
+    return [
+        _field_entry(form, name, field)
+        for form, request in FORMS.items()
+        for name, field in request.model_fields.items()
+        if field.description
+    ]
+
+
+def _field_entry(form: str, name: str, field: FieldInfo) -> Entry:
+    extra = field.json_schema_extra
+    unit = str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
+    meaning = str(field.description).removesuffix(f" [{unit}]")
+    low, high = bounds(field)
+    accepted = () if low is None or high is None else (("Accepted", f"{low:g} to {high:g} {unit}".strip()),)
+    words = WORDS.get(name, name.replace("_", " "))
+    return Entry(Kind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
+
+
+def bounds(field: FieldInfo) -> tuple[float | None, float | None]:
+    """Return the bounds that a field declares; None where only the plant can tell them."""
+    low = next((float(str(one.ge)) for one in field.metadata if isinstance(one, Ge)), None)
+    high = next((float(str(one.le)) for one in field.metadata if isinstance(one, Le)), None)
+    return (None if low == -HUGE else low), (None if high == HUGE else high)
+
+
+# Figures -------------------------------------------------------------------------------------------
+#
+# The figures of results: from the declarations beside what computes them, with their equations.
+
+
+_RMS = "√(1/N Σ ({error})²)"
+_DB = "20 log₁₀"
+
+EQUATIONS: dict[str, str] = {
+    "rise_q_s": "t(90 %) − t(10 %)",
+    "rise_S_s": "t(90 %) − t(10 %)",
+    "settling_q_s": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
+    "settling_S_s": "last t with |S − S_ref| > 0.02 |ΔS_ref|, from the step",
+    "reach_q_s": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
+    "reach_bound_q_s": "T_m θ'' + θ' = K_m u_max, until θ = 0.9 Δθ",
+    "reach_ratio_q": "reach_q_s / reach_bound_q_s",
+    "overshoot_q_percent": "100 max(q − q_ref)/Δq_ref, along the step",
+    "overshoot_S_percent": "100 max(S − S_ref)/ΔS_ref, along the step",
+    "deviation_S": "max |S − S_ref|",
+    "deviation_q": "max |q − q_ref|",
+    "rmse_q": _RMS.format(error="q − q_ref"),
+    "rmse_S": _RMS.format(error="S − S_ref"),
+    "min_tension_N": "min(F_A, F_B)",
+    "max_tension_N": "max(F_A, F_B)",
+    "peak_voltage_V": "max(|u_A|, |u_B|)",
+    "u_rest_rms_V": _RMS.format(error="u − mean u"),
+    "rmse_raw_N": _RMS.format(error="F_A − F_B + S_ref q/r_j"),
+    "stiffness_felt": "−r_j d(F_A − F_B)/dq",
+    "largest_push_N": "max |F_A − F_B|",
+    "deviation_A_rad": "max |θ_A − θ_A,ref|",
+    "deviation_B_rad": "max |θ_B − θ_B,ref|",
+    "error_integral_A": "∫ (θ_A,ref − θ_A) dt",
+    "error_integral_B": "∫ (θ_B,ref − θ_B) dt",
+    "bandwidth_q_Hz": "f with |G(f)| = 1/√2, G = q/q_ref",
+    "bandwidth_S_Hz": "f with |G(f)| = 1/√2, G = S/S_ref",
+    "resonance_q_dB": f"{_DB} max(1, |G|), G = q/q_ref",
+    "resonance_S_dB": f"{_DB} max(1, |G|), G = S/S_ref",
+    "lag_q_deg": "−arg(q/q_ref) at the bandwidth",
+    "lag_S_deg": "−arg(S/S_ref) at the bandwidth",
+    "gain_off_q_dB": f"max |{_DB} |G| − {_DB} |G_predicted||",
+    "gain_off_S_dB": f"max |{_DB} |G| − {_DB} |G_predicted||",
+    "phase_off_q_deg": "max |arg G − arg G_predicted|",
+    "phase_off_S_deg": "max |arg G − arg G_predicted|",
+    "push_deviation_q": "max |q − q_ref|",
+    "push_deviation_S": "max |S − S_ref|",
+    "pushed_peak_q": "max |q − q(before)|",
+    "pushed_peak_S": "max |S − S(before)|",
+    "pushed_off_percent": "100 max |measured/predicted − 1|",
+    "pushed_static_ratio": "max |q − q(before)|/(r_j F/S)",
+    "held_q_swing_counts": "(max q − min q)/count",
+    "held_q_swing": "max q − min q",
+    "held_u_swing_V": "max u − min u",
+    "held_S_swing": "max S − min S",
+    "peak_force_N": "max |F_wall|",
+    "impulse_Ns": "max ∫ |F_wall| dt",
+    "K_m_A": "θ/U = K_m/(s (T_m s + 1))",
+    "K_m_B": "θ/U = K_m/(s (T_m s + 1))",
+    "T_m_A": "θ/U = K_m/(s (T_m s + 1))",
+    "T_m_B": "θ/U = K_m/(s (T_m s + 1))",
+    "rms_A_N": _RMS.format(error="F_A − F(x_A)"),
+    "rms_B_N": _RMS.format(error="F_B − F(x_B)"),
+    "q_deviation": "max |q|",
+}
+"""Of figures whose definition is a formula; what needs a sentence has that alone."""
+
+
+def figures() -> list[Entry]:
+    """Return an entry for each figure that a result may hold; where experiments define it apart, each says its own."""
+    meanings: dict[str, dict[str, list[str]]] = {}
+    head: dict[str, tuple[str, str]] = {}
+    for of, name, label, unit, definition in _declared():
+        head.setdefault(name, (label, unit))
+        meanings.setdefault(name, {}).setdefault(definition, []).append(of)
+    return [_figure_entry(name, *head[name], meanings[name]) for name in head]
+
+
+def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> Entry:
+    (first, _), *others = sorted(
+        meanings.items(), key=lambda meant: -len(meant[1])
+    )  # what most of them mean comes first
+    more = tuple((", ".join(dict.fromkeys(of)), definition) for definition, of in others)
+    shown = "" if unit == "1" else unit
+    source = "docs/experiments.md"
+    return Entry(Kind.FIGURE, name, label, first, shown, EQUATIONS.get(name, ""), source, more)
+
+
+def _declared() -> list[tuple[str, str, str, str, str]]:
+    """Return what is declared: of which result, name, label, unit, definition."""
+    modules = [
+        importlib.import_module(f"{analysis.__name__}.{found.name}")
+        for found in pkgutil.iter_modules(analysis.__path__)
+    ]
+    return [
+        (
+            module.__name__.rsplit(".", 1)[1].replace("metrics", "steps").replace("_", " ").capitalize(),
+            item.name,
+            item.metadata["label"],
+            item.metadata["unit"],
+            item.metadata["definition"],
+        )
+        for module in modules
+        for kind in vars(module).values()
+        if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__
+        for item in dataclasses.fields(kind)
+        if "definition" in item.metadata
+    ]
+
+
+# Pages ---------------------------------------------------------------------------------------------
+#
+# What the pages in docs/ define: signals, parameters and quantities of the notation; faults and
+# limits.
+
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+_SECTIONS = (
+    ("Signals", Kind.SIGNAL),
+    ("Parameters of the plant", Kind.PARAMETER),
+    ("Control", Kind.QUANTITY),
+    ("Identification", Kind.QUANTITY),
+)
+_ONE_SOURCE = r"\(\d+\)|table \d|decision \d+|docs/[\w-]+\.md"
+_SOURCE = re.compile(rf"^((?:{_ONE_SOURCE})(?:, (?:{_ONE_SOURCE}))*)(?:: (.*))?$")
+_PARTS = ("Cause", "Reaction", "Within", "Remedy")
+
+
+class GlossaryError(ValueError):
+    """A page does not say what the glossary needs of it."""
+
+
+def notation(page: str | None = None) -> list[Entry]:
+    """Return the entries of docs/notation.md. Raises GlossaryError."""
+    text = _read("notation.md") if page is None else page
+    return [entry for heading, kind in _SECTIONS for row in _rows(text, heading) for entry in _of_row(kind, row)]
+
+
+def faults(page: str | None = None) -> list[Entry]:
+    """Return the faults with cause, reaction, time and remedy of docs/faults.md. Raises GlossaryError."""
+    text = _read("faults.md") if page is None else page
+    sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL))
+    return [_fault(fault, sections.get(fault.value, "")) for fault in Fault if fault is not Fault.NONE]
+
+
+def limits(page: str | None = None) -> list[Entry]:
+    """Return the limits of docs/faults.md. Raises GlossaryError."""
+    held = {row[0].strip("`"): row[2] for row in _rows(_read("faults.md") if page is None else page, "Limits")}
+    missing = [str(limit.name) for limit in Limit if limit.name not in held]
+    if missing:
+        raise GlossaryError(f"docs/faults.md does not explain the limits {', '.join(missing)}")
+    return [
+        Entry(Kind.LIMIT, name, _in_words(name), held[name], source="docs/faults.md")
+        for name in (str(limit.name) for limit in Limit)
+    ]
+
+
+def _of_row(kind: Kind, row: list[str]) -> list[Entry]:
+    """Return the entry of each code name of a row of the notation: symbol, code names, unit, meaning, equation."""
+    symbol, code, unit, meaning, equation = row
+    names = re.findall(r"`([\w.]+)`", code)
+    if not names or not meaning:
+        raise GlossaryError(f"docs/notation.md: {symbol or code!r} needs a code name and a meaning")
+    symbols = symbol.split(", ") if len(names) > 1 else [symbol]
+    units = unit.split(", ") if len(names) > 1 else [unit]
+    found = _SOURCE.match(equation)
+    source, equation = (_cited(found[1]), found[2] or "") if found else ("docs/notation.md", equation)
+    return [
+        Entry(
+            kind,
+            name,
+            (symbols[at] if len(symbols) > at else "") or name,
+            meaning,
+            _no_one(units[min(at, len(units) - 1)]),
+            equation,
+            source,
+        )
+        for at, name in enumerate(names)
+    ]
+
+
+def _cited(cited: str) -> str:
+    """Return where equations stand: "(16)" is of the paper, as are its tables."""
+    if cited.startswith("docs/"):
+        return cited
+    if cited.startswith("decision "):
+        return f"docs/decisions, {cited}"
+    word = "equations " if ", (" in cited else "equation "
+    return f"paper, {word if cited.startswith('(') else ''}{cited}"
+
+
+def _fault(fault: Fault, section: str) -> Entry:
+    parts = {part: re.search(rf"^- {part}: (.+)$", section, re.MULTILINE) for part in _PARTS}
+    more = tuple((part, _plain_page(found[1])) for part, found in parts.items() if found)
+    if len(more) != len(_PARTS):
+        raise GlossaryError(f"docs/faults.md: {fault.value} needs {', '.join(_PARTS)}")
+    name = fault.value
+    return Entry(Kind.FAULT, name, _in_words(name), EXPLAINED[fault].message, source="docs/faults.md", more=more)
+
+
+def _rows(page: str, heading: str) -> list[list[str]]:
+    """Return the cells of the table under a heading, without its head."""
+    if f"\n## {heading}" not in page:
+        raise GlossaryError(f"there is no section {heading!r}")
+    part = page.split(f"\n## {heading}", 1)[1].split("\n## ", 1)[0]
+    lines = re.findall(r"^\|(.*)\|$", part, re.MULTILINE)
+    return [[cell.strip() for cell in line.split("|")] for line in lines[2:]]
+
+
+def _plain_page(text: str) -> str:
+    """Return a text of a page without its markup: a link is its words."""
+    return re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text).replace("`", "")
+
+
+def _in_words(name: str) -> str:
+    """Return a name of the code as words: "voltage A", "force limit"."""
+    words = name.replace("_", " ").lower()
+    return re.sub(r" ([ab])$", lambda side: f" {side[1].upper()}", words)
+
+
+def _no_one(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _read(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+# Verdicts ------------------------------------------------------------------------------------------
+#
+# Words for what is judged and how something stands: outcomes, grades, ends, modes, causes, links,
+# steps.
+#
+# Each table has an entry for every member of its enumeration; numbers in the words come from the
+# rules themselves.
+
+
+OUTCOMES: dict[Outcome, str] = {
+    Outcome.PASSED: "Every criterion was measured on the whole run and held.",
+    Outcome.FAILED: "At least one criterion was measured and did not hold; one that failed decides.",
+    Outcome.INCOMPLETE: "The run ended early, or a criterion could not be measured: nothing passes unseen.",
+    Outcome.NEUTRAL: "Nothing to judge by: this kind of run has no criteria.",
+}
+
+CRITERIA: dict[str, tuple[str, str, str]] = {
+    "pass": ("pass", "The figure was measured on all of the run and lies on the right side of its bound.", ""),
+    "fail": ("fail", "The figure lies on the wrong side of its bound; what was seen is enough to say so.", ""),
+    "not_measured": (
+        "not measured",
+        "There is no figure, or not all of it was seen; the reason stands beside it. It is neither passed nor failed.",
+        f"a step is measured from rest, and has settled within ±{100 * SETTLING_BAND:g} %",
+    ),
+}
+"""What a criterion may come to: term, meaning, rule."""
+
+GRADES: dict[Grade, tuple[str, str]] = {
+    Grade.USABLE: (
+        "The model may be used for tuning: no test speaks against it.",
+        f"fit ≥ {rule.GOOD_FIT_PERCENT:g} % on unseen data, K and T known to ±{rule.CAUTION_STD_PERCENT:g} %, gain "
+        f"within {rule.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no dry friction found",
+    ),
+    Grade.CAUTION: (
+        "The model may be used; the reasons beside it say what is doubtful.",
+        f"fit ≥ {rule.MIN_FIT_PERCENT:g} %, K and T known to ±{rule.MAX_STD_PERCENT:g} %, gain within "
+        f"{rule.MAX_GAIN_ERROR_PERCENT:g} % of geometry",
+    ),
+    Grade.UNUSABLE: (
+        "No gains should be computed from this model; the reasons beside it say why.",
+        f"less than {rule.MIN_COUNTS:g} counts of motion, fit < {rule.MIN_FIT_PERCENT:g} %, K or T not known to "
+        f"±{rule.MAX_STD_PERCENT:g} %, or gain more than {rule.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
+    ),
+}
+"""Meaning and rule of each grade; figures that could not be had never count in favour."""
+
+ENDS: dict[EndState, str] = {
+    EndState.RUNNING: "The run is under way: samples are still recorded.",
+    EndState.COMPLETED: "The run came to the end of its program, or a session was ended in the usual way.",
+    EndState.STOPPED: "Somebody pressed STOP or ended the service before the run was over.",
+    EndState.TRIPPED: "A fault stopped the run; the timing of it is in the flight record.",
+    EndState.LINK_LOST: "The page that held control was lost, and the loop stopped softly.",
+    EndState.SERVICE_DIED: "The service died or hung, and the loop stopped by itself.",
+}
+
+MODES: dict[Mode, str] = {
+    Mode.OFF: "Zero volts; the tendons are slack.",
+    Mode.PRETENSION: "Both motors wind up from slack until the tendons hold 10 N, and hold them there.",
+    Mode.RUN: "The loops of position and stiffness are closed and follow the references; everything is recorded.",
+    Mode.COMPLIANCE: "The joint loop is open: q_ref acts through geometry alone and a push moves the joint. "
+    "Stiffness stays controlled.",
+    Mode.IDENTIFY: "An excitation is played to identify motors, springs or the actuator.",
+    Mode.EXPERIMENT: "A program of references is played by the loop itself.",
+    Mode.STOPPING: "The joint is brought to rest under tension, then to zero volts.",
+    Mode.TRIPPED: "A fault is latched at zero volts; reset leads to off once its cause is gone.",
+}
+
+CAUSES: dict[Cause | HomingEnd, str] = {
+    Cause.ASKED_FOR: "A person or a script asked for this mode.",
+    Cause.PROGRAM: "An experiment or identification began its program.",
+    Cause.PROGRAM_ENDED: "A program came to its end.",
+    Cause.CONTACT: "A contact was felt, and the joint gives way until a mode is chosen.",
+    Cause.STANDING: "A soft stop has brought the joint to rest.",
+    Cause.RESET: "A latched fault was acknowledged.",
+    Cause.MOTOR_TRIAL: "The bring-up tries the direction of a motor at low voltage.",
+    Cause.MOTOR_TRIED: "The trial of a motor's direction is over.",
+    Cause.HOMING: "The bring-up drives the joint to its end switch.",
+    HomingEnd.HOMED: "The end switch closed where it should: the joint has its zero.",
+    HomingEnd.NOT_REACHED: "The joint came to the end of its way without the end switch; no zero was set.",
+    HomingEnd.STUCK_CLOSED: "The end switch did not open as the joint left it; no zero was set.",
+    HomingEnd.WRONG_WAY: "The joint moved away from the end switch; no zero was set.",
+    HomingEnd.JOINT_HELD: "The joint did not follow the motors; no zero was set.",
+    HomingEnd.MOTOR_OFF: "A motor did not come to where it was sent; no zero was set.",
+    HomingEnd.TENSION: "A tendon pulled harder than homing allows; no zero was set.",
+    HomingEnd.SLACK: "A tendon went slack on the way; no zero was set.",
+    HomingEnd.TOO_LONG: "Homing took longer than it may; no zero was set.",
+}
+
+CHAIN: dict[str, tuple[str, str]] = {
+    "page": ("Page in control", "The page that holds control is heard. Lost for 2 s its references are held; "
+             "2 s later the loop stops softly."),
+    "service": ("Service", "The loop hears the service's beat; without it for 0.34 s the loop stops softly by itself."),
+    "loop": ("Loop process", "Samples arrive from the 1 kHz loop; without one for 1 s the loop is not well."),
+    "watchdog": ("Watchdog, drive-enable", "The card cuts the drives when the loop does not write in time; it has to "
+                 "show that it does before each start."),
+    "safety_module": ("Safety module", "Independent of the controller: it cuts the motors at F_max or at the end of "
+                      "the joint's range and stays tripped until it is acknowledged at the rig."),
+}  # fmt: skip
+"""Term and meaning of each link of the safety chain; each watches the one before it."""
+
+STEPS: dict[StepState, str] = {
+    StepState.NEVER: "This step of the bring-up has not been done for this wiring.",
+    StepState.CURRENT: "Done, and it still holds for this wiring and for the time it is good for.",
+    StepState.OUT_OF_DATE: "Done once; wiring, start of the loop or age have made it doubtful since.",
+    StepState.FAILED: "Done last without success.",
+}
+
+SETUP: dict[ChecklistState, str] = {
+    ChecklistState.MISSING: "Nothing of this step is stored yet.",
+    ChecklistState.DONE: "There is one, and it was made from what is in force now.",
+    ChecklistState.OUTDATED: "There is one, made with other parameters or before what it builds on was made anew.",
+    ChecklistState.UNUSABLE: "There is one, and its verdict says not to use it.",
+}
+
+TIMING: dict[str, str] = {
+    "rate_Hz": "Loop",
+    "lateness_p50_ms": "Late p50",
+    "lateness_p99_ms": "Late p99",
+    "overruns": "Overruns",
+}
+"""How the header calls what the message of the loop's timing explains."""
+
+LINK = Entry(Kind.TIMING, "latency_ms", "Link", "time from this page to the service and back", "ms")
+
+
+def verdicts() -> list[Entry]:
+    """Return what is said of verdicts and states, in the order of their enumerations."""
+    return [
+        *(
+            Entry(Kind.OUTCOME, one.value, one.value, words, source="docs/experiments.md")
+            for one, words in OUTCOMES.items()
+        ),
+        *(Entry(Kind.CRITERION, name, term, words, more=_rule(held)) for name, (term, words, held) in CRITERIA.items()),
+        *(
+            Entry(Kind.GRADE, one.value, one.value, words, source="docs/identification.md", more=_rule(held))
+            for one, (words, held) in GRADES.items()
+        ),
+        *_plain_verdict(Kind.END, ENDS.items(), "docs/notebook.md"),
+        *_plain_verdict(Kind.MODE, MODES.items(), ""),
+        *_plain_verdict(Kind.CAUSE, CAUSES.items(), ""),
+        *(Entry(Kind.CHAIN, name, *CHAIN[name], source="docs/faults.md") for name in links()),
+        *_plain_verdict(Kind.STEP, STEPS.items(), "docs/rig.md"),
+        *_plain_verdict(Kind.SETUP, SETUP.items(), ""),
+    ]
+
+
+def timing() -> list[Entry]:
+    """Return what the header tells of the loop and the link, in the words of the message that carries it."""
+    told = []
+    for name, term in TIMING.items():
+        known = TimingView.model_fields[name]
+        unit = _unit(known.json_schema_extra)
+        told.append(Entry(Kind.TIMING, name, term, str(known.description).removesuffix(f" [{unit}]"), unit))
+    return [*told, LINK]
+
+
+def links() -> tuple[str, ...]:
+    """Return the links of the safety chain in order."""
+    return get_args(ChainLinkView.model_fields["name"].annotation)
+
+
+def _plain_verdict(kind: Kind, words: Iterable[tuple[StrEnum, str]], source: str) -> list[Entry]:
+    return [Entry(kind, one.value, one.value.replace("_", " "), said, source=source) for one, said in words]
+
+
+def _rule(held: str) -> tuple[tuple[str, str], ...]:
+    return (("Rule", held),) if held else ()
+
+
+def _unit(extra: object) -> str:
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+# Typescript ----------------------------------------------------------------------------------------
+#
+# The glossary, whole, and as the module that the page is built with.
+
+
+def glossary() -> dict[str, Entry]:
+    """Return all entries by key. Raises GlossaryError where one is defined twice, or a page lacks one."""
+    listed = [*notation(), *fields(), *figures(), *verdicts(), *faults(), *limits(), *timing()]
+    found: dict[str, Entry] = {}
+    for entry in listed:
+        if found.setdefault(entry.key, entry) is not entry:
+            raise GlossaryError(f"{entry.key} is explained twice")
+    return found
+
+
+def glossary_typescript() -> str:
+    """Return the glossary as a TypeScript module; what is empty is left out."""
+    entries = {key: _fields(entry) for key, entry in glossary().items()}
+    kinds = json.dumps([str(kind) for kind in Kind])
+    written = json.dumps(entries, indent=2, ensure_ascii=False)
+    return "\n".join(
+        (
+            "// Generated by `python -m backend.api.export`. Do not edit.",
+            "",
+            f"export const KINDS = {kinds} as const;",
+            "",
+            "export interface Entry {",
+            "  readonly kind: (typeof KINDS)[number];",
+            "  readonly name: string;",
+            "  readonly term: string;",
+            "  readonly meaning: string;",
+            "  readonly unit?: string;",
+            "  readonly equation?: string;",
+            "  readonly source?: string;",
+            "  readonly more?: readonly (readonly [string, string])[];",
+            "}",
+            "",
+            f"export const GLOSSARY: Readonly<Record<string, Entry>> = {written};",
+            "",
+        )
+    )
+
+
+def _fields(entry: Entry) -> dict[str, object]:
+    return {name: value for name, value in vars(entry).items() if value}

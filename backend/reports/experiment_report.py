@@ -1,0 +1,741 @@
+"""Reports of experiments, by what they measure."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.analysis.context import InForce, kept_tuning, points_in
+from backend.analysis.disturbance_metrics import hits_of, holds_seen, pushes_seen
+from backend.analysis.evaluation import law_of, used_settings
+from backend.analysis.frequency_metrics import Lines, Response, bode_lines, responses
+from backend.analysis.step_metrics import pushes
+from backend.banks.builder import BankError, points_of
+from backend.banks.tuning_settings import TuningChoice
+from backend.experiments.library import stored_plan
+from backend.experiments.plans import KIND, ComposedPlan
+from backend.experiments.schema import Measure
+from backend.models.run import Metrics, StepFigures
+from backend.realtime.program import Law
+from backend.recording.reader import Columns
+from backend.reports import sections
+from backend.reports.model import Column, Figure, Paragraph, Report, Section, Source, Table, exact, shown
+from backend.reports.plotting import (
+    COLOURS,
+    CUT_OFF,
+    INK,
+    LIMIT_GREY,
+    TENSIONS,
+    WHAT_IS_DRAWN,
+    axis_label,
+    drawn_once,
+    figure,
+    frequency_axis,
+    in_unit,
+    panel_letter,
+    tension_panel,
+    thinned,
+    to_svg,
+    tracking_panels,
+    tracking_step_panels,
+    upper_legend,
+)
+from backend.reports.provenance import (
+    NOT_MEASURED,
+    S_NOTE,
+    experiment_report,
+    facts,
+    lineage,
+    measured,
+    parameter_section,
+    read_or_none,
+    reproduction,
+    results_section,
+    settings_table,
+    subtitle,
+    table_of,
+    tuning_facts,
+    verdict,
+)
+from backend.reports.sections import CAPTION, impact_panels, impact_tables
+from backend.storage.runs import RunKind
+from backend.tuning.gains import TuningError, cascade_tuning
+from backend.tuning.simulation import run
+from backend.units import Angles, read, reading_of, with_unit
+from plant.interface import T_s
+from plant.parameters import SIDES, ParameterError, parameters_of
+
+# Compliance ----------------------------------------------------------------------------------------
+#
+# The report of a compliance run: whether the joint gives way as its stiffness says.
+
+
+_LEAST_N = 0.1
+"""Least reach of the axis of a difference of forces: below the load cells' noise there is only rounding to see."""
+_REST_S = 1.0
+
+_COMPLIANCE_NOTES = (
+    S_NOTE,
+    "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and measured position "
+    "let expect F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
+    "Raw differences hold the load cells' delay and offset, as the paper's 2.239 N does. Aligned means: the measured "
+    "force is moved back by the delay that fits best, and each force counts from its mean over the second before the "
+    "first push.",
+    "The position loop is open: the decoupler's geometry alone holds q = 0, the stiffness loop is closed.",
+)
+
+
+def compliance_report(source: Source) -> Report:
+    """Build the report; a run without result says why it has none."""
+    seen = () if source.result is None else (_compliance_figures(source, source.result.metrics),)
+    return experiment_report(source, "Compliance experiment", "compliance experiment", seen, _COMPLIANCE_NOTES)
+
+
+def _compliance_figures(source: Source, metrics: Metrics) -> Section:
+    pushed_s = next(phase.start_s for phase in metrics.phases if phase.name == "pushes")
+    delay_s = metrics.value_of("delay_s") or 0.0
+    r_j = source.run.number("geometry", "r_j")
+    F_max = source.run.number("safety", "F_max")
+    panels = force_panels(source.columns, r_j, pushed_s, delay_s, "forces", source.angles)
+    return Section(
+        "Figures",
+        (
+            Figure(
+                "forces",
+                panels,
+                "Pushes on the joint: (A) joint position, (B) measured force F_ext, the force F_exp that stiffness "
+                "and position let expect, and the force that encoders and springs tell without a load cell, (C) the "
+                "difference of the first two as measured (grey) and aligned. Compare figure 8 of the paper.",
+            ),
+            Figure(
+                "tension",
+                tension_panel(source.columns, F_max, "tension"),
+                TENSIONS,
+            ),
+        ),
+    )
+
+
+@drawn_once
+def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str, angles: Angles) -> str:
+    """Draw q, measured and expected force, and their difference raw and aligned (figure 8)."""
+    t = columns["t"]
+    measured = columns["F_A"] - columns["F_B"]
+    expected = -columns["S_ref"] * columns["q"] / r_j
+    rest = (t >= pushed_s - _REST_S) & (t < pushed_s)
+    delay = int(np.searchsorted(t, t[0] + delay_s - 1e-9))
+    end = t.size - delay
+    aligned = (measured[delay:] - measured[rest].mean()) - (expected[:end] - expected[rest].mean())
+    with figure(3, height_in=4.4, sharex=True, height_ratios=(2, 3, 2)) as (drawn, axes):
+        axes[0].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[0].set_ylabel(axis_label("q", "rad", angles))
+        axes[1].plot(*thinned(t, measured), color=COLOURS["F_A"], label="$F_{ext}$")
+        axes[1].plot(*thinned(t, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label="$F_{exp}$")
+        if "F_ext_hat" in columns:
+            estimated = -(columns["F_ext_hat"] - columns["F_ext_hat"][rest].mean()) + measured[rest].mean()
+            axes[1].plot(*thinned(t, estimated), color=COLOURS["u_B"], linewidth=0.7, label="estimated")
+        axes[1].set_ylabel("Force [N]")
+        axes[2].plot(*thinned(t, measured - expected), color=LIMIT_GREY, linewidth=0.7, label="raw")
+        axes[2].plot(*thinned(t[:end], aligned), color=COLOURS["u_B"], linewidth=0.8, label="aligned")
+        low, high = axes[2].get_ylim()
+        reach = (min(low, -_LEAST_N), max(high, _LEAST_N))
+        axes[2].set(xlabel="t [s]", ylabel="Difference [N]", xlim=(t[0], t[-1]), ylim=reach)
+        for panel, letter in zip(axes, "ABC", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+# Followed ------------------------------------------------------------------------------------------
+#
+# Beside a run in time-optimal motion: what lambda motion, the paper's law, would have made of its
+# references.
+
+
+Array = NDArray[np.float64]
+UNITS = {"q": "rad", "S": "N·m/rad"}
+
+GOVERNOR = (
+    "For comparison: the same references with the governor of the paper (lambda motion) in place of the trajectory, "
+    "all else alike: simulated with the run's own parameters, gains, push and seed, from rest at its first references. "
+    "It is no measurement. With the trajectory the lags of the loops do not delay a reference; λ sets how deviations "
+    "of the actuator from its model are corrected (docs/decisions/0046)."
+)
+
+
+@dataclass(frozen=True)
+class PapersLaw:
+    """The paper's law on the references of a run: ``columns`` q and S, each (n,), over t; empty with a ``reason``."""
+
+    columns: Mapping[str, Array] = field(default_factory=dict)
+    reason: str = ""
+
+
+def papers_law(source: Source) -> PapersLaw | None:
+    """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
+    settings = source.run.set_to
+    if settings.loop.budget == 0.0 or law_of(source.run) != Law.CASCADE:
+        return None
+    columns = source.columns
+    t, known = columns["t"], settings.loop.known()
+    if np.any(np.abs(np.diff(t) - T_s) > 0.5 * T_s):
+        return PapersLaw(reason="samples are missing")
+    if any(np.ptp(columns[f"lam_{name}"]) > 1e-6 for name in ("q", "S")):
+        return PapersLaw(reason="λ was changed during the run")
+    try:
+        parameters = parameters_of(source.run.parameters_name, source.run.parameters)
+        choice = TuningChoice.of(known)
+        tuning = cascade_tuning(parameters, choice.lambdas, points_of(source.bank), None, choice.interpolate)
+    except (BankError, TuningError, ParameterError) as error:
+        return PapersLaw(reason=str(error))
+    push = columns["F_push"] if np.all(np.isfinite(columns["F_push"])) else None
+    found = run(parameters, tuning, columns["q_ref"], columns["S_ref"], push, int(settings.loop.seed or 0))
+    if found.tripped_at >= 0:
+        return PapersLaw(reason=f"with it the safety module would have tripped after {found.tripped_at * T_s:g} s")
+    return PapersLaw({"t": t, "q": found.q, "S": found.S})
+
+
+def beside(steps: Sequence[StepFigures], law: PapersLaw, angles: Angles) -> tuple[Table, ...]:
+    """Return a table of each step's time to 90 % as it was measured and as the paper's law would have taken it."""
+    if not law.columns or not steps:
+        return ()
+    rows = []
+    for step in steps:
+        unit, theirs = UNITS[step.signal], _to_90_percent_s(step, law)
+        gain = None if theirs is None or not step.reach_s else theirs / step.reach_s
+        rows.append(
+            (
+                axis_label(step.signal, unit, angles),
+                shown(read(step.before, unit, angles)),
+                shown(read(step.after, unit, angles)),
+                measured(step.reach_s),
+                measured(theirs),
+                measured(gain, 2),
+            )
+        )
+    columns = (
+        Column("Step", number=False),
+        Column("from"),
+        Column("to"),
+        Column("To 90 %, measured", "s"),
+        Column("To 90 %, the paper's law", "s"),
+        Column("paper's law / measured"),
+    )
+    caption = "Time from a step to 90 % of its way, beside what it takes with the paper's governor (simulated)."
+    return (Table(caption, columns, tuple(rows)),)
+
+
+def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
+    """Return from a step to 90 % of its way [s]; None where it does not get there before the next one."""
+    t = law.columns["t"]
+    inside = slice(*np.searchsorted(t, [step.start_s - 1e-9, step.end_s - 1e-9]))
+    way = (law.columns[step.signal][inside] - step.before) / (step.after - step.before)
+    there = np.flatnonzero(way >= 0.9)
+    return float(t[inside][there[0]] - step.start_s) if there.size else None
+
+
+# Recording -----------------------------------------------------------------------------------------
+#
+# The report of what was played or done by hand without criteria: its curves, and figures where
+# there are some.
+
+
+_TITLES = {RunKind.SESSION: "Session", RunKind.SEQUENCE: "Own sequence"}
+
+
+def recording_report(source: Source) -> Report:
+    """Build the report of a session or of an own sequence."""
+    run = source.run
+    title = _TITLES.get(RunKind(run.kind), "Recording")
+    outcome, sentence = verdict(source)
+    again = () if run.kind == RunKind.SESSION else reproduction(source)
+    if run.kind == RunKind.SESSION:
+        outcome, sentence = "neutral", "Recorded by hand: no program was played, nothing is judged."
+    sections = [*results_section(source), Section("How it was made", (*_made(source), *again, *lineage(source)))]
+    if source.columns["t"].size:
+        sections += [_recording_figures(source), Section("Notes", (Paragraph(S_NOTE),))]
+    return Report(
+        title=title,
+        subtitle=subtitle(source),
+        outcome=outcome,
+        verdict=sentence,
+        facts=(*facts(source), *tuning_facts(source)),
+        sections=(*sections, parameter_section(source)),
+        footer=f"Sinew {run.software} · {title.lower()} · run {run.id}",
+        date=run.started_at,
+    )
+
+
+def _made(source: Source) -> tuple[Table, ...]:
+    """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
+    if not source.run.set_to.declared:
+        return ()
+    declared = used_settings(source.run)
+    sequence = next((item.value for item in declared if item.name == "segments"), None)
+    if sequence is None:
+        return (settings_table(source),)
+    others = [item for item in declared if item.name != "segments"]
+    return _segments_table(json.loads(str(sequence)), source.angles), table_of(others, source)
+
+
+def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
+    columns = (
+        Column("Segment"),
+        Column("Shape", number=False),
+        Column("Length", "s"),
+        Column("q_ref", reading_of("rad", angles).unit),
+        Column("S_ref", "N·m/rad"),
+        Column("Push", "N"),
+        Column("Period", "s"),
+    )
+    rows = tuple(
+        (
+            str(number),
+            str(segment.get("shape", "step")),
+            exact(segment["duration_s"]),
+            exact(read(segment["q_ref"], "rad", angles)),
+            exact(segment["S_ref"]),
+            exact(segment.get("F_push", 0.0)),
+            exact(segment["period_s"]) if segment.get("shape") == "sine" and "period_s" in segment else "",
+        )
+        for number, segment in enumerate(segments, start=1)
+    )
+    return Table("Segments of the sequence, in order.", columns, rows)
+
+
+def _recording_figures(source: Source) -> Section:
+    columns, run = source.columns, source.run
+    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "panels", u_max, source.angles)
+    caption = f"{WHAT_IS_DRAWN}. References dashed. {CUT_OFF}"
+    tensions = TENSIONS
+    return Section(
+        "Figures",
+        (Figure("panels", panels, caption), Figure("tension", tension_panel(columns, F_max, "tension"), tensions)),
+    )
+
+
+# Robustness ----------------------------------------------------------------------------------------
+#
+# The report of a robustness run: how far a load at the gearbox shaft turns a motor away, and for
+# how long.
+
+
+_ROBUSTNESS_NOTES = (
+    "The paper loads the motor loop by an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, while it "
+    "looks for λ_motor; it prints the load and the chosen M_s = 1.4, no response.",
+    "The load pulls the way the tendon does. It is applied at the shaft, in one step, beside the tendon's "
+    "own force; joint and stiffness loops stay closed, so that both motor references answer as well.",
+    "The integral of the error is what the integral part of the motor loop had to add: τ_load/(K_t k_i), but for "
+    "friction and for the little that the references move.",
+)
+
+
+def robustness_report(source: Source) -> Report:
+    """Build the report; a run without result says why it has none."""
+    seen = () if source.result is None else (_robustness_figures(source),)
+    return experiment_report(source, "Robustness under a load", "robustness experiment", seen, _ROBUSTNESS_NOTES)
+
+
+def _robustness_figures(source: Source) -> Section:
+    F_max = source.run.number("safety", "F_max")
+    return Section(
+        "Figures",
+        (
+            Figure(
+                "errors",
+                error_panels(source.columns, "errors", source.angles),
+                "Loads on and off: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages.",
+            ),
+            Figure(
+                "tension",
+                tension_panel(source.columns, F_max, "tension"),
+                TENSIONS,
+            ),
+        ),
+    )
+
+
+@drawn_once
+def error_panels(columns: Columns, name: str, angles: Angles) -> str:
+    """Draw errors of the motor loops, joint position and voltages over time."""
+    t = columns["t"]
+    with figure(5, height_in=5.2, sharex=True, height_ratios=(3, 3, 2, 2, 2)) as (drawn, axes):
+        for side, error_of, voltage in zip(SIDES, axes[:2], axes[3:], strict=True):
+            error, colour = columns[f"theta_{side}_ref"] - columns[f"theta_{side}"], COLOURS[f"u_{side}"]
+            error_of.plot(*thinned(t, in_unit(error, "rad", angles)), color=colour, label=f"motor {side}")
+            error_of.set_ylabel(axis_label("error", "rad", angles))
+            voltage.plot(*thinned(t, columns[f"u_{side}"]), color=colour, label=f"$u_{side}$")
+            voltage.set_ylabel("u [V]")
+        for pair in (axes[:2], axes[3:]):  # one scale for both motors
+            low, high = zip(*(panel.get_ylim() for panel in pair), strict=True)
+            for panel in pair:
+                panel.set_ylim(min(low), max(high))
+        axes[2].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[2].set_ylabel(axis_label("q", "rad", angles))
+        axes[4].set(xlabel="t [s]", xlim=(t[0], t[-1]))
+        for panel, letter in zip(axes, "ABCDE", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+# Tracking ------------------------------------------------------------------------------------------
+#
+# The report of a tracking run: what was asked, what came out, against which bounds, from which
+# gains.
+
+
+_TRACKING_NOTES = (
+    S_NOTE,
+    "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the text we have, prints k_p = 2/(K λ), which is "
+    "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
+    "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "
+    "gains are scaled for that (erratum E3).",
+    "The bound beside the largest q step is the time in which one motor, unloaded and at full voltage from the first "
+    "moment, turns by 90 % of what the step needs: speed K_m u_max, lag T_m. No law can be faster on these motors.",
+    "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
+    "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
+)
+
+_NAMES = {
+    "rise_s": "rise",
+    "reach_s": "to 90 %",
+    "settling_s": "settling",
+    "overshoot_percent": "overshoot",
+    "steady_error": "steady error",
+    "cross_coupling": "deviation of the other",
+}
+
+
+def tracking_report(source: Source) -> Report:
+    """Build the report of a tracking run; a run without result says why it has none."""
+    metrics = source.result.metrics if source.result else None
+    steps = (metrics.steps if metrics else None) or ()
+    seen = []
+    law = papers_law(source) if source.columns["t"].size else None
+    if source.columns["t"].size:
+        seen.append(_tracking_figures(source, metrics, steps, law))
+    if steps:
+        compared = beside(steps, law, source.angles) if law else ()
+        seen.append(Section("Steps", (*steps_table(steps, source.angles), *compared)))
+    return experiment_report(
+        source, "Tracking experiment", "tracking experiment", seen, (*_TRACKING_NOTES, *_law_notes(law))
+    )
+
+
+def _law_notes(law: PapersLaw | None) -> tuple[str, ...]:
+    if law is None:
+        return ()
+    if law.reason:
+        return (f"What the paper's law would have made of these references was not computed: {law.reason}.",)
+    return (GOVERNOR,)
+
+
+def _tracking_figures(
+    source: Source, metrics: Metrics | None, steps: Sequence[StepFigures], law: PapersLaw | None
+) -> Section:
+    columns = source.columns
+    played_s = float(columns["t"][-1])
+    run = source.run
+    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
+    split_s = min(both.start_s, played_s) if both else played_s
+    theirs = law.columns if law and law.columns else None
+    beside_it = " In grey the paper's law on the same references, simulated." if theirs else ""
+    blocks = [
+        Figure(
+            "separate",
+            tracking_panels(columns, 0.0, split_s, "ABCDEF", "separate", u_max, source.angles, theirs),
+            f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{beside_it} "
+            f"{CUT_OFF} Compare q, S and u with figure 7A–C of the paper{_of_governor(law)}.",
+        )
+    ]
+    if both and split_s < played_s:
+        blocks.append(
+            Figure(
+                "together",
+                tracking_panels(columns, split_s, played_s, "GHIJKL", "together", u_max, source.angles, theirs),
+                "Position and stiffness moved at once: the same in (G) to (L). "
+                f"References dashed.{beside_it} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
+            )
+        )
+    blocks.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
+    if steps:
+        lam = {name: _constant(columns[f"lam_{name}"]) for name in ("q", "S")}
+        blocks.append(
+            Figure(
+                "steps",
+                tracking_step_panels(columns, steps, lam, "steps"),
+                "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
+                f"for on a first-order process (dashed), and (C, D) what is left of each in per cent of the step, with "
+                f"the band of ±2 % in which it counts as settled. {_what_shapes_a_step(law)}",
+            )
+        )
+    return Section("Figures", tuple(blocks))
+
+
+def _of_governor(law: PapersLaw | None) -> str:
+    return "" if law is None else ", which has the governor and no plan"
+
+
+def _what_shapes_a_step(law: PapersLaw | None) -> str:
+    if law is None:
+        return (
+            "The motor loops' lags delay the real one; the reference governor slows large steps, so that the motors "
+            "stay within their voltage."
+        )
+    return (
+        "A trajectory moves a model of motors and joint, and its voltages drive the motors: a step takes the time that "
+        "the motors need within the voltage limit, and λ sets how deviations from the model are corrected."
+    )
+
+
+def _constant(column: Any) -> float | None:
+    return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
+
+
+def steps_table(steps: Sequence[StepFigures], angles: Angles) -> tuple[Table, ...]:
+    """Return a table of every step, and one of what could not be measured of them."""
+    units = {"q": "rad", "S": "N·m/rad"}
+    columns = (
+        Column("Phase", number=False),
+        Column("Step", number=False),
+        Column("from"),
+        Column("to"),
+        Column("Rise", "s"),
+        Column("To 90 %", "s"),
+        Column("Settling", "s"),
+        Column("Overshoot", "%"),
+        Column("Steady error"),
+        Column("Deviation of the other", wide=True),
+    )
+    rows = []
+    for step in steps:
+        signal, other = step.signal, "S" if step.signal == "q" else "q"
+        rows.append(
+            (
+                step.phase,
+                axis_label(signal, units[signal], angles),
+                shown(read(step.before, units[signal], angles)),
+                shown(read(step.after, units[signal], angles)),
+                measured(step.rise_s),
+                measured(step.reach_s),
+                measured(step.settling_s),
+                measured(step.overshoot_percent, 2),
+                measured(read_or_none(step.steady_error, units[signal], angles), 2),
+                _deviation(step, units[other], angles),
+            )
+        )
+    every = Table("Every step that was played to its end.", columns, tuple(rows))
+    return (every, *_reasons(steps))
+
+
+def _deviation(step: StepFigures, unit: str, angles: Angles) -> str:
+    if not step.alone:
+        return "both step"
+    value = step.cross_coupling
+    return (
+        NOT_MEASURED if value is None else with_unit(shown(read(value, unit, angles), 2), reading_of(unit, angles).unit)
+    )
+
+
+def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
+    """Return why figures of steps are missing, a line for each step and reason."""
+    rows = []
+    for step in steps:
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in step.reasons.items():
+            if name == "cross_coupling" and not step.alone:
+                continue
+            by_reason.setdefault(reason, []).append(_NAMES[name])
+        for reason, names in by_reason.items():
+            rows.append((f"{step.start_s:g}", step.signal, ", ".join(names), reason))
+    columns = (
+        Column("Step at", "s"),
+        Column("of", number=False),
+        Column("What", number=False),
+        Column("Why it was not measured", number=False, wide=True),
+    )
+    return (
+        (
+            Table(
+                "What could not be measured; a figure that stands above all the same is at least that.",
+                columns,
+                tuple(rows),
+            ),
+        )
+        if rows
+        else ()
+    )
+
+
+# Composed ------------------------------------------------------------------------------------------
+#
+# The report of an experiment that is data: the figures that go with what it measures, of whatever
+# it plays.
+
+
+_COMPOSED_NOTES = (
+    S_NOTE,
+    "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
+    "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
+)
+_ON_RESPONSES = (
+    "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
+    "phase are those of the closed loop, from the reference to what is measured, dead time and governor included."
+)
+_ON_IMPACTS = (
+    "F_wall is what the simulated wall does to the joint, tangential at r_j: k_wall δ (1 + c_wall δ') while it is "
+    "δ deep, never pulling. In the first milliseconds the wall stops the joint's own inertia, whatever its stiffness; "
+    "then the motors press on through the springs, and that is what a soft joint keeps small. A joint that gives way "
+    "brings its motors to a stand, position loop open, and goes to its lowest stiffness, for as long as the hit it is "
+    "beside would have taken; what it feels is estimated from encoders and springs, less what the experiment has "
+    "learned at rest."
+)
+_ON = {
+    Measure.RESPONSE: (_ON_RESPONSES,),
+    Measure.BODE: sections.BODE_NOTES,
+    Measure.PUSHES: sections.PUSH_NOTES,
+    Measure.HOLDS: sections.HOLD_NOTES,
+    Measure.IMPACT: (_ON_IMPACTS,),
+}
+
+
+def composed_report(source: Source) -> Report:
+    """Build the report; a run without result says why it has none."""
+    plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
+    if not isinstance(plan, ComposedPlan):
+        raise TypeError(f"run {source.run.id} is of no experiment that is data")
+    seen = list(_seen(source, plan)) if source.columns["t"].size else []
+    notes = (
+        *_COMPOSED_NOTES,
+        *(note for measure, said in _ON.items() if measure in plan.experiment.measures for note in said),
+    )
+    name = plan.experiment.name.replace("_", " ")
+    return experiment_report(source, plan.experiment.title, name, seen, notes)
+
+
+def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
+    columns, run = source.columns, source.run
+    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    drawn = [
+        Figure(
+            "whole",
+            tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "whole", u_max, source.angles),
+            f"The whole experiment: {WHAT_IS_DRAWN}. References dashed. {CUT_OFF}",
+        ),
+    ]
+    if any(np.ptp(columns[name]) > 0.0 for name in ("lam_q", "lam_S")):  # a bank or a budget alone shows nothing here
+        drawn.append(
+            Figure(
+                "tuning",
+                _lambda_panel(columns, "tuning"),
+                "λ of both loops as each sample was controlled with; the experiment changes the tuning on its way.",
+            )
+        )
+    drawn += _of_measures(source, plan)
+    drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
+    yield Section("Figures", tuple(drawn))
+    yield from _sections(source, plan)
+    if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns, plan.program())):
+        yield Section("Hits", impact_tables(hits, source.angles))
+    steps = source.result.metrics.steps if source.result else None
+    if steps:
+        yield Section("Steps", steps_table(steps, source.angles))
+
+
+def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
+    columns, program = source.columns, plan.program()
+    measures = plan.experiment.measures
+    acted = pushes(program)
+    if Measure.COMPLIANCE in measures and source.result is not None and acted:
+        delay_s = source.result.metrics.value_of("delay_s") or 0.0
+        first_s, r_j = acted[0].start * T_s, source.run.number("geometry", "r_j")
+        yield Figure(
+            "forces",
+            force_panels(columns, r_j, first_s, delay_s, "forces", source.angles),
+            "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp that stiffness and "
+            "position let expect, (C) their difference as measured (grey) and aligned.",
+        )
+    if Measure.LOADS in measures or Measure.DISTURBANCE in measures:
+        yield Figure(
+            "errors",
+            error_panels(columns, "errors", source.angles),
+            "Disturbances: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
+        )
+    hits = hits_of(columns, program) if Measure.IMPACT in measures else ()
+    if hits:
+        yield Figure(
+            "hits",
+            impact_panels(columns, hits, "hits", source.angles),
+            CAPTION,
+        )
+    found = responses(columns, program) if Measure.RESPONSE in measures else ()
+    if found:
+        yield Figure(
+            "responses",
+            response_panels(found, "responses"),
+            "Frequency responses of the closed loops: (A) gain, (B) phase, at each line or band that was excited.",
+        )
+
+
+def lines_of(source: Source) -> tuple[Lines, ...]:
+    """Return the frequency responses of a run that measured them line by line, none of any other."""
+    if source.run.kind != KIND or not source.columns["t"].size:
+        return ()
+    plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
+    if not isinstance(plan, ComposedPlan) or Measure.BODE not in plan.experiment.measures:
+        return ()
+    return bode_lines(source.columns, plan.program(), _in_force(source, plan))
+
+
+def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:
+    measures, columns, program = plan.experiment.measures, source.columns, plan.program()
+    in_force = _in_force(source, plan)
+    if Measure.BODE in measures and (lines := bode_lines(columns, program, in_force)):
+        yield sections.bode_section(lines)
+    if Measure.PUSHES in measures and (seen := pushes_seen(columns, program, in_force)):
+        yield sections.pushes_section(columns, seen, source.angles)
+    if Measure.HOLDS in measures and (holds := holds_seen(columns, program, in_force.parameters)):
+        yield sections.holds_section(columns, holds, in_force.parameters.sensors.joint_step, source.angles)
+
+
+def _in_force(source: Source, plan: ComposedPlan) -> InForce:
+    run = source.run
+    parameters = parameters_of(run.parameters_name, run.parameters)
+    return InForce(parameters, plan, kept_tuning(run.set_to.loop), points_in(source.bank))
+
+
+@drawn_once
+def response_panels(found: tuple[Response, ...], name: str) -> str:
+    """Draw gain [dB] and phase [°] of each response over frequency [Hz]."""
+    with figure(2, height_in=4.0, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
+        for response in found:
+            colour, label = COLOURS[response.signal], f"${response.signal}$"
+            axes[0].semilogx(response.f, 20.0 * np.log10(np.abs(response.H)), ".-", color=colour, label=label)
+            axes[1].semilogx(response.f, np.degrees(np.unwrap(np.angle(response.H))), ".-", color=colour, label=label)
+        axes[0].set_ylabel("Gain [dB]")
+        axes[1].set_ylabel("Phase [°]")
+        axes[1].set_xlabel("f [Hz]")
+        frequency_axis(axes[1])
+        for panel, letter in zip(axes, "AB", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+@drawn_once
+def _lambda_panel(columns: Columns, name: str) -> str:
+    t = columns["t"]
+    with figure(1, height_in=1.6) as (drawn, axes):
+        panel = axes[0] if isinstance(axes, list | tuple | np.ndarray) else axes
+        for signal in ("q", "S"):
+            lam = in_unit(columns[f"lam_{signal}"], "s", Angles.RADIANS)
+            panel.plot(*thinned(t, lam), color=COLOURS[signal], label=rf"$\lambda_{signal}$")
+        panel.set(xlabel="t [s]", ylabel=axis_label("λ", "s", Angles.RADIANS), xlim=(t[0], t[-1]))
+        upper_legend(panel)
+        return to_svg(drawn, name)

@@ -1,0 +1,635 @@
+"""Reports of identifications of actuator, motors and springs."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from backend.identification.models import TABLE_1, worst
+from backend.identification.validation import judged
+from backend.models.document import UnreadableDocumentError
+from backend.models.identification import (
+    CHANNELS,
+    ArxEstimate,
+    Candidate,
+    Channel,
+    ChannelName,
+    FailedCandidate,
+    MotorsFound,
+    Pair,
+    ResidualTests,
+    SpringFound,
+    SpringModel,
+    grade_of,
+)
+from backend.reports.model import (
+    NO_FIGURE,
+    Block,
+    Code,
+    Column,
+    Fact,
+    Figure,
+    Paragraph,
+    Report,
+    Section,
+    Source,
+    Table,
+    exact,
+    share,
+    shown,
+)
+from backend.reports.model_code import actuator_blocks, motor_blocks, spring_blocks
+from backend.reports.plotting import (
+    COLOURS,
+    INK,
+    LIMIT_GREY,
+    STEP_RAD,
+    WRITTEN,
+    axis_label,
+    bode_panels,
+    drawn_once,
+    figure,
+    identification_step_panels,
+    in_unit,
+    model_of,
+    panel_letter,
+    record_panels,
+    residual_panels,
+    to_svg,
+    upper_legend,
+)
+from backend.reports.provenance import (
+    OUTCOMES,
+    S_NOTE,
+    facts,
+    measured_figures,
+    parameter_section,
+    reproduction,
+    settings_table,
+    subtitle,
+)
+from backend.storage.banks import method_of
+from backend.storage.identifications import Identification
+from backend.units import Angles, told
+from plant.parameters import SIDES
+
+# Actuator identification ---------------------------------------------------------------------------
+#
+# The report of an actuator identification: the models, how far they can be trusted, and what the
+# paper found.
+
+
+_STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
+
+_ACTUATOR_NOTES = (
+    S_NOTE,
+    "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
+    "scaled for that (erratum E3). T is the sum of the model's lags, K its static gain; the λ formulas start here.",
+    "The fit in per cent is that of a simulation on the last third of the record by a model fitted to the first two "
+    "thirds. Standard errors allow for coloured residuals; they do not cover what the structure leaves out.",
+    "The paper's table 1 was fitted as first order to a 1 ms sequence on the real rig, where friction grows with "
+    "tension. Its T and its gains of G_S are therefore not expected here; its gains of G_q and the geometry are.",
+)
+
+
+def actuator_identification_report(source: Source) -> Report:
+    """Build the report; a run without a model says why it gave none."""
+    found, problem = source.identification, source.result.metrics.problem if source.result else ""
+    tension_N = held_N(source)
+    sections = []
+    if found is not None:
+        sections += [
+            Section(
+                "Models",
+                (
+                    _models(found),
+                    _candidates(found),
+                    _comparison(found, tension_N),
+                    *measured_figures(source),
+                ),
+            ),
+            Section("Coefficients", actuator_blocks(found.actuator.model)),
+        ]
+    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_actuator_data(found))))
+    if found is not None:
+        sections.append(Section("Figures", _actuator_figures(source, found)))
+    sections += [
+        Section("Notes", tuple(Paragraph(note) for note in _ACTUATOR_NOTES)),
+        parameter_section(source),
+    ]
+    return Report(
+        title=f"Actuator identification at {exact(tension_N)} N",
+        subtitle=subtitle(source),
+        outcome=_actuator_outcome(found),
+        verdict=found.verdict if found else problem or "No model: the run holds no samples.",
+        facts=(*facts(source), *_point(found)),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · actuator identification · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def held_N(source: Source) -> float:
+    """Return the tension [N] that was held. Raises UnreadableDocumentError where the plan does not say."""
+    told = (source.run.set_to.plan or {}).get("tension_N")
+    if not isinstance(told, int | float):
+        raise UnreadableDocumentError(f"run {source.run.id}: its plan has no tension_N")
+    return told
+
+
+def _actuator_outcome(found: Identification | None) -> str:
+    if found is None:
+        return "incomplete"
+    return OUTCOMES[worst(*(found.actuator.channel(key).quality.grade for key in CHANNELS))]
+
+
+def _point(found: Identification | None) -> tuple[Fact, ...]:
+    if found is None:
+        return ()
+    q, S = found.actuator.model.q_nominal, found.actuator.model.S_nominal
+    at = "" if q is None else f"q = {q:.6g} rad, "
+    return (Fact("Point", f"{at}S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
+
+
+def _models(found: Identification) -> Table:
+    columns = (
+        Column("Model", number=False),
+        Column("Structure", number=False),
+        Column("K"),
+        Column("±"),
+        Column("K geometry"),
+        Column("Error", "%"),
+        Column("T", "s"),
+        Column("±", "s"),
+        Column("Fit", "%"),
+        Column("Residuals", number=False, wide=True),
+    )
+    rows = tuple(_model_row(key, found.actuator.channel(key)) for key in CHANNELS)
+    return Table(
+        "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
+        "with standard errors, gain against geometry, fit on unseen data. Residual tests: the largest correlation in "
+        "standard deviations, of what it may be at the 1 % level for all lags together.",
+        columns,
+        rows,
+    )
+
+
+def _model_row(key: str, channel: Channel) -> tuple[str, ...]:
+    model, quality = channel.model, channel.quality
+    reduced, error = model.first_order, quality.gain_error_percent
+    return (
+        key,
+        _structure(model.structure),
+        shown(reduced.K, 4),
+        shown(reduced.K_std, 2),
+        shown(quality.gain_geometry, 4),
+        ("+" if error is not None and error > 0 else "") + shown(error, 2),
+        shown(reduced.T),
+        shown(reduced.T_std, 2),
+        share(quality.fit_percent),
+        _residuals(quality.residuals),
+    )
+
+
+def _residuals(tests: ResidualTests) -> str:
+    white, free = judged(tests.whiteness), judged(tests.input_correlation)
+    return (
+        f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "
+        f"{'free of' if free.passed else 'depend on'} input ({free.statistic:.1f} of {free.critical:.1f})"
+    )
+
+
+def _actuator_figures(source: Source, found: Identification) -> tuple[Block, ...]:
+    angles = source.angles
+    columns, start, period_s = source.columns, found.actuator_record.first_sample, found.actuator_record.period_s
+    channels = {key: found.actuator.channel(key).model for key in CHANNELS}
+    models = {key: model_of(channel) for key, channel in channels.items()}
+    residuals = {key: found.actuator.channel(key).quality.residuals for key in CHANNELS}
+    return (
+        Figure(
+            "record",
+            record_panels(columns, start, models, period_s, "record", angles),
+            "The record: (A) excitation on the held tension, (B) joint position and (D) joint stiffness, each with the "
+            "identified model simulated from rest on the recorded input (dashed), (C, E) measured less simulated, "
+            "(F, G) tendon tensions.",
+        ),
+        Figure(
+            "bode",
+            bode_panels(columns, start, channels, period_s, "bode"),
+            "Frequency responses of (A, C) G_q and (B, D) G_S: identified model, its first-order reduction (dashed), "
+            "and an estimate from the data without a model where the coherence exceeds 0.9 (dots).",
+        ),
+        Figure(
+            "step",
+            identification_step_panels(channels, "step", angles),
+            f"Response of (A) G_q and (B) G_S to a step of θ_A,ref by {told(STEP_RAD[angles], 'rad', angles)}, and of "
+            "their first-order reductions (dashed).",
+        ),
+        Figure(
+            "residuals",
+            residual_panels(residuals, "residuals"),
+            "Correlation of the residuals with themselves (A, B) and with earlier input (C, D). Grey: the bounds of "
+            "the tests; all correlations of a model that leaves nothing out stay within them, in 99 of 100 records.",
+        ),
+    )
+
+
+def _candidates(found: Identification) -> Table:
+    columns = (
+        Column("Model", number=False),
+        Column("Structure", number=False),
+        Column("K"),
+        Column("T", "s"),
+        Column("Fit", "%"),
+        Column("BIC"),
+        Column("Grade", number=False, wide=True),
+    )
+    rows = []
+    for key in CHANNELS:
+        for item in found.actuator.channel(key).quality.candidates:
+            rows.append((key, _structure(item.structure), *_tried(item)))
+    return Table(
+        "Structures tried on the same record, best first (usable before unusable, then by BIC).", columns, tuple(rows)
+    )
+
+
+def _tried(item: Candidate | FailedCandidate) -> tuple[str, ...]:
+    if isinstance(item, FailedCandidate):
+        return (*4 * (NO_FIGURE,), item.problem)
+    BIC = NO_FIGURE if item.BIC is None else f"{item.BIC:.0f}".replace("-", "−")
+    return (shown(item.K, 4), shown(item.T), share(item.fit_percent), BIC, item.problem or item.grade)
+
+
+def _structure(name: str) -> str:
+    return _STRUCTURES.get(name, name.replace(":", " "))
+
+
+def _comparison(found: Identification, tension_N: float) -> Table:
+    nearest = min(TABLE_1, key=lambda tension: abs(tension - tension_N))
+    row = TABLE_1[nearest]
+    columns = (
+        Column("Transfer function", number=False, wide=True),
+        Column("K here"),
+        Column("K geometry"),
+        Column("K by ARX"),
+        Column("K table 1"),
+        Column("T here", "s"),
+        Column("T by ARX", "s"),
+        Column("T table 1", "s"),
+    )
+    paper = {"G_q": (row.K_q, row.T_q), "G_S": (row.K_S, row.T_S)}
+    channels = {key: found.actuator.channel(key) for key in CHANNELS}
+    rows = tuple(_compared(key, channel, *paper[key]) for key, channel in channels.items())
+    title = (
+        f"First-order models beside the paper's table 1 at {exact(nearest)} N. By ARX: the paper's method, first order "
+        f"with a low-pass, on the same record, for comparison only. {_missing_arx(channels)}"
+    )
+    return Table(title.strip(), columns, rows)
+
+
+def _compared(key: str, channel: Channel, K: float, T: float) -> tuple[str, ...]:
+    first_order, arx = channel.model.first_order, channel.quality.arx
+    by_arx = (arx.K, arx.T) if isinstance(arx, ArxEstimate) else (None, None)
+    return (
+        key,
+        shown(first_order.K, 4),
+        shown(channel.quality.gain_geometry, 4),
+        shown(by_arx[0], 4),
+        shown(K, 4),
+        shown(first_order.T),
+        shown(by_arx[1]),
+        shown(T),
+    )
+
+
+def _missing_arx(channels: Mapping[ChannelName, Channel]) -> str:
+    found = {key: channel.quality.arx for key, channel in channels.items()}
+    missing = {key: arx for key, arx in found.items() if not isinstance(arx, ArxEstimate)}
+    return " ".join(f"{key}: {arx.problem if arx else 'not computed then'}." for key, arx in missing.items())
+
+
+def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
+    if found is None:
+        return ()
+    data = found.actuator_record
+    text = (
+        f"Identification {found.run_id} used {data.samples} samples at {exact(1e3 * data.period_s)} ms, "
+        f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. Method: {method_of(found)}."
+    )
+    again = "\n".join(again_command(found, key) for key in CHANNELS)
+    return (Paragraph(text), Code("To estimate G_q and G_S again from data.csv, the samples of the run:", again))
+
+
+def again_command(found: Identification, key: ChannelName) -> str:
+    """Return the command that estimates one channel anew from the exported samples, to the same figures and verdict."""
+    data, channel = found.actuator_record, found.actuator.channel(key)
+    known = {"--gain": channel.quality.gain_geometry, "--resolution": channel.quality.y_resolution}
+    words = [f"{name} {value!r}" for name, value in known.items() if value is not None]
+    if (estimator := found.actuator_options.estimator) is not None:  # earlier versions had one only
+        words.append(f"--method {estimator}")
+    lines = (
+        f"sinew identify data data.csv --input theta_A_ref --output {WRITTEN[key][0]}",
+        f"--period {data.period_s:g} --skip {data.first_sample} --structure {channel.model.structure}",
+        " ".join(words),
+    )
+    return " \\\n  ".join(line for line in lines if line)
+
+
+# Motor identification ------------------------------------------------------------------------------
+#
+# The report of a motor identification: both estimates of both motors, and how well they describe
+# the steps.
+
+
+PAPER = Pair(K_m=2.86, T_m=0.22)
+"""The paper's motor: K_m [rad/(V·s)], T_m [s]."""
+
+_MOTOR_NOTES = (
+    "Least squares fits K_m, T_m and the Coulomb voltage u_c together, on position, over all steps: "
+    "T_m ω' + ω = K_m (u − u_c sign ω). u_c is left out where it does not differ from zero at the 1 % level. Standard "
+    "errors allow for coloured residuals.",
+    "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of it. It knows "
+    "nothing of dry friction, which lowers its gain most at the smallest voltage, nor that a step ended before its "
+    "speed was quite steady, which lowers it at the largest.",
+    "Both tendons were slack during the steps. A step that saturates or that a tendon loads is refused and listed.",
+)
+
+
+def motor_identification_report(source: Source) -> Report:
+    """Build the report; a run without a model says why it gave none."""
+    found, problem = source.identification, source.result.metrics.problem if source.result else ""
+    sections = []
+    if found is not None:
+        tables: list[Block] = [
+            _estimates(found.motors),
+            _rule(found.motors),
+            *motor_blocks({side: found.motors.side(side).model for side in SIDES}),
+            *_refused(found.motors),
+        ]
+        sections.append(Section("Motors", (*tables, *measured_figures(source))))
+    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_in_force(source))))
+    if found is not None:
+        sections.append(Section("Figures", _motor_figures(found.motors, source.angles)))
+    sections += [Section("Notes", tuple(Paragraph(note) for note in _MOTOR_NOTES)), parameter_section(source)]
+    return Report(
+        title="Motor identification",
+        subtitle=subtitle(source),
+        outcome=_motor_outcome(found),
+        verdict=found.verdict if found else problem or "No model: the run holds no samples.",
+        facts=facts(source),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · motor identification · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def _motor_outcome(found: Identification | None) -> str:
+    if found is None:
+        return "incomplete"
+    return OUTCOMES[worst(*(grade_of(found.motors.side(side)) for side in SIDES))]
+
+
+def _estimates(motors: MotorsFound) -> Table:
+    columns = (
+        Column("Motor", number=False),
+        Column("Estimate", number=False, wide=True),
+        Column("K_m", "rad/(V·s)"),
+        Column("±"),
+        Column("T_m", "s"),
+        Column("±", "s"),
+        Column("u_c", "V"),
+        Column("±", "V"),
+    )
+    rows: list[tuple[str, ...]] = []
+    for side in SIDES:
+        item = motors.side(side).model
+        fitted, std, mean, spread = item.parameters, item.std_errors, item.rule_mean, item.rule_spread
+        values = [
+            text
+            for value, error in ((fitted.K_m, std.K_m), (fitted.T_m, std.T_m), (fitted.u_c, std.u_c))
+            for text in (shown(value, 4), shown(error, 2))
+        ]
+        rows.append((side, "least squares, standard errors", *values))
+        ruled = [
+            text
+            for value, error in ((mean.K_m, spread.K_m), (mean.T_m, spread.T_m))
+            for text in (shown(value, 4), shown(error, 2))
+        ]
+        rows.append((side, "63.21 % rule, mean and spread", *ruled, NO_FIGURE, NO_FIGURE))
+        rows.append(
+            (
+                side,
+                "in force before",
+                shown(item.before.K_m, 4),
+                NO_FIGURE,
+                shown(item.before.T_m),
+                NO_FIGURE,
+                NO_FIGURE,
+                NO_FIGURE,
+            )
+        )
+    rows.append(("both", "the paper", shown(PAPER.K_m), NO_FIGURE, shown(PAPER.T_m), NO_FIGURE, NO_FIGURE, NO_FIGURE))
+    return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
+
+
+def _rule(motors: MotorsFound) -> Table:
+    columns = (
+        Column("Step", "V"),
+        *(Column(f"{name} of {side}", unit) for side in SIDES for name, unit in (("K_m", "rad/(V·s)"), ("T_m", "s"))),
+    )
+    by_voltage = [{item.voltage: item for item in motors.side(side).model.rule} for side in SIDES]
+    voltages = sorted({voltage for ruled in by_voltage for voltage in ruled})
+    nothing = Pair(None, None)
+    rows = tuple(
+        (
+            exact(voltage),
+            *(
+                text
+                for item in (ruled.get(voltage, nothing) for ruled in by_voltage)
+                for text in (shown(item.K_m, 4), shown(item.T_m))
+            ),
+        )
+        for voltage in voltages
+    )
+    return Table("The 63.21 % rule, step by step.", columns, rows)
+
+
+def _refused(motors: MotorsFound) -> tuple[Table, ...]:
+    refused = [(side, item) for side in SIDES for item in motors.side(side).quality.refused]
+    rows = tuple((side, exact(item.voltage), item.reason) for side, item in refused)
+    columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
+    return (Table("Steps that were refused.", columns, rows),) if rows else ()
+
+
+def _in_force(source: Source) -> tuple[Paragraph, ...]:
+    found = source.identification
+    if found is None:
+        return ()
+    fitted = {side: found.motors.side(side).model.parameters for side in SIDES}
+    entries = "; ".join(
+        f"[identified_{side}] K_m = {shown(item.K_m, 4)}, T_m = {shown(item.T_m, 4)}" for side, item in fitted.items()
+    )
+    text = (
+        f"Identification {found.run_id} used the voltages and motor angles of that run. The motor loops take "
+        f"their model from the parameter file; to use this one, enter there: {entries}."
+    )
+    return (Paragraph(text),)
+
+
+def _motor_figures(motors: MotorsFound, angles: Angles) -> tuple[Block, ...]:
+    return (
+        Figure(
+            "steps",
+            step_panels(motors, "steps", angles),
+            "Turn of each motor after the steps as measured (coloured) and as the least-squares model says (dashed), "
+            "and (C, D) their difference.",
+        ),
+    )
+
+
+@drawn_once
+def step_panels(motors: MotorsFound, name: str, angles: Angles) -> str:
+    """Draw every step of both motors, and what the model leaves over."""
+    with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
+        for column, side in enumerate(SIDES):
+            turn, left = axes[0][column], axes[1][column]
+            for item in motors.side(side).quality.steps:
+                t, measured, model = (np.array(values) for values in (item.t, item.measured, item.model))
+                apart = in_unit(1e3 * (measured - model), "mrad", angles)
+                measured, model = (in_unit(turned, "rad", angles) for turned in (measured, model))
+                turn.plot(t, measured, color=COLOURS[f"u_{side}"], linewidth=1.0)
+                turn.plot(t, model, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+                turn.annotate(f"{item.voltage:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
+                left.plot(t, apart, color=COLOURS[f"u_{side}"], linewidth=0.7)
+            turn.margins(x=0.12)
+            turn.set_ylabel(axis_label(rf"turn of $\theta_{side}$", "rad", angles))
+            left.set(xlabel="t from the step [s]", ylabel=axis_label("difference", "mrad", angles))
+            panel_letter(turn, "AB"[column])
+            panel_letter(left, "CD"[column])
+        return to_svg(drawn, name)
+
+
+# Spring identification -----------------------------------------------------------------------------
+#
+# The report of a spring identification: polynomials of several orders, their errors, and which one
+# to use.
+
+
+_ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
+
+_SPRING_NOTES = (
+    "Elongations are x_A = r_m θ_A − r_j q and x_B = r_m θ_B + r_j q (equations 1 and 2). They count from the zero "
+    "that pretension gave the encoders, with the spring known before.",
+    "One pair is the mean of 0.1 s. Left out: the error at each pair of a polynomial fitted to all others. A higher "
+    "order is recommended only where it predicts pairs left out at least 20 % better and rises everywhere; order 2 "
+    "carries the analytic decoupler. The paper's order 2 stayed below 0.85 N.",
+    "The ways up and down differ by the load cells' delay and by friction between spring and load cell; fitted over "
+    "both ways, the polynomial lies between them.",
+)
+
+
+def spring_identification_report(source: Source) -> Report:
+    """Build the report; a run without a model says why it gave none."""
+    found, problem = source.identification, source.result.metrics.problem if source.result else ""
+    sections = []
+    if found is not None:
+        tables = tuple(_fits(side, found.springs[side].model) for side in SIDES)
+        code = spring_blocks({side: found.springs[side].model for side in SIDES})
+        sections.append(Section("Springs", (*tables, *_reasons(found.springs), *code, *measured_figures(source))))
+    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_spring_data(source))))
+    if found is not None:
+        sections.append(Section("Figures", _spring_figures(found.springs)))
+    sections += [Section("Notes", tuple(Paragraph(note) for note in _SPRING_NOTES)), parameter_section(source)]
+    return Report(
+        title="Spring identification",
+        subtitle=subtitle(source),
+        outcome="incomplete" if found is None else "passed" if found.usable else "failed",
+        verdict=found.verdict if found else problem or "No model: the run holds no samples.",
+        facts=facts(source),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · spring identification · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def _fits(side: str, model: SpringModel) -> Table:
+    columns = (
+        Column("Order"),
+        Column("k_0 ± [N], k_1 ± [N/m], k_2 ± [N/m²] …", number=False, wide=True),
+        Column("RMS", "N"),
+        Column("Largest", "N"),
+        Column("Left out", "N"),
+        Column("Use", number=False),
+    )
+    rows = tuple(
+        (
+            str(fit.order),
+            ", ".join(f"{shown(k, 5)} ± {shown(std, 2)}" for k, std in zip(fit.k, fit.std_errors, strict=True)),
+            shown(fit.rms_N),
+            shown(fit.max_N),
+            shown(fit.cross_validation_N),
+            "recommended" if fit.order == model.recommended else "" if fit.rising else "falls",
+        )
+        for fit in model.fits
+    )
+    before = ", ".join(shown(k, 5) for k in model.before or ())
+    caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … In force before: {before or 'a table'}."
+    return Table(caption, columns, rows)
+
+
+def _reasons(springs: Mapping[str, SpringFound]) -> tuple[Paragraph, ...]:
+    return tuple(Paragraph(f"Spring {side}: {springs[side].model.reason}.") for side in SIDES)
+
+
+def _spring_data(source: Source) -> tuple[Paragraph, ...]:
+    found = source.identification
+    if found is None:
+        return ()
+    pairs = found.springs["A"].quality.pairs
+    text = f"Identification {found.run_id} used {pairs} pairs of each spring, from the sweep of that run."
+    return (Paragraph(text),)
+
+
+def _spring_figures(springs: Mapping[str, SpringFound]) -> tuple[Block, ...]:
+    return (
+        Figure(
+            "springs",
+            spring_panels(springs, "springs"),
+            "Characteristic of (A) spring A and (B) spring B: measured pairs (dots) and the recommended polynomial; "
+            "(C, D) measured minus fitted force by order, dots on the way up, crosses on the way down. Compare figure "
+            "3 of the paper.",
+        ),
+    )
+
+
+SMALL_N = 0.05
+"""Errors that stay below are drawn in mN: a number in N would have no room beside its axis."""
+
+
+@drawn_once
+def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
+    """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
+    with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):
+        for column, side in enumerate(SIDES):
+            force, error = axes[0][column], axes[1][column]
+            found, recommended = springs[side].quality, str(springs[side].model.recommended)
+            x, rising = 1e3 * np.array(found.x), np.array(found.rising)
+            colour = COLOURS[f"F_{side}"]
+            force.plot(x, found.F, color=colour, linestyle="none", marker="o", markersize=1.6, label="pairs")
+            curve_x, curve = 1e3 * np.array(found.curve_x), found.curve[recommended]
+            force.plot(curve_x, curve, color=INK, linewidth=0.8, label=f"order {recommended}")
+            force.set_ylabel(f"$F_{side}$ [N]")
+            upper_legend(force)
+            small = max(np.max(np.abs(errors)) for errors in found.errors.values()) < SMALL_N
+            factor, unit = (1e3, "mN") if small else (1.0, "N")
+            for order, errors in found.errors.items():
+                drawn_in = _ORDER_COLOURS.get(int(order), LIMIT_GREY)
+                for way, marker in ((rising, "."), (~rising, "x")):
+                    label = f"order {order}" if marker == "." else None
+                    style = {"color": drawn_in, "linestyle": "none", "marker": marker, "markersize": 2.0}
+                    error.plot(x[way], factor * np.array(errors)[way], label=label, markeredgewidth=0.4, **style)
+            error.axhline(0.0, color=LIMIT_GREY, linewidth=0.5)
+            error.set(xlabel=f"$x_{side}$ [mm]", ylabel=f"error [{unit}]")
+            error.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
+            panel_letter(force, "AB"[column])
+            panel_letter(error, "CD"[column])
+        return to_svg(drawn, name)

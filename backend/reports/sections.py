@@ -1,0 +1,671 @@
+"""Sections that several reports share: frequency responses, rest, impacts, pushes, timing."""
+
+from collections.abc import Iterator, Sequence
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.analysis.disturbance_metrics import JOINT_STEP, PUSH_REST_S, Held, Hit, Push, beside_each_other
+from backend.analysis.frequency_metrics import UNLIKE, Array, Complex, Lines
+from backend.analysis.identification import MOTOR_B, load_friction_of
+from backend.models.identification import CHANNELS, grade_of
+from backend.models.run import KeptGrant
+from backend.recording.reader import Columns, missing_between
+from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Source, Table, share, shown
+from backend.reports.plotting import (
+    COLOURS,
+    INK,
+    LIMIT_GREY,
+    axis_label,
+    draw_error,
+    drawn_once,
+    figure,
+    frequency_axis,
+    in_unit,
+    limit_line,
+    panel_letter,
+    thinned,
+    to_svg,
+    upper_legend,
+)
+from backend.reports.provenance import measured
+from backend.storage.identifications import Identification
+from backend.storage.runs import EndState, RunKind
+from backend.units import Angles, read, reading_of
+from plant.interface import T_s
+from plant.parameters import SIDES
+
+# Bode ----------------------------------------------------------------------------------------------
+#
+# Frequency responses in a report: gain and phase as measured beside the predicted ones, and each
+# line in a table.
+
+
+MOST_NAMED = 8
+"""More runs than this are not named beside their curves: their colours tell the order."""
+
+_PER_DECADE = 120
+_BELOW_DB = -60.0
+_TITLES = {"q": "position loop", "S": "stiffness loop"}
+
+BODE_NOTES = (
+    "Each line of a multisine or a sequence is measured on its last period, Y/U of the discrete Fourier transform over "
+    "whole periods, which is the least-squares fit of a sine; of a sweep all of it, in bands of 12 %. A line is not "
+    f"measured where it differs by more than {100.0 * UNLIKE:g} % from one period to the next, or where a limit acted.",
+    "Bandwidth and resonance are relative to the gain 1 at rest, which integral action gives. Between two lines, and "
+    "between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic.",
+    "Predicted is what the plant, linearised about the references with its identified numbers, voltages held over a "
+    "period, and the loops as they run give with the gains in use. In time-optimal motion the trajectory is in it, "
+    "as long as the voltage that the references ask for is within its limit. Friction is not.",
+)
+
+
+def bode_section(found: Sequence[Lines]) -> Section:
+    """Return figure and tables; ``found`` is not empty."""
+    return Section("Frequency responses", tuple(_bode_blocks(found)))
+
+
+def _bode_blocks(found: Sequence[Lines]) -> Iterator[Block]:
+    yield Figure(
+        "bode",
+        bode_panels(found, "bode"),
+        "Bode diagram of the closed loops, from the reference to what is measured: (A) gain, (B) phase. Points are "
+        "measured, crosses are lines that are not (their reason stands in the table), lines are predicted.",
+    )
+    for lines in found:
+        yield line_table(lines)
+        if lines.unpredicted:
+            yield Paragraph(f"The {_TITLES[lines.signal]} has no prediction: {lines.unpredicted}.")
+
+
+def line_table(lines: Lines) -> Table:
+    """Return each line: frequency, gain and phase measured and predicted, repeatability, why it is not measured."""
+    columns = (
+        Column("f", "Hz"),
+        Column("Gain", "dB"),
+        Column("Predicted", "dB"),
+        Column("Phase", "°"),
+        Column("Predicted", "°"),
+        Column("Unlike", "%"),
+        Column("Remark", number=False, wide=True),
+    )
+    gain, phase = _decibel(lines.H), _degrees(lines.H)
+    nothing = np.full(lines.f.size, np.nan)
+    expected = lines.expected
+    gain_too, phase_too = (nothing, nothing) if expected is None else (_decibel(expected), _degrees(expected))
+    rows = tuple(
+        (
+            shown(float(lines.f[k]), 4),
+            NO_FIGURE if reason else _fixed(gain[k], 2),
+            _fixed(gain_too[k], 2),
+            NO_FIGURE if reason else _fixed(phase[k], 1),
+            _fixed(phase_too[k], 1),
+            _fixed(100.0 * lines.unlike[k], 2),
+            f"not measured: {reason}" if reason else "",
+        )
+        for k, reason in enumerate(lines.reasons)
+    )
+    caption = (
+        f"Lines of the {_TITLES[lines.signal]}: gain and phase of {lines.signal} over {lines.signal}_ref, and by how "
+        "much the line differed from the period before, or in a sweep √(1 − γ²) of its band."
+    )
+    return Table(caption, columns, rows)
+
+
+@drawn_once
+def bode_panels(found: Sequence[Lines], name: str) -> str:
+    """Draw gain [dB] and phase [°] of each response over frequency [Hz], with what was predicted."""
+    with figure(2, height_in=4.4, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
+        for lines in found:
+            colour, kept = COLOURS[lines.signal], lines.measured
+            if lines.predicted is not None:
+                f = _grid(lines)
+                H = lines.predicted.response(f)
+                axes[0].semilogx(f, _decibel(H), color=colour, linewidth=0.8, label=f"${lines.signal}$, predicted")
+                axes[1].semilogx(f, _degrees(H), color=colour, linewidth=0.8, label=f"${lines.signal}$, predicted")
+            for panel, values in ((axes[0], _decibel(lines.H)), (axes[1], _degrees(lines.H))):
+                label = f"${lines.signal}$, measured"
+                panel.semilogx(lines.f[kept], values[kept], "o", color=colour, markersize=2.6, label=label)
+                panel.semilogx(lines.f[~kept], values[~kept], "x", color=LIMIT_GREY, markersize=3.0)
+        limit_line(axes[0], -3.0103, "−3 dB", above=True)
+        frequency_axis(axes[1])
+        low, high = axes[0].get_ylim()
+        axes[0].set(ylabel="Gain [dB]", ylim=(max(low, _BELOW_DB), max(high, 1.0)))
+        axes[1].set(ylabel="Phase [°]", xlabel="f [Hz]")
+        for panel, letter in zip(axes, "AB", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+@drawn_once
+def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
+    """Draw gain and phase of q and of S, of all runs on the same axes, with what was predicted of each."""
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))
+    with figure(2, 2, height_in=4.4, sharex=True) as (drawn, axes):
+        for column, signal in enumerate(("q", "S")):
+            for colour, (number, found) in zip(colours, runs, strict=True):
+                lines = next((one for one in found if one.signal == signal), None)
+                if lines is None:
+                    continue
+                kept = lines.measured
+                for panel, of in ((axes[0][column], _decibel), (axes[1][column], _degrees)):
+                    label = f"run {number}" if len(runs) <= MOST_NAMED else None
+                    panel.semilogx(lines.f[kept], of(lines.H)[kept], "o", color=colour, markersize=2.2, label=label)
+                    if lines.predicted is not None:
+                        f = _grid(lines)
+                        panel.semilogx(f, of(lines.predicted.response(f)), color=colour, linewidth=0.7)
+            axes[0][column].set_ylabel(f"Gain of ${signal}$ [dB]")
+            axes[1][column].set(ylabel=f"Phase of ${signal}$ [°]", xlabel="f [Hz]")
+            frequency_axis(axes[1][column])
+        if len(runs) <= MOST_NAMED:
+            upper_legend(axes[0][1])
+        return to_svg(drawn, name)
+
+
+def _grid(lines: Lines) -> Array:
+    low, high = float(lines.f[0]), float(lines.f[-1])
+    return np.geomspace(low, high, max(int(_PER_DECADE * np.log10(high / low)), 2))
+
+
+def _decibel(H: Complex) -> Array:
+    with np.errstate(divide="ignore"):
+        return np.asarray(20.0 * np.log10(np.abs(H)))
+
+
+def _degrees(H: Complex) -> Array:
+    return np.asarray(np.degrees(np.unwrap(np.angle(H))))
+
+
+def _fixed(value: float, digits: int) -> str:
+    if not np.isfinite(value):
+        return NO_FIGURE
+    text = f"{value:.{digits}f}"
+    return f"{0.0:.{digits}f}" if float(text) == 0.0 else text.replace("-", "−")
+
+
+# Held ----------------------------------------------------------------------------------------------
+#
+# Rest in a report: each stretch that was held, as it looks in counts and volts, and in a table.
+
+
+HOLD_NOTES = (
+    "A stretch is held where the references stand as before it and nothing pushes or loads. Readings are what the "
+    "encoders tell: a joint that stands between two counts may show either, so half a count is granted where they have "
+    "counts. Motors are told to move in a tick in which the count of either changed.",
+    "Against stiction an integrator hunts for a count forever. Once the joint has arrived, the outer integrators "
+    "ignore errors below half a count of the joint and 0.01 N·m/rad, in both motions. The law as printed in the paper "
+    "does not.",
+)
+
+
+def holds_section(columns: Columns, found: Sequence[Held], count: float, angles: Angles) -> Section:
+    """Return figure and table; ``found`` is not empty, ``count`` [rad] is the joint encoder's, 0 where it is exact."""
+    return Section("Rest", tuple(_hold_blocks(columns, found, count or JOINT_STEP, angles)))
+
+
+def _hold_blocks(columns: Columns, found: Sequence[Held], count: float, angles: Angles) -> Iterator[Block]:
+    yield Figure(
+        "holds",
+        hold_panels(columns, found, count, "holds"),
+        "Stretches that are held, all from their beginnings: (A) joint off its reference in counts of its encoder, "
+        "(B) stiffness off its reference, (C, D) voltages off their means.",
+    )
+    yield hold_table(found, angles)
+
+
+def hold_table(found: Sequence[Held], angles: Angles) -> Table:
+    """Return each stretch with its swings, its distance from the reference, and how much the motors moved."""
+    angle = reading_of("rad", angles).unit
+    columns = (
+        Column("From", "s"),
+        Column("q_ref", angle),
+        Column("S_ref", "N·m/rad"),
+        Column("Swing of q", "counts"),
+        Column("Swing of q", angle),
+        Column("Off", "counts"),
+        Column("Mean off", angle),
+        Column("Swing of u", "V"),
+        Column("Swing of S", "N·m/rad"),
+        Column("Moving", "%"),
+    )
+    rows = tuple(
+        (
+            shown(one.start_s, 4),
+            shown(read(one.q_ref, "rad", angles), 4),
+            shown(one.S_ref, 3),
+            shown(one.q_swing_counts, 3),
+            shown(read(one.q_swing, "rad", angles), 2),
+            shown(one.off_counts, 3),
+            shown(read(one.off, "rad", angles), 2),
+            shown(one.u_swing, 3),
+            shown(one.S_swing, 2),
+            shown(one.moving_percent, 2),
+        )
+        for one in found
+    )
+    caption = (
+        "Stretches of rest: largest less smallest reading of q, S and of the voltage that swings more; the largest and "
+        "the mean distance of q from q_ref; ticks in which a motor's count changed."
+    )
+    return Table(caption, columns, rows)
+
+
+@drawn_once
+def hold_panels(columns: Columns, found: Sequence[Held], count: float, name: str) -> str:
+    """Draw each stretch over the time since its beginning."""
+    with figure(4, height_in=5.0, sharex=True) as (drawn, axes):
+        for place, one in enumerate(found):
+            window = slice(round(one.start_s / T_s), round(one.end_s / T_s) + 1)
+            t = columns["t"][window] - one.start_s
+            labels = {signal: f"${signal}$" if place == 0 else None for signal in ("q", "S", "u_A", "u_B")}
+            off = (columns["q"][window] - columns["q_ref"][window]) / count
+            axes[0].plot(*thinned(t, off), color=COLOURS["q"], linewidth=0.7, label=labels["q"])
+            off = 1e3 * (columns["S"][window] - columns["S_ref"][window])
+            axes[1].plot(*thinned(t, off), color=COLOURS["S"], linewidth=0.7, label=labels["S"])
+            for panel, signal in zip(axes[2:], ("u_A", "u_B"), strict=True):
+                u = columns[signal][window]
+                panel.plot(
+                    *thinned(t, 1e3 * (u - u.mean())), color=COLOURS[signal], linewidth=0.7, label=labels[signal]
+                )
+        axes[0].set_ylabel("q off [counts]")
+        axes[1].set_ylabel("S off [mN·m/rad]")
+        axes[2].set_ylabel("u − mean [mV]")
+        axes[3].set(xlabel="t [s]", ylabel="u − mean [mV]", xlim=(0.0, max(one.end_s - one.start_s for one in found)))
+        for panel, letter in zip(axes, "ABCD", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+# Identified ----------------------------------------------------------------------------------------
+#
+# What the identifications of a series came to, each kind in tables of its own.
+
+
+_RUN, _GRADE = Column("Run"), Column("Grade", number=False)
+_UNITS = {"G_q": "", "G_S": "N·m/rad²"}
+
+
+def identifications_section(sources: Sequence[Source]) -> tuple[Section, ...]:
+    """Return one section of all identifications among the runs; none where there is none."""
+    found = [source.identification for source in sources if source.identification is not None]
+    if not found:
+        return ()
+    by_kind = {kind: [one for one in found if one.kind == kind] for kind in ("motor", "spring", "actuator")}
+    tables = [*_motors(by_kind["motor"]), *_springs(by_kind["spring"]), *_actuators(by_kind["actuator"])]
+    friction = _friction([source for source in sources if source.run.kind == RunKind.ACTUATOR_IDENTIFICATION])
+    verdicts = (Paragraph(f"Run {one.run_id}: {one.verdict}") for one in found)
+    return (Section("Identifications", (*tables, *friction, *verdicts)),)
+
+
+def _motors(found: Sequence[Identification]) -> Iterator[Table]:
+    for side in SIDES:
+        rows = []
+        for one in found:
+            motor = one.motors.side(side)
+            model, std = motor.model.parameters, motor.model.std_errors
+            figures = ((model.K_m, std.K_m), (model.T_m, std.T_m), (model.u_c, std.u_c))
+            rows.append((str(one.run_id), *(_with_error(*figure) for figure in figures), str(grade_of(motor))))
+        if rows:
+            columns = (_RUN, Column("K_m", "rad/(V·s)"), Column("T_m", "s"), Column("u_c", "V"), _GRADE)
+            yield Table(f"Motor {side}: least squares over all steps, ± standard error.", columns, tuple(rows))
+
+
+def _springs(found: Sequence[Identification]) -> Iterator[Table]:
+    for side in SIDES:
+        rows = []
+        for one in found:
+            model = one.springs[side].model
+            fit = next(fit for fit in model.fits if fit.order == model.recommended)
+            k = ", ".join(_with_error(*pair) for pair in zip(fit.k, fit.std_errors, strict=True))
+            rows.append((str(one.run_id), str(fit.order), k, shown(fit.rms_N)))
+        if rows:
+            columns = (_RUN, Column("Order"), Column("k_0, k_1, …", "N/m^i", wide=True), Column("RMS", "N"))
+            yield Table(f"Spring {side}: the recommended polynomial, ± standard error.", columns, tuple(rows))
+
+
+def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
+    for name in CHANNELS:
+        rows = []
+        for one in found:
+            channel = one.actuator.channel(name)
+            model, quality = channel.model.first_order, channel.quality
+            gain = quality.gain_geometry
+            off = None if gain is None else 100.0 * (model.K / gain - 1.0)
+            figures = _with_error(model.K, model.K_std), _with_error(model.T, model.T_std)
+            known = shown(off, 2), share(quality.fit_percent)
+            rows.append((str(one.run_id), shown(one.actuator.model.S_nominal, 4), *figures, *known, str(quality.grade)))
+        if rows:
+            columns = (
+                _RUN,
+                Column("S", "N·m/rad"),
+                Column("K", _UNITS[name]),
+                Column("T", "s"),
+                Column("K off geometry", "%"),
+                Column("fit", "%"),
+                _GRADE,
+            )
+            caption = f"{name}: gain and sum of lags, ± standard error; fit on data that was not used."
+            yield Table(caption, columns, tuple(rows))
+
+
+def _friction(sources: Sequence[Source]) -> tuple[Paragraph, ...]:
+    """Return what actuator identifications say together of the friction over the load; nothing without any."""
+    if not sources:
+        return ()
+    found = load_friction_of([(source.run, source.columns) for source in sources])
+    return (Paragraph(". ".join((found.sentence, *found.left_out, f"{MOTOR_B[0].upper()}{MOTOR_B[1:]}")) + "."),)
+
+
+def _with_error(value: float | None, std: float | None) -> str:
+    return f"{shown(value, 4)} ± {shown(std, 2)}"
+
+
+# Impact --------------------------------------------------------------------------------------------
+#
+# What a report shows of impacts: each hit in a table, its force over time, what giving way changes
+# of it.
+
+
+CAPTION = (
+    "Hits on the wall: (A) its force on the joint from the touch on, (B) largest force and (C) impulse over the speed "
+    "of approach, at each stiffness. Dashed, with open marks: the joint gives way to the contact, from the dot in A on."
+)
+
+_BEFORE = 20
+"""Samples before the touch that are drawn."""
+
+_HUES = tuple(COLOURS.values())
+
+
+def impact_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
+    """Return every hit, and those with reaction beside those without, where there are both."""
+    return hits_table(hits, angles), *reaction_tables(hits, angles)
+
+
+def hits_table(hits: Sequence[Hit], angles: Angles) -> Table:
+    """Return every hit, in order."""
+    columns = (
+        Column("At", "s"),
+        Column("S_ref", reading_of("N·m/rad", angles).unit),
+        Column("Approach", reading_of("rad/s", angles).unit),
+        Column("Peak force", "N"),
+        Column("Impulse", "N·s"),
+        Column("In contact", "ms"),
+        Column("Gives way from", "N"),
+        Column("Felt after", "ms"),
+        Column("Gives way after", "ms"),
+        Column("Largest after", "ms"),
+    )
+    rows = tuple(
+        (
+            shown(hit.window.start * T_s, 4),
+            shown(read(hit.S_ref, "N·m/rad", angles)),
+            measured(read(hit.speed, "rad/s", angles) if np.isfinite(hit.speed) else None),
+            shown(hit.peak_N, 3),
+            shown(hit.impulse_Ns, 3),
+            shown(1e3 * hit.contact_s, 3),
+            shown(hit.contact_N, 3) if hit.reacts else NO_FIGURE,
+            *(_ms(time_s, hit) for time_s in (hit.felt_s, hit.gave_way_s, hit.fell_s)),
+        )
+        for hit in hits
+    )
+    return Table(
+        "Every hit: the approach is measured over the 50 ms before the touch. Felt: from the touch until the estimated "
+        "force passes that from which on the joint gives way; from there until it gives way (0: in the same sample), "
+        "and until the wall's force is at its largest, from where on it falls.",
+        columns,
+        rows,
+    )
+
+
+def _ms(time_s: float, hit: Hit) -> str:
+    if not hit.reacts:
+        return NO_FIGURE
+    return f"{1e3 * time_s:.0f}" if np.isfinite(time_s) else "not felt"
+
+
+def reaction_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
+    """Return hits with reaction beside those without, of one stiffness and speed; none where there are none."""
+    pairs, _ = beside_each_other(hits)
+    if not pairs:
+        return ()
+    columns = (
+        Column("S_ref", reading_of("N·m/rad", angles).unit),
+        Column("Approach", reading_of("rad/s", angles).unit),
+        Column("Peak without", "N"),
+        Column("Peak with", "N"),
+        Column("With over without"),
+        Column("Impulse without", "N·s"),
+        Column("Impulse with", "N·s"),
+        Column("With over without"),
+    )
+    rows = tuple(
+        (
+            shown(read(plain.S_ref, "N·m/rad", angles)),
+            shown(read(plain.speed, "rad/s", angles)),
+            shown(plain.peak_N, 3),
+            shown(reacted.peak_N, 3),
+            shown(reacted.peak_N / plain.peak_N, 3),
+            shown(plain.impulse_Ns, 3),
+            shown(reacted.impulse_Ns, 3),
+            shown(reacted.impulse_Ns / plain.impulse_Ns, 3),
+        )
+        for plain, reacted in sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed))
+    )
+    return (Table("Hits that are alike, without and with contact reaction.", columns, rows),)
+
+
+@drawn_once
+def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angles) -> str:
+    """Draw the force of each hit from its touch on, and peak and impulse over the speed of approach."""
+    force = np.abs(columns["F_wall"])
+    groups = sorted({(hit.reacts, round(hit.S_ref, 6)) for hit in hits})
+    stiffnesses = sorted({S for _, S in groups})
+    with figure(3, height_in=5.4, gap_in=(0.5, 0.6)) as (drawn, axes):
+        for reacts, S in groups:
+            alike = [hit for hit in hits if (hit.reacts, round(hit.S_ref, 6)) == (reacts, S)]
+            colour = _HUES[stiffnesses.index(S) % len(_HUES)]
+            line = {"color": colour, "linestyle": (0, (4, 2)) if reacts else "-"}
+            label = f"S = {read(S, 'N·m/rad', angles):.3g} {reading_of('N·m/rad', angles).unit}"
+            label += ", gives way" if reacts else ""
+            for place, hit in enumerate(alike):
+                first = max(hit.window.start - _BEFORE, 0)
+                shape = force[first : hit.window.stop + _BEFORE]
+                t = 1e3 * (np.arange(shape.size) - (hit.window.start - first)) * T_s
+                axes[0].plot(t, shape, linewidth=0.8, label=label if place == 0 else None, **line)
+                if np.isfinite(hit.gave_way_s):
+                    at = round((hit.felt_s + hit.gave_way_s) / T_s)
+                    axes[0].plot(1e3 * at * T_s, force[hit.window.start + at], "o", color=colour, markersize=3.0)
+            speeds = in_unit(np.array([hit.speed for hit in alike]), "rad/s", angles)
+            order = np.argsort(speeds)
+            marks = {"marker": "o", "markersize": 3.5, "markerfacecolor": "white" if reacts else colour}
+            for panel, values in (
+                (axes[1], [hit.peak_N for hit in alike]),
+                (axes[2], [hit.impulse_Ns for hit in alike]),
+            ):
+                panel.plot(speeds[order], np.array(values)[order], **marks, **line)
+        axes[0].set(xlabel="after the touch [ms]", ylabel="$|F_{wall}|$ [N]")
+        axes[1].set(xlabel=axis_label("speed of approach", "rad/s", angles), ylabel="peak [N]")
+        axes[2].set(xlabel=axis_label("speed of approach", "rad/s", angles), ylabel="impulse [N·s]")
+        for panel in axes:
+            panel.set_ylim(bottom=0.0)
+        for panel, letter in zip(axes, "ABC", strict=True):
+            panel_letter(panel, letter)
+        upper_legend(axes[0])
+        return to_svg(drawn, name)
+
+
+# Pushed --------------------------------------------------------------------------------------------
+#
+# Pushes in a report: each beside what the gains in use let expect and what its stiffness alone
+# would give.
+
+
+PUSH_NOTES = (
+    "Deviations count from the tenth of a second before each push. Expected is what the plant, linearised with its "
+    "identified numbers, and the loops as they run give under the same force with the gains in use; friction is not in "
+    "it. It is the same in both motions: the loops that answer a push are the same.",
+    "Static is r_j F/S: so far the joint gives way to a constant force where the position loop is open. A step in "
+    "closed loop exceeds it by the joint's swing, and is then brought back by the integral; an impulse is over before.",
+)
+
+
+def pushes_section(columns: Columns, found: Sequence[Push], angles: Angles) -> Section:
+    """Return figure and table; ``found`` is not empty."""
+    return Section("Pushes", tuple(_push_blocks(columns, found, angles)))
+
+
+def _push_blocks(columns: Columns, found: Sequence[Push], angles: Angles) -> Iterator[Block]:
+    yield Figure(
+        "pushes",
+        push_panels(columns, found, "pushes", angles),
+        "Pushes at the joint: (A) force, (B) deviation of the joint from before the push, measured, and expected "
+        "(dashed), (C) measured less expected, (D) stiffness off its reference; beyond the panel it is on its way to "
+        "another one.",
+    )
+    yield push_table(found, angles)
+    if why := next((one.unpredicted for one in found if one.unpredicted), ""):
+        yield Paragraph(f"Not all pushes have a prediction: {why}.")
+
+
+def push_table(found: Sequence[Push], angles: Angles) -> Table:
+    """Return each push with its peak, the expected and the static one, and how soon the joint was back."""
+    angle = reading_of("rad", angles).unit
+    columns = (
+        Column("Push", number=False),
+        Column("From", "s"),
+        Column("S_ref", "N·m/rad"),
+        Column("F", "N"),
+        Column("Impulse", "N·s"),
+        Column("Peak of q", angle),
+        Column("Expected", angle),
+        Column("Off", "%"),
+        Column("Static", angle),
+        Column("Peak of S", "N·m/rad"),
+        Column("Back", "s"),
+    )
+    rows = tuple(
+        (
+            one.window.shape,
+            shown(one.window.pushed.start * T_s, 4),
+            shown(one.S, 4),
+            shown(one.F, 3),
+            shown(one.impulse, 3),
+            shown(read(one.peak_q, "rad", angles), 4),
+            NO_FIGURE if one.expected_peak is None else shown(read(one.expected_peak, "rad", angles), 4),
+            shown(one.off_percent, 2),
+            NO_FIGURE if one.window.shape == "impulse" else shown(read(one.static, "rad", angles), 4),
+            shown(one.peak_S, 2),
+            shown(one.back_s, 3),
+        )
+        for one in found
+    )
+    caption = (
+        "Pushes: largest deviation of q and S, the peak that was expected, the measured one over it less one, r_j F/S, "
+        "and the time from the end of the push until q stays within 0.01 rad of its reference."
+    )
+    return Table(caption, columns, rows)
+
+
+@drawn_once
+def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angles) -> str:
+    """Draw force, deviation of the joint with what was expected, and deviation of the stiffness."""
+    first, last = found[0].window.pushed.start, max(one.window.until for one in found)
+    window = slice(max(first - round(1.0 / T_s), 0), min(last, columns["t"].size))
+    t = columns["t"][window]
+    with figure(4, height_in=5.2, sharex=True, height_ratios=(2, 3, 2, 2)) as (drawn, axes):
+        axes[0].plot(*thinned(t, columns["F_push"][window]), color=INK, label="$F_{push}$")
+        axes[0].set_ylabel("Force [N]")
+        off = columns["q"][window] - columns["q_ref"][window]
+        axes[1].plot(*thinned(t, in_unit(off, "rad", angles)), color=COLOURS["q"], label="$q$")
+        apart: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        for place, one in enumerate(found):
+            if one.expected is None:
+                continue
+            start = one.window.pushed.start
+            at, label = columns["t"][start : start + one.expected.size], "expected" if place == 0 else None
+            expected = in_unit(one.expected, "rad", angles)
+            axes[1].plot(*thinned(at, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label=label)
+            before = max(start - round(PUSH_REST_S / T_s), 0)
+            measured = columns["q"][start : start + one.expected.size] - columns["q"][before : start + 1].mean()
+            apart.append((at[: measured.size], in_unit(measured - one.expected[: measured.size], "rad", angles)))
+        reach = max((float(np.abs(error).max(initial=0.0)) for _, error in apart), default=0.0)
+        angle = reading_of("rad", angles).unit
+        for at, error in apart:
+            draw_error(axes[2], at, error, "apart", angle, colour=COLOURS["q"], reach=reach)
+        axes[1].set_ylabel(axis_label("deviation", "rad", angles))
+        off_S = columns["S"][window] - columns["S_ref"][window]
+        steps = np.flatnonzero(np.diff(columns["S_ref"][window]) != 0.0)
+        if steps.size:  # the steps themselves are none of the deviation
+            reach = 1.2 * max(max(one.peak_S for one in found), 1e-3)
+            axes[3].set_ylim(-reach, reach)
+        axes[3].plot(*thinned(t, off_S), color=COLOURS["S"], label="$S$")
+        axes[3].set(xlabel="t [s]", ylabel="S − S_ref [N·m/rad]".replace("S_ref", "$S_{ref}$"), xlim=(t[0], t[-1]))
+        for panel, letter in zip(axes, "ABCD", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+# Timing --------------------------------------------------------------------------------------------
+#
+# How well a run kept its time: lateness, missed deadlines, gaps. From the run's own samples.
+
+
+def timing_section(source: Source) -> tuple[Section, ...]:
+    """Return a section with the timing of the recorded samples; nothing for a run without any."""
+    columns = source.columns
+    if columns["t"].size == 0:
+        return ()
+    none = np.zeros(1)
+    late_ms, overruns = 1e3 * columns.get("lateness_s", none), columns.get("overruns", none)
+    gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
+    on_a_clock = bool(np.any(late_ms != 0.0))
+    rows = [
+        ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
+        ("Missing samples", _missing(source), "", "ticks that the recording lacks"),
+        ("Gaps", str(gaps), "", "places where samples are missing"),
+    ]
+    if on_a_clock:
+        figures = (np.median(late_ms), np.percentile(late_ms, 99.0), late_ms.max())
+        rows += [
+            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "from the first sample to the last"),
+            *(
+                (f"Lateness, {name}", shown(float(figure)), "ms", "how late a tick began against its deadline")
+                for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
+            ),
+        ]
+    else:
+        rows.append(("Lateness", "none", "", "it was computed tick by tick, faster than real time, not on a clock"))
+    rows += granted_rows(source.run.set_to.granted)
+    titles = (
+        Column("Quantity", number=False),
+        Column("Value"),
+        Column("Unit", number=False),
+        Column("Meaning", number=False, wide=True),
+    )
+    return (Section("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
+
+
+def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
+    """Return what the machine granted to the loop; nothing for a run that kept to no clock, or of an older Sinew."""
+    if granted is None:
+        return []
+    scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
+    memory = "locked" if granted.memory_locked else "not locked"
+    return [
+        ("Scheduling", scheduling, "", "granted to the loop by the machine"),
+        ("Memory", memory, "", "granted to the loop by the machine"),
+        ("Timer slack", str(granted.timer_slack_ns), "ns", "by which the machine may wake the loop later than asked"),
+        *(("Not granted", "", "", refusal) for refusal in granted.refusals),
+    ]
+
+
+def _missing(source: Source) -> str:
+    if source.run.end_state == EndState.SERVICE_DIED:
+        return "not known: the service died while it recorded"
+    missing = source.result.metrics.missing_samples if source.result else missing_between(source.columns)
+    return "not kept" if missing is None else str(missing)

@@ -1,0 +1,317 @@
+"""Signatures of reports, and the keys of an installation."""
+
+import base64
+import hashlib
+import json
+import os
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from backend.data_folder import FILE
+from backend.reports.verification import MOST, Difference, Verified
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+
+# Signing key ---------------------------------------------------------------------------------------
+#
+# The key by which an installation signs its reports, and the public halves by which anybody
+# verifies them.
+#
+# Public halves are written as OpenSSH writes them, so that ``ssh-keygen -lf`` gives the same
+# fingerprint.
+
+
+FILE_NAME = "signing-key"
+KIND = "ssh-ed25519"
+_HEAD = b"\x00\x00\x00\x0bssh-ed25519\x00\x00\x00\x20"
+"""What stands before the 32 bytes of a public half (RFC 8709)."""
+_RAW = 32
+_TEXT_MAX = 64 * 1024
+_FINGERPRINT = "SHA256:"
+
+
+class SigningKeyError(ValueError):
+    """A key that cannot be read or used."""
+
+
+@dataclass(frozen=True)
+class PublicKey:
+    """A public half; ``raw`` is its 32 bytes."""
+
+    raw: bytes
+
+    @property
+    def text(self) -> str:
+        """Return it as OpenSSH writes it, without a comment."""
+        return f"{KIND} {base64.b64encode(_HEAD + self.raw).decode()}"
+
+    @property
+    def fingerprint(self) -> str:
+        """Return its SHA-256 as OpenSSH writes it."""
+        digest = hashlib.sha256(_HEAD + self.raw).digest()
+        return _FINGERPRINT + base64.b64encode(digest).decode().rstrip("=")
+
+
+def parse_public_key(text: str) -> PublicKey:
+    """Return the public half that a text gives: "ssh-ed25519 AAAA...", and a comment. Raises SigningKeyError."""
+    words = text.split()
+    if len(words) >= 2 and words[0] == KIND:
+        with suppress(ValueError):
+            blob = base64.b64decode(words[1], validate=True)
+            if blob.startswith(_HEAD) and len(blob) == len(_HEAD) + _RAW:
+                return PublicKey(blob[len(_HEAD) :])
+    raise SigningKeyError(
+        f"no public key: it has the form “{KIND} AAAA…”, as `sinew report key` prints it; found “{text.strip()[:60]}”"
+    )
+
+
+def find_public_key(file_or_text: str) -> PublicKey:
+    """Return the public half in a file, or in the text itself. Raises SigningKeyError."""
+    text = file_or_text.strip()
+    if not text.startswith(f"{KIND} "):
+        try:
+            with Path(text).open("rb") as file:
+                text = file.read(_TEXT_MAX).decode("utf-8")
+        except (OSError, UnicodeDecodeError, ValueError) as error:
+            words = f"{file_or_text[:200]}: neither a public key, “{KIND} AAAA…”, nor a file with one: {error}"
+            raise SigningKeyError(words) from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if len(lines) != 1:
+        raise SigningKeyError(f"{file_or_text[:200]} has {len(lines)} lines: a file of a public key has one")
+    return parse_public_key(lines[0])
+
+
+def load_or_make_signing_key(data: Path) -> "Ed25519PrivateKey":
+    """Return the private key of a data folder, readable by its owner only; made at its first use.
+
+    Raises SigningKeyError, OSError.
+    """
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+
+    data.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path = data / FILE_NAME
+    try:
+        descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, FILE)
+    except FileExistsError:
+        path.chmod(FILE)
+        return _load(path)
+    key = Ed25519PrivateKey.generate()
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError:
+        path.unlink()
+        raise
+    return key
+
+
+def own_public_key(data: Path) -> PublicKey | None:
+    """Return the public half of a data folder's key; None where there is none that this account can read."""
+    path = data / FILE_NAME
+    try:
+        return public_half(_load(path)) if path.is_file() else None
+    except (OSError, SigningKeyError):
+        return None
+
+
+def public_half(key: "Ed25519PrivateKey") -> PublicKey:
+    """Return the public half of a private key."""
+    return PublicKey(key.public_key().public_bytes_raw())
+
+
+def _load(path: Path) -> "Ed25519PrivateKey":
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    try:
+        key = load_pem_private_key(path.read_bytes(), password=None)
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        key = None
+    if not isinstance(key, Ed25519PrivateKey):
+        raise SigningKeyError(
+            f"{path} holds no usable key for signing: put a copy of it back, or delete it to have a new key made; what "
+            "the old one signed is still verified by its public half"
+        )
+    return key
+
+
+# Signature -----------------------------------------------------------------------------------------
+#
+# The signature of a page: which key signed exactly these bytes, in an element beside the page's
+# account.
+#
+# What is signed are the bytes of the page without that element, behind a heading with all else that
+# the element says.
+
+
+_BEGIN, _END = b'<template id="signature">', b"</template>"
+_ACCOUNT = b'<template id="evidence">'
+_HEADING = "Sinew report signature 1"
+"""Of nothing else that a key may ever sign: no signature of another document is one of a report."""
+ALGORITHM = "Ed25519"
+NAME_MAX = 80
+_ELEMENT_MAX = 4096
+
+
+class UnsignableError(ValueError):
+    """A page that cannot be signed."""
+
+
+class Whose(StrEnum):
+    """Whose key signed a page."""
+
+    GIVEN = "given"
+    OWN = "own"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Who signed a page: the public half of the key, and the name that its installation gives itself."""
+
+    key: PublicKey
+    name: str
+
+
+@dataclass(frozen=True)
+class SignedPage:
+    """A page without the element of its signature; ``problem`` says why the signature is broken, "" where it is valid.
+
+    ``signature`` is None where there is none, or none that can be read.
+    """
+
+    page: bytes
+    signature: Signature | None = None
+    problem: str = ""
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the key that it names signed exactly this page."""
+        return self.signature is not None and not self.problem
+
+    def whose(self, given: PublicKey | None, own: PublicKey | None) -> Whose | None:
+        """Return whose key signed it; None without a valid signature."""
+        if self.signature is None or self.problem:
+            return None
+        if self.signature.key == given:
+            return Whose.GIVEN
+        return Whose.OWN if self.signature.key == own else Whose.UNKNOWN
+
+
+def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
+    """Return a page with a signature, which takes the place of one that it has. Raises UnsignableError."""
+    begin, end = _span(page)
+    unsigned = page[:begin] + page[end:]
+    place = _place(unsigned)
+    if place is None:
+        raise UnsignableError("it carries no account of its numbers: only reports of runs and of series are signed")
+    if _BEGIN in unsigned:
+        raise UnsignableError("it has two signatures: make the report again")
+    said = _said(Signature(public_half(key), name))
+    return unsigned[:place] + _element(said, key.sign(_message(said, unsigned))) + unsigned[place:]
+
+
+def read_signature(page: bytes) -> SignedPage:
+    """Return a page without its signature, and what was found of that; nothing but the page is needed for it."""
+    begin, end = _span(page)
+    if begin == end:
+        return SignedPage(page)
+    unsigned = page[:begin] + page[end:]
+    try:
+        signature, value = _parse(page[begin:end])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return SignedPage(unsigned, problem="an element that is no signature of a report")
+    if begin != _place(unsigned) or _BEGIN in unsigned:
+        return SignedPage(unsigned, signature, "a signature elsewhere than beside the account")
+    if not _is_signed(signature.key, value, _message(_said(signature), unsigned)):
+        return SignedPage(unsigned, signature, "a page that this key has not signed")
+    return SignedPage(unsigned, signature)
+
+
+def with_signature(found: Verified, signed: SignedPage, wanted: PublicKey | None = None) -> Verified:
+    """Return what was found of a page, with a broken signature, or one by another key than is wanted, as difference."""
+    return replace(found, differences=(*signature_differences(signed, wanted), *found.differences)[:MOST])
+
+
+def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -> tuple[Difference, ...]:
+    """Return what differs: a signature that is broken, or none by the key that is wanted."""
+    by = "none" if signed.signature is None else f"one by {signed.signature.key.fingerprint}"
+    if signed.problem:
+        return (Difference("signature", by, signed.problem),)
+    if wanted is not None and (signed.signature is None or signed.signature.key != wanted):
+        return (Difference("signature", by, f"none by the key that was given, {wanted.fingerprint}"),)
+    return ()
+
+
+def _span(page: bytes) -> tuple[int, int]:
+    """Return where the element of the signature begins and ends; two equal places where there is none."""
+    begin = page.find(_BEGIN)
+    if begin < 0:
+        return 0, 0
+    end = page.find(_END, begin)
+    return begin, begin + len(_BEGIN) if end < 0 else end + len(_END)
+
+
+def _place(unsigned: bytes) -> int | None:
+    """Return where the signature of a page stands: behind its account."""
+    begin = unsigned.find(_ACCOUNT)
+    end = unsigned.find(_END, begin)
+    return None if begin < 0 or end < 0 else end + len(_END)
+
+
+def _said(signature: Signature) -> dict[str, str]:
+    return {"algorithm": ALGORITHM, "public_key": signature.key.text, "name": signature.name}
+
+
+def _element(said: dict[str, str], value: bytes) -> bytes:
+    return _BEGIN + _json({**said, "signature": value.hex()}).encode("ascii") + _END
+
+
+def _json(document: dict[str, Any]) -> str:
+    """Return the one way in which a document is written; nothing in it can end the element."""
+    text = json.dumps(document, separators=(",", ":"))
+    for letter in "<>&":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return text
+
+
+def _message(said: dict[str, str], unsigned: bytes) -> bytes:
+    return f"{_HEADING}\n{_json(said)}\n".encode("ascii") + unsigned
+
+
+def _parse(element: bytes) -> tuple[Signature, bytes]:
+    """Return what an element says, and the value of its signature; it has to be written as this module writes it.
+
+    Raises ValueError, KeyError, TypeError.
+    """
+    if len(element) > _ELEMENT_MAX:
+        raise ValueError(f"more than {_ELEMENT_MAX} bytes")
+    document = json.loads(element[len(_BEGIN) : -len(_END)].decode("ascii"))
+    name, key = document["name"], document["public_key"]
+    if not isinstance(key, str) or not isinstance(name, str) or not name.isprintable() or len(name) > NAME_MAX:
+        raise ValueError("no name or no key")
+    signature = Signature(parse_public_key(key), name)
+    value = bytes.fromhex(document["signature"])
+    if _element(_said(signature), value) != element:
+        raise ValueError("written otherwise")
+    return signature, value
+
+
+def _is_signed(key: PublicKey, value: bytes, message: bytes) -> bool:
+    from cryptography.exceptions import InvalidSignature
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+    try:
+        Ed25519PublicKey.from_public_bytes(key.raw).verify(value, message)
+    except (InvalidSignature, ValueError):
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Requests and responses by subject: pydantic models that know no HTTP."""

@@ -1,0 +1,378 @@
+"""Schemas of experiments, of experiments as texts, and of studies."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from backend.execution.runner import Doing
+from backend.experiments.parser import MAX_CHARACTERS
+from backend.models.run import Outcome, Value
+from backend.schemas.base import Finite, Schema, quantity
+from backend.schemas.run import SamplesView
+
+# Experiment ----------------------------------------------------------------------------------------
+#
+# Experiments: which there are, their settings, and how they went.
+
+
+SettingName = Annotated[str, Field(max_length=40)]
+SettingValue = bool | Finite | Annotated[str, Field(max_length=100_000)]
+
+
+class SettingView(Schema):
+    """One setting of an experiment."""
+
+    name: str
+    symbol: str
+    meaning: str
+    unit: str
+    default: SettingValue | None
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: list[str] | None = None
+
+
+class ExperimentKind(Schema):
+    """A kind of experiment that can be started."""
+
+    name: str
+    title: str
+    description: str
+    run_kind: str = Field(description="kind of its runs")
+    duration_s: float = quantity("s", "length with the settings at their defaults")
+    settings: list[SettingView]
+    why_not: str = Field(description="why what is driven cannot play it, only a dry run; empty where it can")
+
+
+class ExperimentKindList(Schema):
+    """The kinds of experiments there are."""
+
+    experiments: list[ExperimentKind]
+
+
+class ExperimentRequest(Schema):
+    """Which experiment to start, with settings that differ from the defaults."""
+
+    name: str = Field(min_length=1, max_length=60)
+    settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
+
+
+class Metric(Schema):
+    """One number of the result."""
+
+    name: str
+    label: str
+    value: float | None
+    unit: str
+
+
+class MeasuredMetric(Metric):
+    """One number of a result that was measured, or that could not be."""
+
+    definition: str
+    reason: str = Field(description="why it was not measured; with a value: why not on all steps, so at least that")
+
+
+class Criterion(Schema):
+    """A bound that a metric had to keep."""
+
+    name: str
+    label: str
+    value: float | None
+    bound: float
+    relation: str = Field(description="'<' or '>'")
+    unit: str
+    passed: bool | None = Field(description="null when it was not measured")
+    reason: str = Field(description="why it was not measured")
+
+
+class QueuedView(Schema):
+    """An experiment that waits for its turn."""
+
+    id: int
+    name: str
+    settings: dict[str, SettingValue]
+    who: str
+    kept: bool = Field(default=False, description="it waited already when the service was started")
+
+
+class QueueView(Schema):
+    """What waits, in order."""
+
+    items: list[QueuedView]
+    running: bool = Field(description="the next one starts by itself")
+    run: int | None = Field(description="run that the queue has started and that is under way")
+    problem: str = Field(description="why the queue was held")
+
+
+class QueuePlace(Schema):
+    """Where in the queue an experiment is to wait."""
+
+    place: int = Field(ge=0, le=1000, description="from 0, the next one to be started")
+
+
+class DryRunView(Schema):
+    """What an experiment would give, played on a simulator of its own; nothing is stored."""
+
+    status: str
+    message: str
+    duration_s: float = quantity("s", "length of the experiment")
+    settings: dict[str, SettingValue] = Field(description="all it was played with, those of the loop included")
+    outcome: Outcome
+    verdict: str = Field(description="what it came to, in a sentence")
+    metrics: list[MeasuredMetric]
+    criteria: list[Criterion]
+    samples: SamplesView | None
+
+
+class DryRunProgress(Schema):
+    """How far the dry run of a person is."""
+
+    under_way: bool
+    doing: Doing = Field(description="what is being done for it; starting while it waits for its turn")
+    played_s: float = quantity("s", "how much of the experiment is played")
+    duration_s: float = quantity("s", "length of the experiment")
+
+
+class ExperimentView(Schema):
+    """One experiment run and, once it has ended, its result."""
+
+    id: int
+    name: str
+    title: str = Field(description="what was run, in words")
+    status: str
+    created: datetime
+    progress: float = Field(ge=0.0, le=1.0)
+    settings: dict[str, SettingValue | None]
+    outcome: Outcome
+    verdict: str = Field(description="what it came to, in a sentence")
+    metrics: list[MeasuredMetric]
+    criteria: list[Criterion]
+    message: str
+
+
+# Own experiment ------------------------------------------------------------------------------------
+#
+# Experiments as texts: written, looked over, kept in versions.
+
+
+class ExperimentText(Schema):
+    """An experiment as YAML or JSON; what is taken says ``GET /api/experiments/schema``."""
+
+    text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
+
+
+class ExperimentToCheck(ExperimentText):
+    """An experiment that is looked over."""
+
+    play: bool = Field(default=True, description="play it on the simulator too, which takes its time")
+
+
+class WrittenExperiment(ExperimentText):
+    """An experiment as it was written, and what its text says as plain data."""
+
+    document: dict[str, Any]
+
+
+class RecordedExperiment(WrittenExperiment):
+    """A run as an experiment."""
+
+    left_out: list[str] = Field(description="what happened in the run that the experiment does not repeat")
+
+
+class PartPlayed(Schema):
+    """A part of an experiment as it plays; without a reference before it where the experiment begins."""
+
+    path: list[int | str] = Field(description="where it stands in the document")
+    start_s: float = quantity("s", "when it begins for the first time")
+    end_s: float = quantity("s", "when it ends for the last time")
+    pieces: int = Field(description="pieces that the loop plays of it, all repetitions counted")
+    piece_s: float = quantity("s", "length of its first piece")
+    q_from: float | None = quantity("rad", "joint reference before its first piece")
+    S_from: float | None = quantity("N·m/rad", "stiffness reference before its first piece")
+    q_to: float = quantity("rad", "joint reference of its first piece")
+    S_to: float = quantity("N·m/rad", "stiffness reference of its first piece")
+
+
+class CheckedExperiment(Schema):
+    """What can be told of an experiment before it is kept or started, its settings at their defaults."""
+
+    name: str
+    title: str
+    duration_s: float = quantity("s", "length of its program")
+    segments: int = Field(description="pieces that the loop plays")
+    changes_of_tuning: int
+    phases: list[str] = Field(description="titles of its stretches")
+    criteria: int = Field(description="bounds that its runs are judged by")
+    peak_voltage_V: float | None = quantity("V", "largest voltage on the simulator")
+    min_tension_N: float | None = quantity("N", "least tension on the simulator")
+    max_tension_N: float | None = quantity("N", "largest tension on the simulator")
+    not_predicted: str = Field(description="why there are no peaks, where there are none")
+    busy: bool = Field(description="there was no place to play it dry: ask again")
+    document: dict[str, Any] = Field(description="what its text says as plain data")
+    parts: list[PartPlayed] = Field(description="in the order in which they first play")
+    dry_run: DryRunView | None = Field(description="how it went on the simulator, None where it was not played")
+
+
+class OwnExperiment(Schema):
+    """A version of an own experiment."""
+
+    name: str
+    version: int
+    title: str = Field(description="empty where this version of Sinew does not take it any more")
+    who: str
+    created: datetime
+
+
+class OwnExperimentList(Schema):
+    """Own experiments by name, or the versions of one, the newest first."""
+
+    experiments: list[OwnExperiment]
+
+
+# Study ---------------------------------------------------------------------------------------------
+#
+# Studies as the page and the command line show them.
+
+
+MapPick = Annotated[
+    Literal["worst", "mean", "least", "largest", "deviation", "p5", "median", "p95"],
+    Field(description="what a cell of a map shows of several runs; p5 and p95 are percentiles"),
+]
+
+
+class StudyText(Schema):
+    """A study as YAML or JSON, see docs/studies.md."""
+
+    text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
+
+
+class CheckedStudy(Schema):
+    """What a text says, and whether it is a study that could be begun now."""
+
+    document: dict[str, Any] | None = Field(description="what the text says as plain data, null where it says none")
+    points: int | None = Field(description="runs that it has, null where it is refused")
+    problem: str = Field(description="why it is refused, with its line; empty where it is not")
+    path: list[int | str] = Field(description="where in the document it is refused")
+
+
+class PlantNumber(Schema):
+    """A number of the plant that a study can vary."""
+
+    name: str = Field(description='by section and entry, such as "motor.c0"')
+    value: float
+    unit: str
+
+
+class PlantNumbers(Schema):
+    """All of them, by section."""
+
+    numbers: list[PlantNumber]
+
+
+class StudyView(Schema):
+    """A study, and how far it is. ``state`` is running, stopping, stopped or done."""
+
+    id: int
+    name: str
+    title: str
+    who: str
+    created: datetime
+    state: str
+    points: int = Field(description="runs that it has")
+    done: int = Field(description="runs that are computed")
+    ends: dict[str, int] = Field(description="how many of these ended how")
+    left_s: float | None = quantity("s", "time left, as fast as it went so far")
+    problem: str = Field(description="what the last attempt to compute it ended of, where that went wrong")
+
+
+class StudyList(Schema):
+    """Studies, newest first."""
+
+    studies: list[StudyView]
+
+
+class StudyFigure(Schema):
+    """How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number.
+
+    ``deviation`` is the standard deviation (n - 1), null for a single run too; ``p5`` and ``p95`` are percentiles.
+    """
+
+    name: str
+    label: str
+    unit: str
+    count: int
+    missing: int = Field(description="how many computed runs gave no number")
+    unstable: int = Field(description="how many of those that gave one are of an unstable loop")
+    least: float | None
+    p5: float | None
+    median: float | None
+    mean: float | None
+    p95: float | None
+    largest: float | None
+    deviation: float | None
+
+
+class StudyShare(Schema):
+    """A share of runs with its 95 % confidence interval (Wilson score), null where there is no run to count."""
+
+    name: str
+    label: str
+    count: int = Field(description="runs that did not complete, or whose criteria do not all hold")
+    of: int = Field(description="runs of which that is known")
+    left_out: int = Field(description="computed runs of which it is not known: they were not judged")
+    percent: float | None = quantity("%", "share")
+    low: float | None = quantity("%", "lower end of the interval")
+    high: float | None = quantity("%", "upper end of the interval")
+
+
+class StudyPoint(Schema):
+    """A row of the table: what was varied, how the run ended, what it gave. Numbers are in SI."""
+
+    number: int
+    values: dict[str, Value]
+    state: str
+    detail: str
+    passed: bool | None
+    figures: dict[str, float | Literal["unstable"] | None]
+
+
+class StudyAxis(Schema):
+    """What was gone through, and its values in SI."""
+
+    name: str
+    symbol: str
+    unit: str
+    values: list[Value]
+
+
+class StudyMap(Schema):
+    """A figure over two axes; ``cells`` by place of y, then of x, null where no run gave a number."""
+
+    figure: str
+    pick: str = Field(
+        description="what a cell shows of several runs; where the worst was asked for, least, largest or mean, which "
+        "is the worst; of a share always share"
+    )
+    x: str
+    y: str
+    cells: list[list[float | None]]
+    unstable: list[list[bool]] = Field(description="by the same places, where null stands for an unstable loop")
+    counts: list[list[int]] = Field(description="by the same places, how many runs gave a number")
+    runs: list[list[int]] = Field(description="by the same places, how many runs are computed")
+    intervals: list[list[list[float] | None]] = Field(
+        description="by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere"
+    )
+
+
+class StudyDetail(Schema):
+    """A study with its figures, maps and the first rows of its table."""
+
+    study: StudyView
+    text: str
+    axes: list[StudyAxis]
+    shares: list[StudyShare]
+    figures: list[StudyFigure]
+    maps: list[StudyMap]
+    rows: list[StudyPoint]

@@ -1,0 +1,138 @@
+"""Schemas of layouts of the charts and of a person's preferences."""
+
+from collections import Counter
+from collections.abc import Collection
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from backend.errors import Because, RefusalError
+from backend.plain_text import ONE_LINE
+from backend.sample import UNIT_OF
+from backend.schemas.base import Schema, quantity
+from backend.units import Angles
+
+# Layouts -------------------------------------------------------------------------------------------
+#
+# Layouts of the charts: which panels, and which signals in each.
+
+
+_NAME = "[A-Za-z][A-Za-z0-9_]{0,19}"
+Drawn = Annotated[str, Field(max_length=43, pattern=f"^{_NAME}( - {_NAME})?$")]
+"""A column of the sample, a difference of two, or a derived signal."""
+
+LayoutName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^\S(.*\S)?$"), ONE_LINE]
+
+
+class ChartPanel(Schema):
+    """One chart: signals of one unit over time, or over another signal."""
+
+    title: LayoutName
+    signals: list[Drawn] = Field(max_length=8, description="what is drawn, in this order")
+    over: Drawn | None = Field(description="signal along the other axis; null for time")
+    share: float = quantity("1", "height, as a multiple of that of a plain panel", ge=0.5, le=4.0)
+
+
+class ChartLayout(Schema):
+    """A stack of panels under a name."""
+
+    version: Literal[1]
+    name: LayoutName
+    panels: list[ChartPanel] = Field(min_length=1, max_length=12)
+
+
+def look_over(layouts: list[ChartLayout], formulas: Collection[str] = ()) -> None:
+    """Raise RefusalError for what no chart can show: signals that are not there, several units on one axis.
+
+    ``formulas`` are the names of derived signals, also of removed ones: their units are for the page to look at.
+    """
+    _once([layout.name for layout in layouts], "layout of the charts")
+    for layout in layouts:
+        _once([panel.title for panel in layout.panels], f"panel of layout “{layout.name}”")
+        for panel in layout.panels:
+            _look_over_panel(panel, layout.name, formulas)
+        if all(panel.over is not None for panel in layout.panels):
+            raise _refused(f"layout “{layout.name}” has no panel over time; add one: its time axis is that of all")
+
+
+def _look_over_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> None:
+    where = f"panel “{panel.title}” of layout “{layout}”"
+    for name in (*panel.signals, *filter(None, [panel.over])):
+        if name not in UNIT_OF and name not in formulas:
+            raise _refused(f"{where}: there is no signal {name}", legal=UNIT_OF)
+    _once(panel.signals, f"signal in {where}")
+    units = {UNIT_OF[name]: name for name in reversed(panel.signals) if name in UNIT_OF}
+    if len(units) > 1:
+        told = " and ".join(f"{name} in {unit}" for unit, name in reversed(units.items()))
+        raise _refused(f"{where} has {told}: one panel has one unit; put them into panels of their own")
+
+
+def _once(names: list[str], what: str) -> None:
+    name, count = max(Counter(names).items(), key=lambda item: item[1], default=("", 0))
+    if count > 1:
+        raise _refused(f"{what}: “{name}” is there {count} times; once is enough")
+
+
+def _refused(message: str, legal: dict[str, str] | None = None) -> RefusalError:
+    return RefusalError(Because.BAD_VALUE, message, code="bad_layout", legal=legal)
+
+
+# Preferences ---------------------------------------------------------------------------------------
+#
+# How a person likes the page; nothing here reaches the loop.
+
+
+SignalName = Annotated[str, Field(max_length=20, pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
+SignalColours = dict[SignalName, Annotated[str, Field(max_length=7, pattern="^#[0-9a-fA-F]{6}$")]]
+
+
+class Preferences(Schema):
+    """What the page remembers for one person, on every machine."""
+
+    scheme: Literal["light", "dark", "auto"]
+    colours: SignalColours = Field(
+        max_length=40, description="own colour of a signal as #rrggbb; its reference follows it"
+    )
+    hidden: list[Drawn] = Field(max_length=60, description="signals switched off in the charts")
+    layout: LayoutName = Field(description="name of the charts' layout in use: an own one, or one of the page's")
+    layouts: list[ChartLayout] = Field(max_length=20, description="own layouts of the charts")
+    clock: bool = Field(description="the time axis tells the time of day; else the time since the start")
+    window_s: float = quantity("s", "length of the following window", ge=5.0, le=120.0)
+    statistics: bool = Field(description="figures of the visible range are shown")
+    solid: bool | None = Field(
+        description="3D view instead of the flat drawing where the browser has a graphics processor; null: not chosen"
+    )
+    solid_unaided: bool | None = Field(
+        description="the same where the browser paints without a graphics processor, which slows the page; "
+        "null: not chosen"
+    )
+    camera: str = Field(
+        max_length=20, pattern="^[A-Za-z]{1,20}$", description="name of the camera that the 3D view is seen from"
+    )
+    toured: bool = Field(description="the first-run tour was seen or dismissed")
+    notify: bool = Field(
+        description="notifications, while no tab is in sight, of runs that are over and of trips; "
+        "each browser has to allow them besides"
+    )
+    sound: bool = Field(description="a short sound for the same")
+    angles: Angles = Field(description="unit in which angles are read: on the page, in refusals and in reports")
+
+
+NEW_HERE = Preferences(
+    scheme="auto",
+    colours={},
+    hidden=[],
+    layout="Standard",
+    layouts=[],
+    clock=False,
+    window_s=20.0,
+    statistics=False,
+    solid=None,
+    solid_unaided=None,
+    camera="Front",
+    toured=False,
+    notify=False,
+    sound=False,
+    angles=Angles.DEGREES,
+)
+"""What somebody starts with who has chosen nothing yet."""

@@ -1,0 +1,1 @@
+"""The web server: connections and their limits, hosts, cookies, and the end of the service."""

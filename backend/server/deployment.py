@@ -1,0 +1,193 @@
+"""Deployment: what a reverse proxy changes, and what is wrong between browser and service."""
+
+import ipaddress
+from collections.abc import Iterable
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers
+from starlette.types import Scope
+
+from backend.public_url import PublicUrl, read_public_url
+from backend.schemas.base import Problem
+
+# Proxied -------------------------------------------------------------------------------------------
+#
+# What a reverse proxy changes in a request: the path prefix, who asks, the path of the cookie.
+
+
+FORWARDING = (
+    "forwarded",
+    "via",
+    "x-forwarded-for",
+    "x-forwarded-host",
+    "x-forwarded-port",
+    "x-forwarded-proto",
+    "x-forwarded-prefix",
+    "x-real-ip",
+)
+"""Headers that a reverse proxy adds."""
+
+PUBLIC = "sinew.public"
+"""Key of a request's scope: the public URL that the service was started with, None without one."""
+
+COOKIE_PATH = "sinew.cookie_path"
+"""Key of a request's scope: the path that its session cookie is for."""
+
+PEER = "sinew.peer"
+"""Key of a request's scope: the address that the connection comes from, a proxy's where there is one."""
+
+
+def take_in(scope: Scope, public: PublicUrl | None) -> None:
+    """Make of a request that came through a proxy what it would be without: ``scope`` is changed in place.
+
+    The prefix of the public URL is taken off the path, where the proxy has left it there, and the client is whom a
+    trusted proxy names. Nothing else of what a proxy adds counts, and nothing of what others send under these names.
+    """
+    headers = Headers(scope=scope)
+    peer = str(scope["client"][0]) if scope.get("client") else ""
+    scope[PUBLIC], scope[PEER], scope[COOKIE_PATH] = public, peer, "/"
+    if public is None:
+        return
+    is_prefixed = _take_prefix(scope, public.prefix)
+    is_trusted = public.trusts(peer)
+    if is_trusted and (asking := _named(headers.getlist("x-forwarded-for"), public)):
+        scope["client"] = (asking, 0)
+    is_forwarded = is_trusted and any(name in headers for name in FORWARDING)
+    if is_prefixed or is_forwarded or _is_host_of(headers.get("host", ""), public):
+        scope[COOKIE_PATH] = f"{public.prefix}/"
+
+
+def name_of(host: str) -> str:
+    """Return the name in a Host header, without brackets and port; "" for what is none."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_host_of(host: str, public: PublicUrl) -> bool:
+    """Return whether a Host header is that of the public URL, with its port or without any."""
+    return host.lower() in (public.netloc, public.host, f"{public.host}:{public.port}")
+
+
+def _take_prefix(scope: Scope, prefix: str) -> bool:
+    """Take the prefix off the path; return whether it was there."""
+    path: str = scope["path"]
+    if not prefix or not path.startswith(f"{prefix}/"):
+        return False
+    scope["path"] = path[len(prefix) :]
+    raw: bytes | None = scope.get("raw_path")
+    if raw is not None and raw.startswith(f"{prefix}/".encode()):
+        scope["raw_path"] = raw[len(prefix) :]
+    return True
+
+
+def _named(forwarded: list[str], public: PublicUrl) -> str | None:
+    """Return who asked the first proxy that is trusted: those after it have put one address each behind the other."""
+    found = None
+    for name in reversed([part.strip() for line in forwarded for part in line.split(",")]):
+        try:
+            found = str(ipaddress.ip_address(name.strip("[]")))
+        except ValueError:
+            return found
+        if not public.trusts(found):
+            return found
+    return found
+
+
+# Deployment ----------------------------------------------------------------------------------------
+#
+# What is wrong with the way from a browser to the service, and how to set it right. Sentences for
+# log and page.
+
+
+NGINX_UPGRADE = 'proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade";'
+"""What nginx needs for websockets."""
+
+_SHOWN = 200
+
+
+def unknown_host(host: str, public: PublicUrl | None) -> str:
+    """Say why a Host header is refused."""
+    known = "" if public is None else f" (started with --public-url {public}/)"
+    return (
+        f"this service is not known as {_cut(host)!r}{known}. If people reach it through a reverse proxy, start it "
+        f"with --public-url and the address that they open; if {_cut(host)!r} is a name of this machine, put it into "
+        "SINEW_ALLOWED_HOSTS"
+    )
+
+
+def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
+    """Say why a page's command or websocket is refused."""
+    said = f"the page comes from {_cut(origin)!r}, and the request asks for the host {_cut(host)!r}"
+    if public is not None:
+        return (
+            f"{said}; this service was started with --public-url {public}/: open that address, or start it with another"
+        )
+    try:
+        proxy = str(read_public_url(origin))
+    except ValueError:
+        return f"{said}: pages of other sites are refused"
+    return (
+        f"{said}: pages of other sites are refused. If {proxy} is a reverse proxy in front of this service, start it "
+        f"with --public-url {proxy}/ (with the path, where there is one), or let the proxy pass the Host header on "
+        "(nginx: proxy_set_header Host $http_host;)"
+    )
+
+
+def upgrade_lost(path: str, origin: str | None) -> str:
+    """Say why a websocket's handshake that has become a plain request is refused."""
+    return (
+        f"a websocket was asked for at {_cut(path)!r} by a page of {_cut(origin or 'no origin')!r}, and the header "
+        f"Upgrade was lost on the way: the reverse proxy does not pass websockets on. For nginx: {NGINX_UPGRADE}"
+    )
+
+
+def no_such_page(path: str) -> str:
+    """Say what an address without a page may come from."""
+    return (
+        f"There is no page at {_cut(path)}. The dashboard is at /. If a reverse proxy serves it below a path, start "
+        "the service with --public-url and the whole address, such as https://rig.lab/sinew/."
+    )
+
+
+def findings(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[Problem]:
+    """Return what is wrong with how a page at the address ``page`` has reached the service.
+
+    ``peer`` is the address of the connection. A page that may not command at all is refused before, by its origin.
+    """
+    try:
+        parts = urlsplit(page)
+        opened = read_public_url(f"{parts.scheme}://{parts.netloc}{parts.path.rpartition('/')[0]}/")
+    except ValueError:
+        return []
+    return [Problem(code=code, message=message) for code, message in _findings(opened, public, headers, peer)]
+
+
+def _findings(opened: PublicUrl, public: PublicUrl | None, headers: Headers, peer: str) -> Iterable[tuple[str, str]]:
+    if public is None:
+        if opened.is_secure or opened.prefix:
+            exposed = "over http too" if opened.is_secure else f"to all applications of {opened.host}"
+            yield (
+                "no_public_url",
+                f"This page is opened at {opened}/, through a reverse proxy, and the service was started without "
+                f"--public-url: browsers would send the session cookie {exposed}. Start the service with "
+                f"--public-url {opened}/.",
+            )
+        return
+    if opened.origin == public.origin and opened.prefix != public.prefix:
+        yield (
+            "other_prefix",
+            f"This page is opened at {opened}/, and the service was started with --public-url {public}/: the session "
+            f"cookie is for that path only. Open {public}/, or start the service with --public-url {opened}/.",
+        )
+    if not public.trusts(peer) and any(name in headers for name in FORWARDING):
+        yield (
+            "untrusted_proxy",
+            f"The reverse proxy at {peer} is not trusted: what it says of who asks is not believed, and all people "
+            f"behind it count as one address. If it is yours, start the service with --trusted-proxy {peer} too.",
+        )
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

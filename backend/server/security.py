@@ -1,0 +1,467 @@
+"""Security of the web server: hosts, origins, cookies, bodies, headers, ends of sessions."""
+
+import asyncio
+import html
+import ipaddress
+import logging
+import socket
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any
+from urllib.parse import unquote_to_bytes, urlsplit
+
+import pydantic_core
+from fastapi import Response
+from fastapi.responses import HTMLResponse
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket
+
+from backend.auth.authentication import Authentication, Person, Shown
+from backend.errors import Because, RefusalError
+from backend.plain_text import PlainTextError, require_plain, require_plain_texts
+from backend.public_url import PublicUrl
+from backend.schemas.base import Problem, Refusal
+from backend.schemas.run import LONGEST_SHEET
+from backend.server import deployment
+from backend.server.deployment import COOKIE_PATH, PUBLIC, name_of, take_in
+
+# Bodies --------------------------------------------------------------------------------------------
+#
+# Bodies of requests: read whole, and refused where they are too large or hold what cannot be
+# written down again.
+
+
+MOST_NAMES, MOST_LISTED = 1_500, 12_000
+"""Named values, and values in lists, that a body may have: twenty layouts of charts have 1100, a removal of recordings
+ten thousand runs. A refusal of 24 000 unknown names held the interpreter for 0.2 s."""
+
+_SUSPECT = (rb"\u", rb"\b", rb"\f", b"\x7f", b"\xc2")
+"""How JSON can write a character that is not taken; what has none of these is not looked through."""
+
+
+def has_body(connection: HTTPConnection) -> bool:
+    """Tell whether a request brings one."""
+    return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
+
+
+async def read_whole(receive: Receive, most: int) -> bytes:
+    """Return the whole body, of ``most`` bytes at most. Raises RefusalError, ClientDisconnect."""
+    body = bytearray()
+    while True:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise ClientDisconnect
+        body += message.get("body", b"")
+        if len(body) > most:
+            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {most} bytes")
+        if not message.get("more_body", False):
+            break
+    return bytes(body)
+
+
+def require_writable(body: bytes) -> None:
+    """Raise RefusalError for a body that is no JSON, or holds what no request has: it takes up to 10 ms."""
+    try:
+        document = pydantic_core.from_json(body)
+        _require_few(document)
+        if any(mark in body for mark in _SUSPECT):
+            require_plain_texts(document)
+    except PlainTextError as error:
+        raise RefusalError(Because.BAD_VALUE, f"body: {error}", code="bad_character") from None
+    except ValueError as error:
+        raise RefusalError(Because.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid") from None
+
+
+def _require_few(document: Any) -> None:
+    """Raise RefusalError for more parts than any request has: each that is wrong takes time to be told."""
+    parts, names, count = [document], 0, 0
+    while parts:
+        part = parts.pop()
+        names += len(part) if isinstance(part, dict) else 0
+        count += len(part) if isinstance(part, list) else 0
+        if names > MOST_NAMES or count > MOST_LISTED:
+            said = f"{MOST_NAMES} named values and {MOST_LISTED} in lists"
+            why = f"body: it has more than {said}, the most that any request has: leave some out"
+            raise RefusalError(Because.BAD_VALUE, why, code="too_many_parts")
+        parts.extend(part.values() if isinstance(part, dict) else part if isinstance(part, list) else ())
+
+
+def once_more(body: bytes, receive: Receive) -> Receive:
+    """Return a ``receive`` that gives ``body`` first."""
+    messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def again() -> Message:
+        return messages.pop() if messages else await receive()
+
+    return again
+
+
+# Cookies -------------------------------------------------------------------------------------------
+#
+# What a request shows of who sends it, and the cookie that goes with an answer.
+
+
+COOKIE = "sinew_session_"
+"""What a cookie's name begins with; the port of the address follows: all ports of a host share one jar."""
+
+KEPT_BY_BROWSER_S = 400 * 24 * 3600
+"""As long as browsers keep a cookie at most: how long a session lasts is the service's to say, not a clock's."""
+
+LONGEST_COOKIE = 2000
+
+_SAME_COOKIES = 4
+_SHOWN = "sinew.shown"
+
+
+def authentication_of(connection: HTTPConnection) -> Authentication:
+    """Return what tells who asks, of the running service."""
+    authentication: Authentication = connection.app.state.authentication
+    return authentication
+
+
+def shown_by(connection: HTTPConnection) -> Shown:
+    """Return what a request or websocket shows of who sends it; the same each time it is asked for."""
+    shown: Shown | None = connection.scope.get(_SHOWN)
+    if shown is None:
+        scheme, _, token = connection.headers.get("authorization", "").partition(" ")
+        shown = connection.scope[_SHOWN] = Shown(
+            address=connection.client.host if connection.client else "unknown",
+            token=token.strip() if scheme.lower() == "bearer" else None,
+            cookies=_values(connection, cookie_name(connection)),
+            is_foreign=connection.headers.get("sec-fetch-site", "none") not in ("none", "same-origin"),
+        )
+    return shown
+
+
+def grant(authentication: Authentication, connection: HTTPConnection, response: Response, person: Person) -> None:
+    """Put the session cookie of ``person`` on ``response``."""
+    value = authentication.cookie(person)
+    if value is not None:
+        response.set_cookie(
+            cookie_name(connection),
+            value,
+            max_age=KEPT_BY_BROWSER_S,
+            httponly=True,
+            samesite="strict",
+            secure=_is_secure(connection),
+            path=_path(connection),
+        )
+
+
+def forget(authentication: Authentication, connection: HTTPConnection, response: Response) -> None:
+    """End the session of the cookie, and take the cookie from this browser."""
+    authentication.sign_out(shown_by(connection))
+    for path in sorted({"/", _path(connection)}):
+        response.delete_cookie(
+            cookie_name(connection), httponly=True, samesite="strict", secure=_is_secure(connection), path=path
+        )
+
+
+def cookie_name(connection: HTTPConnection) -> str:
+    """Return the name of the session cookie at the address that the browser asked for."""
+    port = connection.headers.get("host", "").rpartition(":")[2]
+    return COOKIE + (port if port.isascii() and port.isdigit() and len(port) <= 5 else "80")
+
+
+def _is_secure(connection: HTTPConnection) -> bool:
+    """Return whether browsers are to send the cookie over https only.
+
+    Behind a public https address always: a request does not show whether it came that way. Chrome and Firefox take
+    http://localhost for secure too, so that somebody at this machine can sign in without the proxy.
+    """
+    public: PublicUrl | None = connection.scope.get(PUBLIC)
+    return public is not None and public.is_secure
+
+
+def _path(connection: HTTPConnection) -> str:
+    path: str = connection.scope.get(COOKIE_PATH, "/")
+    return path
+
+
+def _values(connection: HTTPConnection, name: str) -> list[str]:
+    """Return the cookies of a name: there may be others beside ours, set by somebody else on this host."""
+    pairs = (pair.strip().partition("=") for pair in connection.headers.get("cookie", "").split(";"))
+    return [value for found, _, value in pairs if found == name and len(value) <= LONGEST_COOKIE][:_SAME_COOKIES]
+
+
+# Session ends --------------------------------------------------------------------------------------
+#
+# Ends websockets when the session that opened them ends: a page is recognised when it opens one,
+# and only then.
+
+
+LIVE = "/api/live"
+OVER = 1008
+"""The code of the close frame: policy violation, as the standard calls it."""
+
+
+class SessionEnds:
+    """ASGI middleware around all websockets, of the live stream and of the 3D views alike."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on, and say goodbye for the other side when the session is over."""
+        if scope["type"] != "websocket":
+            await self._app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        authentication = authentication_of(connection)
+        person = None
+        with suppress(RefusalError):
+            person = authentication.recognise(shown_by(connection))
+        if person is None:
+            await self._app(scope, receive, send)
+            return
+        with authentication.people.attending(person, is_page=scope["path"].rstrip("/") == LIVE) as over:
+            await self._app(scope, _until(over, receive, send), send)
+
+
+def _until(over: asyncio.Event, receive: Receive, send: Send) -> Receive:
+    async def receive_or_end() -> Message:
+        message, ended = asyncio.ensure_future(receive()), asyncio.ensure_future(over.wait())
+        try:
+            await asyncio.wait((message, ended), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            ended.cancel()
+            if not message.done():
+                message.cancel()
+        if message.done() and not message.cancelled():
+            return message.result()
+        with suppress(RuntimeError):
+            await send({"type": "websocket.close", "code": OVER, "reason": "signed out"})
+        return {"type": "websocket.disconnect", "code": OVER}
+
+    return receive_or_end
+
+
+# Message page --------------------------------------------------------------------------------------
+#
+# A page with one sentence, for whoever opens an address in a browser and gets no dashboard.
+
+
+DOCUMENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; frame-ancestors 'self'"
+"""Content-Security-Policy of documents without scripts."""
+
+_STYLE = (
+    ":root { color-scheme: light dark } body { font: 16px/1.5 system-ui, sans-serif; max-width: 44rem; "
+    "margin: 12vh auto; padding: 0 16px; overflow-wrap: anywhere }"
+)
+
+
+def message_page(status: int, text: str) -> HTMLResponse:
+    """Return a page that says ``text``."""
+    content = (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        f"<title>Sinew</title><style>{_STYLE}</style><main><h1>Sinew</h1><p>{html.escape(text)}</p></main></html>"
+    )
+    return HTMLResponse(content, status_code=status, headers={"Content-Security-Policy": DOCUMENT_POLICY})
+
+
+def wants_page(headers: Headers, method: str) -> bool:
+    """Return whether a person opens the address, not a script: only then a browser asks for a page before all else."""
+    return method == "GET" and headers.get("accept", "").startswith("text/html")
+
+
+# Guard ---------------------------------------------------------------------------------------------
+#
+# What every answer carries and what no request gets past: host, origin, size, headers.
+
+
+MAX_BODY_BYTES = 256 * 1024
+SHEETS = "/api/chart-sheet.pdf"
+"""Where drawings are sent to, the only bodies that are large."""
+MAX_SHEET_BYTES = LONGEST_SHEET
+"""So many characters a sheet may have; none takes less than a byte."""
+LONGEST_HEAD = 32 * 1024
+"""Bytes that the head of a request may have, of a websocket's too: cookies of all applications on its host."""
+MOST_HEADERS = 100
+_READING = {"GET", "HEAD", "OPTIONS"}
+_UNCLEAR = {"two_lengths", "length_required", "bad_length"}
+"""Refusals of a request whose end cannot be known for certain: its connection ends with it."""
+
+APP_POLICY = (
+    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+)
+_log = logging.getLogger(__name__)
+
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Content-Security-Policy": APP_POLICY,
+}
+"""What every answer carries, unless its route says otherwise."""
+
+
+class Guard:
+    """ASGI middleware in front of everything, websockets and the answers to failures included.
+
+    Refuses a Host header that this service is not known by (DNS rebinding), an Origin other than that host on
+    websockets and on everything that writes, heads beyond ``LONGEST_HEAD`` or ``MOST_HEADERS``, and bodies larger than
+    ``most_bytes`` or of no certain length. With a ``public`` URL the hosts are that one, the names of this machine's
+    loopback and ``allowed_hosts``, and the origins are that of the URL and those of the other hosts; its path prefix is
+    taken off the path, and a trusted proxy's X-Forwarded-For says who asks. A refusal that a proxy or its set-up may
+    have caused is logged, with what to change.
+    """
+
+    def __init__(self, app: ASGIApp, allowed_hosts: Iterable[str] = (), public: PublicUrl | None = None) -> None:
+        self._app = app
+        self._public = public
+        self._local = {"localhost", *(host.lower() for host in allowed_hosts)}
+        if public is None:
+            self._local.add(socket.gethostname().lower())
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on what is allowed, answer the rest."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        take_in(scope, self._public)
+        if scope["type"] == "http" and scope["method"] == "HEAD":
+            scope, send = {**scope, "method": "GET"}, _without_body(send)
+        refusal = self._refusal(scope)
+        if refusal is None:
+            await self._app(scope, receive, _with_headers(scope, send))
+        elif scope["type"] == "websocket":
+            await WebSocket(scope, receive, _with_headers(scope, send)).send_denial_response(refusal)
+        else:
+            await refusal(scope, receive, _with_headers(scope, send))
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if len(headers) > MOST_HEADERS or _head_bytes(scope) > LONGEST_HEAD:
+            return _refuse(scope, 431, "head_too_large", too_large_a_head())
+        if not self._is_known(host):
+            message = deployment.unknown_host(host, self._public)
+            _log.warning("a request was refused: %s", message)
+            return _refuse(scope, 400, "unknown_host", message)
+        if scope["type"] == "http" and "sec-websocket-key" in headers:
+            message = deployment.upgrade_lost(scope["path"], headers.get("origin"))
+            _log.warning("a websocket was refused: %s", message)
+            return _refuse(scope, 426, "upgrade_required", message)
+        writes = scope["type"] == "websocket" or scope["method"] not in _READING
+        if writes and not self._is_own_origin(headers, host):
+            origin = headers.get("origin") or "a page of another site"
+            message = deployment.foreign_origin(origin, host, self._public)
+            what = "websocket" if scope["type"] == "websocket" else scope["method"]
+            _log.warning("%s %s was refused: %s", what, scope["path"], message)
+            return _refuse(scope, 403, "foreign_origin", message)
+        try:
+            for part in (scope.get("raw_path") or scope["path"], scope["query_string"]):
+                require_plain(unquote_to_bytes(part).decode("utf-8", "replace"))
+        except PlainTextError as error:
+            return _refuse(scope, 400, "bad_character", f"the address: {error}")
+        return _refusal_of_length(scope, headers, most_bytes(scope["path"]))
+
+    def _is_known(self, host: str) -> bool:
+        name = name_of(host)
+        if self._public is not None and name == name_of(self._public.host):
+            return True
+        return self._is_local(name)
+
+    def _is_local(self, name: str) -> bool:
+        """Return whether a host's name is this machine's, without a proxy; an address cannot be rebound to another."""
+        if name in self._local:
+            return True
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return self._public is None or address.is_loopback
+
+    def _is_own_origin(self, headers: Headers, host: str) -> bool:
+        """Return whether no other site's page sends this: a browser says so in one header or the other."""
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+            return False
+        origin = headers.get("origin")
+        if origin is None:
+            return True
+        if self._public is not None:
+            if origin.lower() == self._public.origin:
+                return True
+            if not self._is_local(name_of(host)):
+                return False
+        try:
+            return urlsplit(origin).netloc.lower() == host.lower()
+        except ValueError:  # a bracket that is not closed
+            return False
+
+
+def most_bytes(path: str) -> int:
+    """Return how large the body of a request to an address may be."""
+    return MAX_SHEET_BYTES if path == SHEETS else MAX_BODY_BYTES
+
+
+def _refusal_of_length(scope: Scope, headers: Headers, most: int) -> Response | None:
+    if "transfer-encoding" in headers:
+        if "content-length" in headers:
+            return _refuse(scope, 400, "two_lengths", "send either a Content-Length or a Transfer-Encoding, not both")
+        return _refuse(scope, 411, "length_required", "send a Content-Length")
+    length = headers.get("content-length", "0")
+    if not (length.isascii() and length.isdigit()):
+        return _refuse(scope, 400, "bad_length", "the Content-Length has to be a whole number")
+    if len(length) > 12 or int(length) > most:
+        return _refuse(scope, 413, "too_large", f"the body is larger than {most} bytes")
+    return None
+
+
+def _with_headers(scope: Scope, send: Send) -> Send:
+    private = HTTPConnection(scope).url.path.startswith("/api")
+
+    async def send_with_headers(message: Message) -> None:
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
+            headers = MutableHeaders(scope=message)
+            for name, value in HEADERS.items():
+                headers.setdefault(name, value)
+            if private:
+                headers.setdefault("Cache-Control", "no-store")
+        await send(message)
+
+    return send_with_headers
+
+
+def _without_body(send: Send) -> Send:
+    """Answer HEAD as GET is answered, with the same head and nothing after it."""
+
+    async def send_head(message: Message) -> None:
+        if message["type"] == "http.response.body":
+            message = {**message, "body": b""}
+        await send(message)
+
+    return send_head
+
+
+def _head_bytes(scope: Scope) -> int:
+    """Return about how long the head of a request is on the line."""
+    target = len(scope.get("raw_path") or scope["path"]) + len(scope["query_string"])
+    return target + sum(len(name) + len(value) + 4 for name, value in scope["headers"])
+
+
+def too_large_a_head() -> str:
+    """Return why a head is refused, and what a person at a browser can do."""
+    return (
+        f"the head of the request has more than {LONGEST_HEAD // 1024} kB or {MOST_HEADERS} lines: other applications "
+        "under this host name have set too many cookies; delete the cookies of this site, or use another name for it"
+    )
+
+
+def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
+    """Return a refusal: a page for whoever opens the address in a browser, else the body that every refusal has."""
+    # What follows may be a part of it, and must not be taken for the next request. A body that is only too large is
+    # read to its end: to close before that would take the answer from whoever still sends.
+    headers = {"Connection": "close"} if scope["type"] == "http" and code in _UNCLEAR else {}
+    if scope["type"] == "http" and wants_page(Headers(scope=scope), scope["method"]):
+        page = message_page(status, message)
+        page.headers.update(headers)
+        return page
+    body = Refusal(error=Problem(code=code, message=message))
+    return JSONResponse(body.model_dump(exclude_none=True), status_code=status, headers=headers)
