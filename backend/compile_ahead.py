@@ -3,17 +3,16 @@
 This is the half of the service. ``python -m backend.realtime.compile_ahead`` is that of the loop; both run in parallel.
 """
 
-from backend import assembly, main
-from backend.api import app
-from backend.cli import serve
-from backend.operating.kept_figures import KeptFigures
-from backend.operating.tuning_in_use import by_default
+import backend.api.app
+import backend.app
+import backend.cli.server
+import backend.server.server
 from backend.realtime import heartbeat
-from backend.server import server
+from backend.services.tuning_state import KeptFigures, by_default
 from plant.parameters import load_parameters
 
 PARAMETERS = "lab"
-STARTED = (assembly, app, main, serve, server)
+STARTED = (backend.app, backend.api.app, backend.cli.server, backend.server.server)
 """What a start imports: it is bytecode from now on."""
 
 

@@ -75,7 +75,7 @@ def _refuse(event: str, _arguments: object) -> None:
 # The libraries that no start needs and that take seconds to load: whoever computes with one imports
 # it where it does.
 #
-# The first curve waits for none of them. The service loads them behind it (``backend.main``), so
+# The first curve waits for none of them. The service loads them behind it (``backend.app``), so
 # that whoever asks first does not wait for that either; a process beside the service loads what its
 # work will need.
 

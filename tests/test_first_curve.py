@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.operating.kept_figures import KeptFigures
+from backend.services.tuning_state import KeptFigures
 from backend.tuning import robustness
 from backend.tuning.gains import MotorModel
 from backend.tuning.preview import Previewer
@@ -19,8 +19,8 @@ LATER = ("scipy.optimize", "scipy.signal", "scipy.stats", "control", "matplotlib
 STARTED = """
 import sys
 from collections.abc import Callable
-import backend.main, backend.assembly, backend.api.app, backend.operating.foundation
-from backend.operating.foundation import KeptFigures, KeptTuning, load_parameters, open_database
+import backend.app, backend.app, backend.api.app, backend.app
+from backend.app import KeptFigures, KeptTuning, load_parameters, open_database
 from pathlib import Path
 database = open_database(Path(sys.argv[1]))
 KeptFigures(Path(sys.argv[1])).restore()
@@ -33,7 +33,7 @@ print(*[name for name in sys.argv[2:] if name in sys.modules])
 @pytest.fixture
 def nothing_known(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, ...]]:
     monkeypatch.setattr(robustness, "FIGURES", {})
-    monkeypatch.setattr("backend.operating.kept_figures.FIGURES", robustness.FIGURES)
+    monkeypatch.setattr("backend.services.tuning_state.FIGURES", robustness.FIGURES)
     return robustness.FIGURES
 
 

@@ -9,9 +9,6 @@ from functools import partial
 from typing import Any
 
 from backend import __version__
-from backend.analysis import identification as actuator_identification
-from backend.analysis import identification as motor_identification
-from backend.analysis import identification as spring_identification
 from backend.analysis.context import InForce, kept_tuning, points_in
 from backend.analysis.disturbance_metrics import (
     ComplianceColumns,
@@ -29,6 +26,17 @@ from backend.analysis.disturbance_metrics import (
     robustness_figures,
 )
 from backend.analysis.frequency_metrics import BodeFigures, ResponseFigures, bode_figures, response_figures
+from backend.analysis.identification import (
+    actuator_figures,
+    identify_actuator,
+    identify_motors,
+    identify_springs,
+    motor_figures,
+    spring_figures,
+    to_store_actuator,
+    to_store_motors,
+    to_store_springs,
+)
 from backend.analysis.step_metrics import (
     NoSamplesError,
     Overall,
@@ -390,19 +398,19 @@ def _estimated(
 ) -> tuple[object, NewIdentification]:
     match plan:
         case MotorIdentificationPlan():
-            motors = motor_identification.identify_motors(columns, parameters)
-            figures = motor_identification.motor_figures(columns, motors)
-            return figures, motor_identification.to_store_motors(run, plan, motors, parameters, __version__)
+            motors = identify_motors(columns, parameters)
+            figures = motor_figures(columns, motors)
+            return figures, to_store_motors(run, plan, motors, parameters, __version__)
         case SpringIdentificationPlan():
-            springs = spring_identification.identify_springs(columns, plan, parameters)
-            stretched = spring_identification.spring_figures(columns, plan, springs)
-            return stretched, spring_identification.to_store_springs(run, plan, springs, parameters, __version__)
+            springs = identify_springs(columns, plan, parameters)
+            stretched = spring_figures(columns, plan, springs)
+            return stretched, to_store_springs(run, plan, springs, parameters, __version__)
         case ActuatorIdentificationPlan():
             excitation = plan.excitation()
             method = Method(plan.estimator)
-            estimate = actuator_identification.identify_actuator(columns, excitation, parameters, method)
-            moved = actuator_identification.actuator_figures(columns, excitation, estimate)
-            return moved, actuator_identification.to_store_actuator(run, plan, columns, estimate, __version__)
+            estimate = identify_actuator(columns, excitation, parameters, method)
+            moved = actuator_figures(columns, excitation, estimate)
+            return moved, to_store_actuator(run, plan, columns, estimate, __version__)
 
 
 def _outline(columns: ReaderColumns, plan: Plan, run: Run) -> Metrics:

@@ -10,33 +10,9 @@ from starlette.types import ASGIApp
 
 from backend import __version__
 from backend.api import errors
-from backend.api.admission import Admission
-from backend.api.angles import angles_of
-from backend.api.refused_commands import tell_refused
-from backend.api.routes import (
-    banks,
-    bring_up,
-    control,
-    experiments,
-    faults,
-    formulas,
-    identifications,
-    log,
-    operate,
-    own_experiments,
-    player,
-    preferences,
-    run_figures,
-    run_library,
-    runs,
-    session,
-    sheets,
-    site,
-    stream,
-    studies,
-    system,
-    tuning,
-)
+from backend.api.dependencies import angles_of
+from backend.api.middleware import Admission, tell_refused
+from backend.api.routers import actuator, experiments, identifications, runs, session, system, tuning
 from backend.public_url import PublicUrl
 from backend.server.connections import RequestTurns
 from backend.server.security import Guard, SessionEnds
@@ -86,32 +62,32 @@ def create_app(
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,
     )
-    for part in (
-        session,
-        preferences,
-        control,
-        operate,
-        player,
-        bring_up,
-        faults,
-        log,
-        tuning,
-        identifications,
-        banks,
-        own_experiments,  # its names come before the numbers of runs
-        experiments,
-        run_library,
-        formulas,
-        runs,
-        run_figures,
-        sheets,
-        studies,
-        system,
+    for router in (
+        session.session_router,
+        session.preferences_router,
+        actuator.control_router,
+        actuator.operate_router,
+        actuator.player_router,
+        system.bring_up_router,
+        actuator.faults_router,
+        runs.log_router,
+        tuning.tuning_router,
+        identifications.router,
+        tuning.banks_router,
+        experiments.own_experiments_router,  # its names come before the numbers of runs
+        experiments.experiments_router,
+        runs.run_library_router,
+        runs.formulas_router,
+        runs.runs_router,
+        runs.run_figures_router,
+        runs.sheets_router,
+        experiments.studies_router,
+        system.system_router,
     ):
-        app.include_router(part.router, responses=errors.RESPONSES)
-    for router in (stream.router, *further_routes, site.router):
+        app.include_router(router, responses=errors.RESPONSES)
+    for router in (system.stream_router, *further_routes, system.site_router):
         app.include_router(router)
-    site.mount_static(app)
+    system.mount_static(app)
     errors.install(app, angles_of, tell_refused)
     app.add_middleware(RequestTurns)
     app.add_middleware(SessionEnds)

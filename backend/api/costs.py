@@ -8,8 +8,7 @@ STOP waiting.
 from dataclasses import dataclass
 
 from backend import workers
-from backend.archive import downloads, figures
-from backend.operating import chart_sheets, dry_runs, text_work
+from backend.services import background_work, downloads, queue, signals
 from backend.workers import Limits
 
 _UNLIMITED = Limits()
@@ -40,23 +39,23 @@ FORMULAS = Cost("a thread of the service, formulas of bounded numbers", at_a_tim
 TEXT = Cost(
     "the process for texts: one for operators, one for viewers",
     workers.TEXTS,
-    _places(text_work.PLACES, text_work.VIEWERS_PLACES, text_work.PLACES_EACH),
+    _places(background_work.TEXT_PLACES, background_work.VIEWERS_TEXT_PLACES, background_work.TEXT_PLACES_EACH),
 )
 PREVIEW = Cost(
     "the process for texts: one for operators, one for viewers",
     workers.TEXTS,
-    _places(text_work.PREVIEWS, text_work.VIEWERS_PREVIEWS, text_work.PREVIEWS_EACH),
+    _places(background_work.PREVIEWS, background_work.VIEWERS_PREVIEWS, background_work.PREVIEWS_EACH),
 )
 ORDERED_TEXT = Cost("the process for texts of operators", workers.TEXTS)
-DRY_RUN = Cost("the process for dry runs", workers.DRY_RUNS, _places(dry_runs.PLACES, dry_runs.VIEWERS_PLACES, each=1))
+DRY_RUN = Cost("the process for dry runs", workers.DRY_RUNS, _places(queue.PLACES, queue.VIEWERS_PLACES, each=1))
 SHEET = Cost(
     "the process for sheets of charts",
     workers.SHEETS,
-    _places(chart_sheets.PLACES, chart_sheets.VIEWERS_PLACES, chart_sheets.PLACES_EACH),
+    _places(background_work.SHEET_PLACES, background_work.VIEWERS_SHEET_PLACES, background_work.SHEET_PLACES_EACH),
 )
 REPORT = Cost("the process for reports", workers.REPORTS)
 LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORTS)
-RANGE = Cost("threads of the service; of long ranges and of files a process for each", at_a_time=f"{figures.AT_ONCE}")
+RANGE = Cost("threads of the service; of long ranges and of files a process for each", at_a_time=f"{signals.AT_ONCE}")
 EVALUATION = Cost("the process for evaluations of stored runs", workers.EVALUATIONS)
 MODELS = Cost("the process for results and banks")
 STUDY = Cost("the processes for studies")

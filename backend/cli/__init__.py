@@ -9,26 +9,8 @@ import sys
 import typer
 from pydantic import ValidationError
 
-from backend.cli import (
-    bank,
-    database,
-    doctor,
-    experiment,
-    experiments,
-    foxglove,
-    identify,
-    queue,
-    report,
-    rig,
-    runs,
-    serve,
-    study,
-    token,
-    touch,
-    wall,
-)
-from backend.cli.garbage import look_as_usual, look_seldom
-from backend.cli.output import ANGLES, angles, fail, print_what_can_be_printed
+from backend.cli import bank, experiments, identify, report, rig, runs, server, study
+from backend.cli.output import ANGLES, angles, fail, look_as_usual, look_seldom, print_what_can_be_printed
 from backend.errors import RefusedValueError
 from backend.workers import import_nothing_from_here
 
@@ -41,23 +23,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # it would take [rad] for a colour
 )
-app.command()(serve.serve)
-app.command()(serve.link)
-app.command()(experiment.experiment)
-app.add_typer(experiments.app, name="experiments")
-app.add_typer(queue.app, name="queue")
+app.command()(server.serve)
+app.command()(server.link)
+app.command()(experiments.experiment)
+app.add_typer(experiments.experiments_app, name="experiments")
+app.add_typer(experiments.queue_app, name="queue")
 app.add_typer(identify.app, name="identify")
 app.add_typer(bank.app, name="bank")
 app.add_typer(runs.app, name="runs")
 app.add_typer(study.app, name="study")
 app.add_typer(report.app, name="report")
-app.add_typer(database.app, name="db")
+app.add_typer(server.database_app, name="db")
 app.add_typer(rig.app, name="rig")
-app.command()(foxglove.foxglove)
-app.add_typer(touch.app, name="touch")
-app.add_typer(wall.app, name="wall")
-app.add_typer(token.app, name="token")
-app.command()(doctor.doctor)
+app.command()(server.foxglove)
+app.add_typer(server.touch_app, name="touch")
+app.add_typer(server.wall_app, name="wall")
+app.add_typer(server.token_app, name="token")
+app.command()(server.doctor)
 
 
 def main() -> None:

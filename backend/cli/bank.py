@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli.ordering import current_user, values_of
+from backend.cli.experiments import current_user, values_of
+from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
-from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 
 if TYPE_CHECKING:
     from backend.banks.builder import EntryDifference, LoopFigures
@@ -77,8 +77,8 @@ def build(
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
     from backend.banks.builder import build_bank
-    from backend.storage import identifications as identifications_
     from backend.storage.banks import fits_in
+    from backend.storage.identifications import runs_of
 
     settings = settings_with(data=data, station=station)
     with database_of(settings) as database:
@@ -86,7 +86,7 @@ def build(
         parameters = parameters_in_force(settings.model_copy(update={"params": named}), database)
         bank = build_bank(database, parameters, name, identifications, current_user())
         with database.reading() as session:
-            _print(bank, identifications_.runs_of(session), fits_in(session, bank), as_json=as_json)
+            _print(bank, runs_of(session), fits_in(session, bank), as_json=as_json)
 
 
 @app.command()

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from backend.cli.options import DataFolder, StationName, database_of, has_database, settings_with
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json
-from backend.cli.place import DataFolder, StationName, database_of, has_database, settings_with
 from backend.settings import Settings
 
 if TYPE_CHECKING:

@@ -1,23 +1,529 @@
-"""``sinew rig``."""
+"""``sinew rig``: check, bring-up, tare and calibration at a terminal."""
 
+import asyncio
+import os
 import sys
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Annotated
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from backend.cli import rig_bring_up, rig_check
-from backend.cli.output import AsJson, errors, fail, out, print_json
-from backend.cli.place import CardAddress, ParameterSet, PlantName, Recording, VirtualCard, WiringFile, settings_with
+from backend.cli.experiments import current_user
+from backend.cli.options import (
+    CardAddress,
+    DataFolder,
+    ParameterSet,
+    PlantName,
+    Recording,
+    StationName,
+    VirtualCard,
+    WiringFile,
+    database_of,
+    settings_with,
+)
+from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
+from backend.commissioning.steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, StepId
+from backend.plain_text import as_line
+from backend.settings import Settings
+from backend.units import in_words, read, reading_of, with_unit
 
 if TYPE_CHECKING:
+    from backend.commissioning.session import Session
+    from backend.commissioning.steps import Standing
+    from backend.storage.commissioning import StepResult
+    from backend.storage.database import Database
     from plant.conformance import Finding
+    from plant.daq import Raw
+
+
+# Asking --------------------------------------------------------------------------------------------
+#
+# A person at the terminal: asked in words on standard error, answering with a line.
+
+
+GIVE_UP = "q"
+
+
+class GivenUpError(Exception):
+    """The person does not go on, or there are no answers left."""
+
+
+class Terminal:
+    """Lines from standard input. Belongs to one asyncio event loop.
+
+    They are read by a thread of their own, straight from the descriptor: the wait for a line can be given up then, and
+    the thread holds no lock when the program ends.
+    """
+
+    def __init__(self) -> None:
+        self._answers: asyncio.Queue[str | None] = asyncio.Queue()
+        self._typed = sys.stdin.isatty()
+        self._ended = False
+        threading.Thread(target=self._read, args=(asyncio.get_running_loop(),), daemon=True).start()
+
+    async def confirmed(self, words: str) -> None:
+        """Ask for something to be done, and wait until it is confirmed. Raises GivenUpError."""
+        await self.answer(f"{words}.", "Enter when done")
+
+    async def answer(self, words: str, how: str) -> str:
+        """Ask, and return the line that is typed from now on. Raises GivenUpError."""
+        while self._typed and not self._answers.empty():  # an Enter of before confirms nothing, an end stays one
+            self._ended = self._answers.get_nowait() is None or self._ended
+        say(f"  > {words} [{how}, {GIVE_UP} to give up]")
+        answer = None if self._ended else await self._answers.get()
+        if answer is None:
+            self._ended = True
+            raise GivenUpError("no answer: standard input has come to its end")
+        if answer.lower() == GIVE_UP:
+            raise GivenUpError("given up")
+        return answer
+
+    def phase(self, name: str) -> None:
+        """Tell what goes on."""
+        say(f"    {name} …", style="dim")
+
+    def _read(self, loop: asyncio.AbstractEventLoop) -> None:
+        rest = b""
+        with suppress(RuntimeError):  # of an event loop that has ended
+            with suppress(OSError):  # of a terminal that is gone
+                while part := os.read(sys.stdin.fileno(), 4096):
+                    *lines, rest = (rest + part).split(b"\n")
+                    for line in lines:
+                        loop.call_soon_threadsafe(self._answers.put_nowait, line.decode(errors="replace").strip())
+            loop.call_soon_threadsafe(self._answers.put_nowait, None)
+
+
+def say(words: str, style: str = "") -> None:
+    """Print on standard error, angles as they are read."""
+    errors.print(in_words(words, angles()), style=style, highlight=False, markup=False, soft_wrap=True)
+
+
+# Rig check -----------------------------------------------------------------------------------------
+#
+# ``sinew rig check``: whether a wiring file can be used, all that is wrong with it at once.
+
+
+def check(
+    wiring: WiringFile = None,
+    open_card: Annotated[
+        bool, typer.Option("--open", help="Open the card too, at zero volts with the drives off, and read it once.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check a wiring file: channels, calibrations, units, each mistake with its line and remedy; exit 1 for one.
+
+    Signs and swapped wires cannot be told from a file: the bring-up's wiring test and direction step find them.
+    """
+    from plant.wiring import WiringError, load_wiring
+
+    try:
+        found = load_wiring(settings_with(wiring=wiring).wiring)
+    except WiringError as error:
+        if as_json:
+            print_json({"problems": [problem._asdict() for problem in error.problems]})
+        fail(*error.sentences)
+    read = _read_once(settings_with(wiring=wiring).wiring) if open_card else None
+    if as_json:
+        print_json({"wiring": found.title, "problems": []} | ({} if read is None else {"read": read._asdict()}))
+        return
+    title = as_line(found.title)
+    print(f"{title}: channels, units and calibrations are in order")
+    if read is not None:
+        counts = f"{read.n_q:g}, {read.n_A:g}, {read.n_B:g}"
+        print(f"{title}: {read.V_A:.4f} V, {read.V_B:.4f} V; counts {counts}")
+        tripped, held = "tripped" if read.tripped else "not tripped", "held" if read.at_end else "free"
+        print(f"safety module {tripped}, end switch {held}")
+    else:
+        print("Signs and swapped wires show in the bring-up: its wiring test and direction step name the entry")
+
+
+def _read_once(wiring: str) -> "Raw":
+    from plant.factory import require_available, wiring_of_choice
+    from plant.interface import PlantChoice, PlantKind
+
+    choice = PlantChoice(PlantKind.RIG, wiring=wiring)
+    require_available(choice)
+    from plant.daq import Daq
+
+    daq = Daq(wiring_of_choice(choice))
+    try:
+        daq.open()
+        return daq.read()
+    finally:
+        daq.close()
+
+
+# Rig steps -----------------------------------------------------------------------------------------
+#
+# Playing steps of the bring-up at a terminal, and telling how they stand.
+
+
+_STANDS = {"never": "to do", "current": "done", "out_of_date": "out of date", "failed": "failed"}
+"""The page's words."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """A step to be played: its numbers, None where the terminal asks for them, and the load cells it is about."""
+
+    step: StepId
+    values: dict[str, float] | None = None
+    cells: str = "AB"
+
+
+def require_rig(settings: Settings) -> None:
+    """End the command where there is nothing to bring up. Raises PlantError where what a card needs is missing."""
+    from plant.factory import require_available
+    from plant.interface import PlantKind
+
+    choice = settings.plant_choice
+    if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
+        fail(
+            f"a rig is brought up; what is driven here is the {choice.name}: say --plant rig, "
+            "and --virtual-card to practise without one"
+        )
+    require_available(choice)
+
+
+def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, Standing]":
+    """How the steps stand while no loop runs: whatever a loop before has counted from is lost."""
+    from datetime import UTC, datetime
+
+    from backend.commissioning import steps as standing
+    from plant.factory import wiring_of_choice
+
+    return standing.states(standing.kept(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
+
+
+def not_done(settings: Settings) -> list[StepId]:
+    """Return what is to be done; the zero, which no loop leaves to the next, by hand and only where it is needed."""
+    from backend.commissioning.steps import StepState
+
+    with database_of(settings, reading=True) as database:
+        states = _states_at_rest(settings, database)
+    by_hand = [step for step in STEPS if step.id in states and step.id is not StepId.HOME]
+    missing = [step for step in by_hand if states[step.id].state is not StepState.CURRENT]
+    needed = {need for step in missing for need in step.needs}
+    never = states[StepId.ZERO].state in (StepState.NEVER, StepState.FAILED)
+    return [step.id for step in missing if step.id is not StepId.ZERO or never or StepId.ZERO in needed]
+
+
+def show(settings: Settings, *, as_json: bool) -> None:
+    """Tell how the steps stand; nothing is started."""
+    with database_of(settings, reading=True) as database:
+        _show_steps(_standing_of(settings, _states_at_rest(settings, database), database), as_json=as_json)
+
+
+def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
+    """Play steps in turn, up to the first that fails or is given up: exit 1 then."""
+    from backend.data_folder import AlreadyRunningError, address_of_service, only_service_on
+
+    if not settings.plant_choice.simulated and not sys.stdin.isatty():
+        fail("standard input is no terminal: a rig is brought up by a person who stands at it and confirms each step")
+    try:
+        with only_service_on(settings.data), database_of(settings, held=True) as database:
+            _require_free(settings, database, orders)
+            stands = asyncio.run(_played(settings, database, orders))
+    except AlreadyRunningError as error:
+        address = address_of_service(settings.data)
+        fail(f"{error}" if not address else f"{error}. Or bring the rig up on its page Bring-up at {address}")
+    _show_steps(stands, as_json=as_json)
+    if stands.ended:
+        fail(stands.ended)
+
+
+def _require_free(settings: Settings, database: "Database", orders: Sequence[Order]) -> None:
+    """Refuse before any card is opened."""
+    from backend.commissioning.steps import blocked_by
+
+    first = STEP[orders[0].step]
+    blocked = blocked_by(first, _states_at_rest(settings, database))
+    if blocked:
+        fail(f"{first.title}: {blocked}; sinew rig bring-up plays all that is to be done")
+
+
+async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> "_BringUp":
+    from backend.banks.builder import tuning_command
+    from backend.banks.tuning_settings import default_choice
+    from backend.commissioning.session import BlockedError, Person, session
+    from backend.commissioning.steps import brought_up_of
+    from backend.realtime.ipc import Setup
+    from plant.parameters import load_parameters
+
+    choice, parameters = settings.plant_choice, load_parameters(settings.params)
+    # No law above the motor loops plays here; the tuning in force is the service's matter.
+    tuning = tuning_command(parameters, default_choice(parameters).choice, None)
+    setup = Setup(choice, settings.params, 0, tuning, brought_up_of(database, choice))
+    terminal = Terminal()
+    person = Person(current_user(), terminal.confirmed, terminal.phase)
+    say(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
+    if choice.simulated:
+        say("Nothing real moves: at each Enter the program's own hand does what is asked for.")
+    try:
+        await terminal.confirmed("Take your hands off the rig: the loop starts, and the drives come on at zero volts")
+    except GivenUpError as why:
+        fail(str(why))
+    ended = ""
+    async with session(database, setup, parameters, person) as at_rig:
+        for order in orders:
+            try:
+                result = await _one(at_rig, terminal, order)
+            except GivenUpError as why:
+                ended = f"{why}: nothing of {STEP[order.step].title} was kept"
+                break
+            except BlockedError as why:
+                ended = str(why)
+                break
+            if not result.passed:
+                ended = f"{STEP[order.step].title}: {result.text}"
+                break
+        states, locked, unkept = at_rig.states(), at_rig.supervisor.setup.drives_off, at_rig.unkept
+    if unkept:
+        say(unkept, style="red")
+    elif locked:
+        say("The drives stay off where the rig is driven next, until somebody there switches them on.")
+    if any(order.step in INSTEAD for order in orders):
+        say("The zero ends with this command's loop: set it again where the rig is driven next.")
+    return _standing_of(settings, states, database, ended)
+
+
+async def _one(at_rig: "Session", terminal: Terminal, order: Order) -> "StepResult":
+    step = order.step
+    say(f"\n{STEP[step].title}", style="bold")
+    say(f"  {STEP[step].instruction}")
+    at_rig.require_free(step)
+    result = await at_rig.play(step, order.values or await _numbers(terminal, step), order.cells)
+    say(f"  {'passed' if result.passed else 'FAILED'}: {result.text}", style="green" if result.passed else "red")
+    for figure in result.figures:
+        say(f"    {figure['words']}: {_read(figure['value'], figure['unit'])}")
+    return result
+
+
+async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
+    """Ask for the numbers of a step until they are good."""
+    from backend.commissioning.session import values_of
+    from backend.errors import RefusedValueError
+
+    while True:
+        try:
+            typed = {
+                wanted.name: await terminal.answer(f"{wanted.words} [{wanted.unit}]", f"Enter for {wanted.default:g}")
+                for wanted in STEP[step].inputs
+            }
+            return values_of(step, {name: float(word) for name, word in typed.items() if word})
+        except RefusedValueError as refused:
+            say(f"  {refused.sentence(angles())}", style="red")
+        except ValueError as wrong:
+            say(f"  {wrong}: type a number", style="red")
+
+
+@dataclass(frozen=True)
+class _Result:
+    """What a step came to, as it is printed for programs."""
+
+    passed: bool
+    text: str
+    figures: Sequence[dict[str, Any]]
+    who: str
+    at: datetime
+
+
+@dataclass(frozen=True)
+class _Step:
+    """How a step stands, and ``why``; what it is ``blocked`` by."""
+
+    id: StepId
+    title: str
+    state: str
+    why: str
+    blocked: str
+    result: _Result | None
+
+
+@dataclass(frozen=True)
+class _BringUp:
+    """How all steps stand; ``ended`` says what ended the command before its end, empty where nothing did."""
+
+    plant: str
+    wiring: str
+    steps: tuple[_Step, ...]
+    ended: str
+
+
+def _standing_of(
+    settings: Settings, states: "dict[StepId, Standing]", database: "Database", ended: str = ""
+) -> _BringUp:
+    from backend.commissioning import steps as standing
+
+    results = standing.newest(database)
+    steps = tuple(
+        _Step(
+            step.id,
+            step.title,
+            states[step.id].state,
+            states[step.id].why,
+            standing.blocked_by(step, states),
+            _result(results.get(step.id)),
+        )
+        for step in STEPS
+        if step.id in states
+    )
+    return _BringUp(settings.plant_choice.name, settings.wiring, steps, ended)
+
+
+def _result(result: "StepResult | None") -> _Result | None:
+    return None if result is None else _Result(result.passed, result.text, result.figures, result.who, result.at)
+
+
+def _show_steps(bring_up: _BringUp, *, as_json: bool) -> None:
+    if as_json:
+        print_json(asdict(bring_up))
+        return
+    rows = []
+    for step in bring_up.steps:
+        done = step.result
+        who, at = (done.who, f"{done.at.astimezone():%Y-%m-%d %H:%M}") if done else ("", "")
+        rows.append((step.id, _STANDS[step.state], who, at, in_words(step.why, angles())))
+    print_table(("step", "stands", "by", "on", "because"), rows)
+
+
+def _read(value: float | None, unit: str) -> str:
+    if value is None:
+        return "not measured"
+    return with_unit(f"{read(value, unit, angles()):.4g}", reading_of(unit, angles()).unit)
+
+
+# Rig bring up --------------------------------------------------------------------------------------
+#
+# ``sinew rig bring-up``, ``tare`` and ``calibrate``: the steps of the page Bring-up, at a terminal.
+
+
+class LoadCell(StrEnum):
+    """Which load cells are calibrated."""
+
+    A = "A"
+    B = "B"
+    BOTH = "AB"
+
+
+def bring_up(
+    step: Annotated[
+        list[StepId] | None,
+        typer.Option(
+            "--step", help="Play this step; repeatable, in their order. [all that are not done or out of date]"
+        ),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="Only tell how the steps stand; nothing is started.")] = False,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
+    card_address: CardAddress = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Bring a rig up, guided: small steps at low voltage, each kept with date and person; exit 1 where one fails.
+
+    Each step says what to do at the rig and waits for Enter; Ctrl-C ends it at zero volts, and nothing is kept of a
+    step that has not ended; but directions whose trial is given up are not proven any more.
+    On the virtual card the program's own hand does what is asked for, and answers may come from a pipe, a line each.
+    """
+    settings = settings_with(
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        params=params,
+        data=data,
+        station=station,
+    )
+    require_rig(settings)
+    wanted = [found.id for found in STEPS if found.id in step] if step else not_done(settings)
+    if listed or not wanted:
+        show(settings, as_json=as_json)
+    else:
+        play(settings, [Order(found) for found in wanted], as_json=as_json)
+
+
+def tare(
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
+    card_address: CardAddress = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take 1 s of both load cells without load as their zeros; needs a wiring test of this wiring."""
+    settings = settings_with(
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        params=params,
+        data=data,
+        station=station,
+    )
+    require_rig(settings)
+    play(settings, [Order(StepId.TARE)], as_json=as_json)
+
+
+def calibrate(
+    weight: Annotated[list[float], typer.Option("--weight", help="Known weight [N]; two or more, 5 N apart at least.")],
+    load_cell: Annotated[
+        LoadCell, typer.Option("--load-cell", help="Which load cell, or both in turn.")
+    ] = LoadCell.BOTH,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
+    card_address: CardAddress = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate load cells with known weights, the best line through them; needs a wiring test of this wiring.
+
+    Calibration counts as done once both load cells have been calibrated with this wiring.
+    """
+    from backend.commissioning.session import values_of
+
+    most = 2 + len(MORE_WEIGHTS)
+    if not 2 <= len(weight) <= most:
+        fail(f"--weight: two known weights at least, and {most} at most; {len(weight)} given", status=2)
+    lightest, *between, heaviest = sorted(weight)
+    names = ["weight_1_N", "weight_2_N", *(more.name for more in MORE_WEIGHTS)]
+    values = values_of(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
+    settings = settings_with(
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        params=params,
+        data=data,
+        station=station,
+    )
+    require_rig(settings)
+    play(settings, [Order(StepId.CALIBRATE, values, load_cell)], as_json=as_json)
+
+
+# Rig -----------------------------------------------------------------------------------------------
+#
+# ``sinew rig``.
+
 
 app = typer.Typer(help="Look at what is driven, and bring it up.", no_args_is_help=True, rich_markup_mode=None)
-app.command()(rig_check.check)
-app.command()(rig_bring_up.bring_up)
-app.command()(rig_bring_up.tare)
-app.command()(rig_bring_up.calibrate)
+app.command()(check)
+app.command()(bring_up)
+app.command()(tare)
+app.command()(calibrate)
 
 STEPPED_VOLTAGE = 0.5
 """What is put on the outputs where nothing real moves [V]."""

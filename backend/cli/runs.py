@@ -1,30 +1,362 @@
-"""``sinew runs``."""
+"""``sinew runs``: list, search, tags, comparison, lineage, export."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli import exports, run_library
-from backend.cli.output import AsJson, angles, fail, out, print_json
-from backend.cli.place import DataFolder, StationName, database_of, settings_with
-from backend.cli.run_tables import show_run, show_settings
+from backend.cli.experiments import current_user
+from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
+from backend.cli.output import AsJson, angles, fail, out, print_json, print_table, show_run, show_settings
+from backend.units import in_words, read, reading_of
+
+if TYPE_CHECKING:
+    from backend.schemas.comparison import ComparedValue
+    from backend.schemas.run import RunView
+    from backend.services.runs import StoredRuns
+    from backend.storage.database import Database
+
+
+# Exports -------------------------------------------------------------------------------------------
+#
+# ``sinew runs export`` and what goes with it.
+
+
+def export(
+    run: Annotated[int, typer.Argument(help="Number of the run.")],
+    file: Annotated[Path, typer.Argument(help="File to write; .csv, .parquet, .mat or .mcap says the format.")],
+    formula: Annotated[
+        list[str] | None, typer.Option(help="Derived signal as a further column, once for each.")
+    ] = None,
+    data: DataFolder = None,
+    station: StationName = None,
+) -> None:
+    """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
+    from backend.exports.base import ExportError, of_run
+    from backend.exports.formats import DataFormat, write_file
+    from backend.storage.orm import UnknownRecordError
+
+    kind = file.suffix.removeprefix(".")
+    if kind not in set(DataFormat):
+        fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
+        try:
+            write_file(of_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
+        except (UnknownRecordError, ExportError) as error:
+            fail(str(error), status=2)
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
+    """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
+    from backend.exports import mcap
+    from backend.exports.formats import write_whole
+
+    write_whole((mcap.layout().encode(),), file)
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+def take_in(
+    file: Annotated[Path, typer.Argument(help="Export of a run: .csv, .parquet, .mat or .mcap; or its bundle, .zip.")],
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
+    from backend.exports.base import ImportRefusedError
+    from backend.services.downloads import take_in as store
+
+    settings = settings_with(data=data, station=station)
+    with database_of(settings) as database:
+        try:
+            taken = store(database, file, current_user(), settings.data)
+        except (ImportRefusedError, OSError) as error:
+            fail(f"{file} is not taken in, and nothing of it: {error}", status=2)
+            raise
+    if as_json:
+        print_json(vars(taken))
+    elif taken.new:
+        out.print(f"run {taken.was} is taken in as run {taken.run}", highlight=False, markup=False)
+    else:
+        out.print(
+            f"run {taken.was} is here already, as run {taken.run}: nothing is done", highlight=False, markup=False
+        )
+
+
+def bundle(
+    run: Annotated[int, typer.Argument(help="Number of the run.")],
+    file: Annotated[Path, typer.Argument(help="File to write, .zip.")],
+    data: DataFolder = None,
+    station: StationName = None,
+) -> None:
+    """Write a run with all that it came from to a file that another installation takes in."""
+    from backend.exports.base import ExportError
+    from backend.exports.formats import write_whole
+    from backend.services.downloads import bundle_pieces
+    from backend.storage.orm import UnknownRecordError
+
+    settings = settings_with(data=data, station=station)
+    with database_of(settings, reading=True) as database:
+        try:
+            write_whole(bundle_pieces(database, run, settings.data), file)
+        except (UnknownRecordError, ExportError) as error:
+            fail(str(error), status=2)
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+# Run library ---------------------------------------------------------------------------------------
+#
+# The commands of ``sinew runs`` about many runs: list and search, tags, saved searches, comparison,
+# lineage.
+
+
+Where = Annotated[str, typer.Option("--where", help='A search, such as "kind=tracking overshoot_q_percent < 5".')]
+AllStations = Annotated[bool, typer.Option("--all-stations", help="Of all stations on the database.")]
+RunNumbers = Annotated[list[int], typer.Argument(help="Numbers of runs.")]
+_HASH_DIGITS = 12
+
+
+def list_runs(
+    where: Where = "",
+    search: Annotated[str, typer.Option(help="Words in number, kind, title, person, note, tags or end state.")] = "",
+    saved: Annotated[str, typer.Option("--saved", metavar="NAME", help="A saved search.")] = "",
+    limit: Annotated[int, typer.Option(min=1, max=10_000, help="Most runs to list.")] = 50,
+    all_stations: AllStations = False,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """List runs, newest first: all, or those that fit a search (docs/search.md)."""
+    from backend.services.library import RunLibrary
+    from backend.services.runs import Asked
+
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
+        kept = RunLibrary(database).where_of(saved) if saved else ""
+        asked = Asked(search=search, where=(kept, where), everywhere=all_stations, limit=limit)
+        found = _stored_runs(database).found(asked)
+    if as_json:
+        print_json([run.model_dump(mode="json") for run in found.runs])
+        return
+    rows = [
+        (
+            run.id,
+            f"{run.started:%Y-%m-%d %H:%M}",
+            run.title,
+            run.parameters,
+            run.who,
+            run.station,
+            " ".join(run.tags),
+            _end(run),
+        )
+        for run in found.runs
+    ]
+    columns = ("run", "started (UTC)", "kind", "parameters", "by", "station", "tags", "end")
+    print_table(columns, rows, whole=columns[:2])
+    if found.total > len(rows):
+        out.print(f"{len(rows)} of {found.total} runs; more with --limit", highlight=False, markup=False)
+
+
+def compare(
+    runs: RunNumbers,
+    reference: Annotated[
+        int | None, typer.Option("--reference", help="Run that differences are to. [the first]")
+    ] = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare the metrics of runs, with the differences to one of them."""
+    from backend.schemas.comparison import ComparisonAsked
+    from backend.services.library import RunLibrary
+
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
+        found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
+    if as_json:
+        print_json(found.model_dump(mode="json"))
+        return
+    for run in found.runs:
+        marked = ", the reference" if run.id == found.reference else ""
+        at = f" at {run.station}" if run.station else ""
+        out.print(
+            f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. "
+            f"{in_words(run.verdict, angles())}",
+            highlight=False,
+            markup=False,
+        )
+    rows = [
+        (item.label, *(_compared(value, item.unit) for value in item.values), reading_of(item.unit, angles()).unit)
+        for item in found.metrics
+    ]
+    print_table(("metric", *(f"run {run.id}" for run in found.runs), "unit"), rows)
+
+
+def history(
+    kind: Annotated[str, typer.Argument(help="Kind of runs, or name of an experiment.")],
+    metric: Annotated[str, typer.Argument(help="Name of a metric. [the first there is]")] = "",
+    where: Where = "",
+    all_stations: AllStations = False,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print a metric of a kind of runs over their dates."""
+    from backend.services.library import RunLibrary
+
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
+        found = RunLibrary(database).history(kind, metric, where, everywhere=all_stations)
+    if as_json:
+        print_json(found.model_dump(mode="json"))
+        return
+    if found.metric is None:
+        fail(f"no run of kind {kind} that fits has a result")
+    reading = reading_of(found.metric.unit, angles())
+    rows = [
+        (point.run, f"{point.at:%Y-%m-%d %H:%M}", read(point.value, found.metric.unit, angles()))
+        for point in found.points
+    ]
+    print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
+    if found.without or found.left_out:
+        said = f"{found.without} runs have no value of it, {found.left_out} older points are left out"
+        out.print(said, highlight=False, markup=False)
+
+
+def lineage(
+    run: Annotated[int, typer.Argument(help="Number of the run.")],
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what a run came from, back to raw data and parameters, with the sha256 of each and what is out of date."""
+    import sys
+
+    from backend.services.lineage import History
+
+    settings = settings_with(params=params, data=data, station=station)
+    with database_of(settings, reading=True) as database:
+        found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage_of(run)
+    if as_json:
+        print_json(found.model_dump(mode="json"))
+        return
+    titles = {node.id: node.title for node in found.nodes}
+    rows = [
+        (
+            node.title,
+            in_words(node.detail, angles()),
+            node.sha256[:_HASH_DIGITS] if node.sha256 else in_words(node.no_sha256, angles()),
+            ", ".join(titles[origin] for origin in node.origins),
+            in_words(node.out_of_date, angles()),
+        )
+        for node in found.nodes
+    ]
+    print_table(("what", "detail", "sha256", "from", "out of date"), rows)
+
+
+def tag(
+    runs: RunNumbers,
+    add: Annotated[list[str] | None, typer.Option("--add", metavar="TAG", help="Tag to put on; repeatable.")] = None,
+    remove: Annotated[
+        list[str] | None, typer.Option("--remove", metavar="TAG", help="Tag to take off; repeatable.")
+    ] = None,
+    data: DataFolder = None,
+    station: StationName = None,
+) -> None:
+    """Put tags on runs, and take others off; all of it or nothing."""
+    from backend.services.library import RunLibrary
+
+    if not add and not remove:
+        fail("say which tags: --add TAG or --remove TAG", status=2)
+    with database_of(settings_with(data=data, station=station)) as database:
+        RunLibrary(database).tag(runs, add or [], remove or [])
+
+
+def rename_tag(
+    before: Annotated[str, typer.Argument(help="The tag as it is.")],
+    after: Annotated[str, typer.Argument(help="What it is to be called.")],
+    data: DataFolder = None,
+    station: StationName = None,
+) -> None:
+    """Call a tag otherwise on all runs of the station."""
+    from backend.services.library import RunLibrary
+
+    with database_of(settings_with(data=data, station=station)) as database:
+        renamed = RunLibrary(database).rename(before, after)
+    out.print(f"renamed on {renamed} runs", highlight=False, markup=False)
+
+
+def save_search(
+    name: Annotated[str, typer.Argument(help="Name of the search.")],
+    where: Annotated[str, typer.Argument(help="The search; nothing takes it off the list.")] = "",
+    data: DataFolder = None,
+    station: StationName = None,
+) -> None:
+    """Save a search under a name, for `sinew runs list --saved` and the Runs page."""
+    from backend.services.library import RunLibrary
+
+    with database_of(settings_with(data=data, station=station)) as database:
+        library = RunLibrary(database)
+        if where.strip():
+            library.keep_search(name, where, current_user())
+        else:
+            library.drop_search(name, current_user())
+
+
+def searches(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
+    """List the saved searches."""
+    from backend.services.library import RunLibrary
+
+    with database_of(settings_with(data=data, station=station), reading=True) as database:
+        found = RunLibrary(database).saved_searches()
+    if as_json:
+        print_json([one.model_dump() for one in found.searches])
+        return
+    print_table(("search", "where", "by"), [(one.name, one.where, one.who) for one in found.searches])
+
+
+def _stored_runs(database: "Database") -> "StoredRuns":
+    from backend.services.runs import StoredRuns
+
+    return StoredRuns(database, lambda: None, lambda _run: False)
+
+
+def _end(run: "RunView") -> str:
+    from backend.schemas.run import Evaluation
+
+    if run.evaluation is not Evaluation.MISSING:
+        return run.end_state
+    return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'it was never done'}"
+
+
+def _compared(value: "ComparedValue", unit: str) -> str:
+    if value.value is None:
+        return f"not measured: {in_words(value.reason, angles())}"
+    shown = f"{read(value.value, unit, angles()):.4g}"
+    if not value.difference:
+        return shown
+    percent = "" if value.percent is None else f", {value.percent:+.3g} %"
+    return f"{shown} ({read(value.difference, unit, angles()):+.4g}{percent})"
+
+
+# Runs ----------------------------------------------------------------------------------------------
+#
+# ``sinew runs``.
+
 
 app = typer.Typer(
     help="Stored runs: search, tag, compare, show, export, report.", no_args_is_help=True, rich_markup_mode=None
 )
-app.command()(exports.export)
-app.command()(exports.layout)
-app.command("import")(exports.take_in)
-app.command()(exports.bundle)
-app.command("list")(run_library.list_runs)
-app.command()(run_library.compare)
-app.command()(run_library.history)
-app.command()(run_library.lineage)
-app.command()(run_library.tag)
-app.command("rename-tag")(run_library.rename_tag)
-app.command("save-search")(run_library.save_search)
-app.command()(run_library.searches)
+app.command()(export)
+app.command()(layout)
+app.command("import")(take_in)
+app.command()(bundle)
+app.command("list")(list_runs)
+app.command()(compare)
+app.command()(history)
+app.command()(lineage)
+app.command()(tag)
+app.command("rename-tag")(rename_tag)
+app.command("save-search")(save_search)
+app.command()(searches)
 
 RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from backend.cli.experiment import text_in
-from backend.cli.ordering import current_user, in_force
+from backend.cli.experiments import current_user, in_force, text_in
+from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
-from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ def run(
         fail("name the file of a study, or the number of one with --resume", status=2)
     if again and resume is None:
         fail("--again needs --resume: a study that is begun has nothing that failed", status=2)
-    from backend.archive.studies import Studies
+    from backend.services.studies import Studies
     from backend.studies.runner import run_study
 
     settings = settings_with(params=params, data=data, station=station)
@@ -74,7 +73,7 @@ def run(
 @app.command("list")
 def list_studies(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """List studies, newest first, and how far they are."""
-    from backend.archive.studies import Studies
+    from backend.services.studies import Studies
 
     with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = Studies(database).all()
@@ -97,7 +96,7 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show how far a study is and how its figures are spread."""
-    from backend.archive.studies import Studies
+    from backend.services.studies import Studies
 
     with database_of(settings_with(data=data, station=station), reading=True) as database:
         found = Studies(database).detail(study, None if rows or as_json else 0)
@@ -107,7 +106,7 @@ def show(
 @app.command()
 def stop(study: Number, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Have a study stop, wherever it is computed; what is computed stays."""
-    from backend.archive.studies import Studies
+    from backend.services.studies import Studies
 
     with database_of(settings_with(data=data, station=station)) as database:
         found = Studies(database).stop(study)
@@ -143,8 +142,8 @@ def draw(
         fail(f"{to}: a picture ends in {', '.join(PICTURES)}", status=2)
     from dataclasses import asdict
 
-    from backend.archive.studies import Studies, symbol_of, unit_of
     from backend.experiments.parser import of_canonical
+    from backend.services.studies import Studies, symbol_of, unit_of
     from backend.studies.maps import PICK_WORDS, SHARES, axis_labels, figure_names
     from backend.studies.point import UNSTABLE
 

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from backend.control import cascade, decoupler, pid
-from backend.control import cascade as governor
+from backend.control.cascade import GovernorState, step_governor
 from backend.control.decoupler import Decoupler
 from plant.compiled import compiled
 from plant.dynamics import (
@@ -81,7 +81,7 @@ class Smooth(NamedTuple):
 class FeedbackLinearizationState(NamedTuple):
     """Everything the law remembers; ``x`` is the model's state, the integrals are of the errors [rad·s, N·m·s/rad]."""
 
-    governor: governor.GovernorState
+    governor: GovernorState
     q_d: Smooth
     S_d: Smooth
     x: PlantState
@@ -175,7 +175,7 @@ def step_feedback_linearization(
     """One tick: references [rad, N·m/rad] and a measurement to motor voltages [V]."""
     d, model, gains = tuning.decoupler, tuning.model, tuning.gains
     motor_A, motor_B, joint = model.motor_A, model.motor_B, model.joint
-    reference, governed = governor.step_governor(d, tuning.omega_max, state.governor, q_ref, S_ref)
+    reference, governed = step_governor(d, tuning.omega_max, state.governor, q_ref, S_ref)
     q_4, q_next = _smooth_4(gains.lam_q, state.q_d, reference.q_ref)
     S_2, S_next = _smooth_2(gains.lam_S, state.S_d, reference.S_ref)
     q_d, S_d = state.q_d, state.S_d
@@ -238,7 +238,7 @@ def take_over_feedback_linearization(
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     torque_A, torque_B = tuning.model.motor_A.K_t * u_A, tuning.model.motor_B.K_t * u_B
     return FeedbackLinearizationState(
-        governor.GovernorState(m.q, S),
+        GovernorState(m.q, S),
         Smooth(m.q, 0.0, 0.0, 0.0),
         Smooth(S, 0.0, 0.0, 0.0),
         PlantState(m.q, 0.0, m.theta_A, 0.0, torque_A, m.theta_B, 0.0, torque_B, 0.0, 0.0),
@@ -281,7 +281,7 @@ class SingleLoopTuning(NamedTuple):
 class SingleLoopState(NamedTuple):
     """Everything the law remembers from tick to tick."""
 
-    governor: governor.GovernorState
+    governor: GovernorState
     position: pid.IPDState
     stiffness: pid.IPDState
 
@@ -292,7 +292,7 @@ def step_single_loop(
 ) -> tuple[cascade.CascadeOutput, SingleLoopState]:
     """One tick: references [rad, N·m/rad] and a measurement to motor voltages [V]."""
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
-    reference, governed = governor.step_governor(tuning.decoupler, tuning.omega_max, state.governor, q_ref, S_ref)
+    reference, governed = step_governor(tuning.decoupler, tuning.omega_max, state.governor, q_ref, S_ref)
     u_q, _, position = pid.step_i_pd(tuning.gains.position, state.position, reference.q_ref, m.q, math.inf)
     u_S, _, stiffness = pid.step_i_pd(tuning.gains.stiffness, state.stiffness, reference.S_ref, S, math.inf)
     u_A = min(max(u_S + u_q, -tuning.u_max), tuning.u_max)
@@ -332,7 +332,7 @@ def take_over_single_loop(tuning: SingleLoopTuning, u_A: float, u_B: float, m: M
     """State that continues from the voltages u_A, u_B [V] at a standing joint; references where the joint is."""
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     return SingleLoopState(
-        governor.GovernorState(m.q, S),
+        GovernorState(m.q, S),
         pid.at_rest_i_pd(tuning.gains.position, m.q, 0.5 * (u_A - u_B)),
         pid.at_rest_i_pd(tuning.gains.stiffness, S, 0.5 * (u_A + u_B)),
     )

@@ -9,9 +9,16 @@ import math
 from typing import NamedTuple
 
 from backend.control import decoupler, disturbance_observer, pid, trajectory
-from backend.control import decoupler as envelope
-from backend.control import decoupler as scheduling
-from backend.control.decoupler import Decoupler, Envelope, Schedule, motor_positions
+from backend.control.decoupler import (
+    Decoupler,
+    Envelope,
+    EnvelopeState,
+    Schedule,
+    gains_at,
+    motor_positions,
+    select,
+    step_envelope,
+)
 from backend.control.trajectory import References
 from plant.compiled import compiled
 from plant.interface import Measurement, T_s
@@ -214,7 +221,7 @@ class CascadeState(NamedTuple):
     governor: GovernorState
     position: pid.IPState
     stiffness: pid.IPState
-    envelope: envelope.EnvelopeState
+    envelope: EnvelopeState
     motors: pid.MotorPairState
     position_gains: pid.IPGains
     stiffness_gains: pid.IPGains
@@ -292,8 +299,8 @@ def step(
     before, by_now = disturbance_observer.answer(state.rejection, S), disturbance_observer.answer(answered, S)
     answered = disturbance_observer.step_disturbance_feedforward(tuning.rejection, answered, tau_ext)
     pushed = disturbance_observer.answer(answered, S)
-    active = scheduling.select(tuning.schedule, state.active, at.reference.S_ref)
-    gains_q, gains_S = scheduling.gains_at(tuning.schedule, active)
+    active = select(tuning.schedule, state.active, at.reference.S_ref)
+    gains_q, gains_S = gains_at(tuning.schedule, active)
     position = pid.bumpless_i_p(state.position_gains, gains_q, state.position, r_q, y_q - before.q)
     position = pid.raised(position, before.q_e - by_now.q_e + gains_q.k_p * (before.q - by_now.q))
     stiffness = pid.bumpless_i_p(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
@@ -312,7 +319,7 @@ def step(
     q_c, S_c = at.q_e + more_q + pushed.q_e, at.S_e + more_S
     if not position_loop:
         q_c = at.q_e if follows else at.reference.q_ref
-    allowed, within = envelope.step_envelope(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
+    allowed, within = step_envelope(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
     theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
     motor, inner = pid.step_motor_pair(
         tuning.motors,
@@ -487,13 +494,13 @@ def take_over(
     stands = _standing(speed_A, speed_B) == (0.0, 0.0)
     if stands:
         theta_A_ref, theta_B_ref = m.theta_A, m.theta_B
-    active = scheduling.select(tuning.schedule, -1.0, S)
-    gains_q, gains_S = scheduling.gains_at(tuning.schedule, active)
+    active = select(tuning.schedule, -1.0, S)
+    gains_q, gains_S = gains_at(tuning.schedule, active)
     return CascadeState(
         GovernorState(q_ref, S),
         pid.at_rest_i_p(gains_q, q_ref, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),
         pid.at_rest_i_p(gains_S, S, S, decoupler.stiffness(d, theta_A_ref, theta_B_ref)),
-        envelope.EnvelopeState(m.F_A - m.F_B),
+        EnvelopeState(m.F_A - m.F_B),
         inner,
         gains_q,
         gains_S,

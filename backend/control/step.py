@@ -12,7 +12,6 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, tracking
-from backend.control import tracking as baselines
 from backend.control.motion_types import AT_REST, Carry, Decision, Target
 from backend.sample import INDEX
 from plant.compiled import STRICT, Cell, compiled, compiled_run, keep
@@ -114,8 +113,8 @@ KINDS: dict[type, Any] = {
     motion_primitives.TravelState: motion_primitives.step_travel,
     motion_primitives.SoftStopState: motion_primitives.step_soft_stop,
     tracking.TrackingState: tracking.step,
-    baselines.SingleLoop: baselines.step_single_loop,
-    baselines.FeedbackLinearization: baselines.step_feedback_linearization,
+    tracking.SingleLoop: tracking.step_single_loop,
+    tracking.FeedbackLinearization: tracking.step_feedback_linearization,
     motion_primitives.TensionHoldState: motion_primitives.step_tension_hold,
     motion_primitives.TensionSweepState: motion_primitives.step_tension_sweep,
     motion_primitives.VoltageStepsState: motion_primitives.step_voltage_steps,

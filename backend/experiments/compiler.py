@@ -12,7 +12,7 @@ from backend.banks.tuning_settings import TuningChoice
 from backend.control.decoupler import bounds_for
 from backend.control.setpoint_player import LEAST_BITS, MOST_BITS, MOST_LINES
 from backend.errors import Path, require_within
-from backend.experiments import schema as form
+from backend.experiments import schema
 from backend.experiments.parser import (
     CONSTANTS,
     FUNCTIONS,
@@ -343,13 +343,13 @@ _MOST_PARTS = 4 * MAX_SEGMENTS
 _TUNED = {setting.name: setting for setting in describe(TuningChoice)}
 
 
-def laid(experiment: form.Experiment, values: Names, lines: Lines) -> Laid:
+def laid(experiment: schema.Experiment, values: Names, lines: Lines) -> Laid:
     """Lay an experiment out with these values of its settings. Raises ExperimentError naming line and bound."""
     return _Layout(experiment, values, lines).laid()
 
 
 class _Layout(Numbers):
-    def __init__(self, experiment: form.Experiment, values: Names, lines: Lines) -> None:
+    def __init__(self, experiment: schema.Experiment, values: Names, lines: Lines) -> None:
         super().__init__(values, lines)
         self._experiment = experiment
         self._segments: list[Segment] = []
@@ -406,21 +406,21 @@ class _Layout(Numbers):
         raise TypeError(f"no layout for {type(part).__name__}")
 
     @_lay.register
-    def _hold(self, part: form.Hold) -> None:
+    def _hold(self, part: schema.Hold) -> None:
         self._stay(self._time(part.duration_s))
 
     @_lay.register
-    def _step(self, part: form.Step) -> None:
+    def _step(self, part: schema.Step) -> None:
         self._aim(part.q_ref, part.S_ref)
         self._stay(self._time(part.duration_s))
 
     @_lay.register
-    def _ramp(self, part: form.Ramp) -> None:
+    def _ramp(self, part: schema.Ramp) -> None:
         self._aim(part.q_ref, part.S_ref)
         self._add(Segment(self._time(part.duration_s), self._q, self._S, shape=Shape.RAMP))
 
     @_lay.register
-    def _pulse(self, part: form.Pulse) -> None:
+    def _pulse(self, part: schema.Pulse) -> None:
         before = self._q, self._S
         self._aim(part.q_ref, part.S_ref)
         self._stay(self._time(part.duration_s))
@@ -428,7 +428,7 @@ class _Layout(Numbers):
         self._stay(self._time(part.rest_s, "rest_s"))
 
     @_lay.register
-    def _sine(self, part: form.Sine) -> None:
+    def _sine(self, part: schema.Sine) -> None:
         period_s = self._number("period_s", part.period_s, 0.02, LONGEST_PART_S, "s")
         duration_s = self._time(part.duration_s)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
@@ -437,7 +437,7 @@ class _Layout(Numbers):
         self._q, self._S = self._q + end * q, self._S + end * S
 
     @_lay.register
-    def _sweep(self, part: form.Sweep) -> None:
+    def _sweep(self, part: schema.Sweep) -> None:
         low = 1.0 / LONGEST_PART_S
         from_Hz = self._number("from_Hz", part.from_Hz, low, _FASTEST_HZ, "Hz")
         to_Hz = self._number("to_Hz", part.to_Hz, low, _FASTEST_HZ, "Hz")
@@ -448,7 +448,7 @@ class _Layout(Numbers):
         self._add(swept)
 
     @_lay.register
-    def _prbs(self, part: form.Prbs) -> None:
+    def _prbs(self, part: schema.Prbs) -> None:
         chip_s = round(self._number("chip_s", part.chip_s, 0.001, 60.0, "s"), 3)
         bits = self._whole("bits", part.bits, LEAST_BITS, MOST_BITS)
         periods = self._whole("periods", part.periods, 1, 1000)
@@ -457,7 +457,7 @@ class _Layout(Numbers):
         self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.PRBS, period_s=chip_s, count=bits))
 
     @_lay.register
-    def _multisine(self, part: form.Multisine) -> None:
+    def _multisine(self, part: schema.Multisine) -> None:
         period_s = round(self._number("period_s", part.period_s, 0.1, LONGEST_PART_S, "s"), 3)
         lines = self._whole("lines", part.lines, 1, MOST_LINES)
         with at((*self._path, "lines"), self._lines):
@@ -470,7 +470,7 @@ class _Layout(Numbers):
         self._add(Segment(duration_s, self._q + q, self._S + S, 0.0, shape, period_s, count=lines, peak=peak))
 
     @_lay.register
-    def _push(self, part: form.Push) -> None:
+    def _push(self, part: schema.Push) -> None:
         F = self._number("F_push", part.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         duration_s = self._time(part.duration_s)
         if part.shape == "smooth":
@@ -479,20 +479,20 @@ class _Layout(Numbers):
             self._press([PushPiece(duration_s, F, Shape(part.shape))])
 
     @_lay.register
-    def _hand(self, part: form.Hand) -> None:
+    def _hand(self, part: schema.Hand) -> None:
         F = self._number("F_push", part.F_push, 0.0, F_PUSH_MAX, "N")
         pushes = self._whole("pushes", part.pushes, 1, 100)
         pause_s = self._number("pause_s", part.pause_s, 0.05, 60.0, "s")
         self._press(pushes_of_a_hand(F, pushes, pause_s, self._whole("seed", part.seed, 0, 2**31 - 1)))
 
     @_lay.register
-    def _load(self, part: form.Load) -> None:
+    def _load(self, part: schema.Load) -> None:
         load_A = self._number("load_A", part.load_A, 0.0, LOAD_MAX_NM, "N·m")
         load_B = self._number("load_B", part.load_B, 0.0, LOAD_MAX_NM, "N·m")
         self._add(Segment(self._time(part.duration_s), self._q, self._S, load_A=load_A, load_B=load_B))
 
     @_lay.register
-    def _tuning(self, part: form.Tuning) -> None:
+    def _tuning(self, part: schema.Tuning) -> None:
         if len(self._changes) == MAX_TUNINGS:
             raise self._refused(f"{MAX_TUNINGS} changes of the tuning are the most: split the experiment", self._path)
         named: dict[str, Value] = {}
@@ -511,7 +511,7 @@ class _Layout(Numbers):
         self._unused_change = True
 
     @_lay.register
-    def _wall(self, part: form.Wall) -> None:
+    def _wall(self, part: schema.Wall) -> None:
         side = 1.0 if part.side == "above" else -1.0
         q_wall = self._number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
         if side * (self._q - q_wall) >= 0.0:
@@ -521,7 +521,7 @@ class _Layout(Numbers):
         self._stand(Obstacle(side, q_wall, k_wall, self._number("c_wall", part.c_wall, 0.0, _C_WALL_MAX, "s/m")))
 
     @_lay.register
-    def _no_wall(self, part: form.NoWall) -> None:
+    def _no_wall(self, part: schema.NoWall) -> None:
         self._stand(None)
 
     def _stand(self, wall: Obstacle | None) -> None:
@@ -531,13 +531,13 @@ class _Layout(Numbers):
         self._wall_places.append(self._path)
 
     @_lay.register
-    def _learn(self, part: form.Learn) -> None:
+    def _learn(self, part: schema.Learn) -> None:
         words = "time at rest that is learned from"
         self._stay(round(self._number("duration_s", part.duration_s, LEARNING_S, LONGEST_PART_S, "s", words), 3))
         self._touched(self._touches.learn(self._S))
 
     @_lay.register
-    def _until_contact(self, part: form.UntilContact) -> None:
+    def _until_contact(self, part: schema.UntilContact) -> None:
         path = self._path
         contact_N = self._number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "force of a contact")
         if contact_N == 0.0:
@@ -553,7 +553,7 @@ class _Layout(Numbers):
             raise self._refused(problem, self._path)
 
     @_lay.register
-    def _choose(self, part: form.Choose) -> None:
+    def _choose(self, part: schema.Choose) -> None:
         chosen, path = self._names.get(part.by), self._path
         declared = next((one for one in self._experiment.settings if one.name == part.by), None)
         if declared is None or declared.kind != "choice":
@@ -563,7 +563,7 @@ class _Layout(Numbers):
         self._play(part.of[str(chosen)], (*path, "of", str(chosen)))
 
     @_lay.register
-    def _repeat(self, part: form.Repeat) -> None:
+    def _repeat(self, part: schema.Repeat) -> None:
         path, outer = self._path, self._names.get(part.index)
         times = self._whole("times", part.times, 1, MAX_SEGMENTS)
         if part.index in (*CONSTANTS, *FUNCTIONS) or any(part.index == one.name for one in self._experiment.settings):

@@ -63,7 +63,7 @@ def import_export(database: Database, file: Path, who: str, name: str = "", look
     """Store an exported run: with its samples, parameters and settings, but without its banks.
 
     These are not in the file: its origin keeps by which numbers it named them. ``name`` is what the file is called
-    where its own name is another. ``backend.archive.imports`` looks over what the run was set to.
+    where its own name is another. ``backend.services.downloads`` looks over what the run was set to.
 
     Raises ImportRefusedError, OSError.
     """
@@ -193,7 +193,7 @@ def import_bundle(
     """Store the run of a bundle with all that it came from, of which nothing that is here already is stored again.
 
     ``folder`` has room for it unpacked, ``name`` is what the file is called where its own is another.
-    ``backend.archive.imports`` looks over what each run was set to.
+    ``backend.services.downloads`` looks over what each run was set to.
 
     Raises ImportRefusedError, OSError.
     """

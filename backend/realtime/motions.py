@@ -5,10 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.control import baselines as feedback_linearization
-from backend.control import baselines as single_loop
-from backend.control import cascade, motion_primitives, pid, setpoint_player, tracking
-from backend.control import tracking as baselines
+from backend.control import baselines, cascade, motion_primitives, pid, setpoint_player, tracking
 from backend.control.cascade import CascadeTuning
 from backend.control.decoupler import Bounds, bounds_for, decoupler_for
 from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
@@ -222,7 +219,7 @@ class Tracking(Motion):
 
 def _single_loop(parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement) -> Any:
     tuning = single_loop_tuning(parameters, lambdas)
-    return baselines.SingleLoop, tuning, single_loop.take_over_single_loop(tuning, *u, m)
+    return tracking.SingleLoop, tuning, baselines.take_over_single_loop(tuning, *u, m)
 
 
 def _feedback_linearization(
@@ -230,9 +227,9 @@ def _feedback_linearization(
 ) -> Any:
     tuning = feedback_linearization_tuning(parameters, lambdas)
     return (
-        baselines.FeedbackLinearization,
+        tracking.FeedbackLinearization,
         tuning,
-        feedback_linearization.take_over_feedback_linearization(tuning, *u, m),
+        baselines.take_over_feedback_linearization(tuning, *u, m),
     )
 
 

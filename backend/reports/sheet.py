@@ -26,7 +26,7 @@ from backend.units import digits_over, in_digits
 # with what is known of their attributes.
 #
 # Each of them is counted before anything is drawn: the costliest sheet that is accepted takes some
-# seconds, and runs in a process of its own (backend.operating.chart_sheets).
+# seconds, and runs in a process of its own (backend.services.background_work).
 
 
 SVG = "http://www.w3.org/2000/svg"

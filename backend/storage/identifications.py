@@ -12,9 +12,7 @@ from sqlalchemy import JSON, Boolean, Float, LargeBinary, String, select
 from sqlalchemy.orm import Session
 from sqlalchemy.types import Integer
 
-from backend.models import identification as of_actuator
-from backend.models import identification as of_motor
-from backend.models import identification as of_spring
+from backend.models import identification
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import LARGEST, EntryModel
 from backend.plain_text import PlainTextError, require_line
@@ -194,53 +192,56 @@ class Identification(NewIdentification):
     created_at: datetime
 
     @cached_property
-    def actuator(self) -> of_actuator.ActuatorFound:
+    def actuator(self) -> identification.ActuatorFound:
         """What was found of an actuator."""
-        model, quality = of_actuator.MODEL.read(self.model, self._of), of_actuator.QUALITY.read(self.quality, self._of)
-        return of_actuator.ActuatorFound(model, quality)
+        model, quality = (
+            identification.MODEL.read(self.model, self._of),
+            identification.QUALITY.read(self.quality, self._of),
+        )
+        return identification.ActuatorFound(model, quality)
 
     @cached_property
-    def actuator_record(self) -> of_actuator.ActuatorRecord:
+    def actuator_record(self) -> identification.ActuatorRecord:
         """Which samples the models of an actuator came from."""
-        return of_actuator.RECORD.read(self.data, self._of)
+        return identification.RECORD.read(self.data, self._of)
 
     @cached_property
-    def actuator_options(self) -> of_actuator.ActuatorOptions:
+    def actuator_options(self) -> identification.ActuatorOptions:
         """What was asked for with an actuator."""
-        return of_actuator.OPTIONS.read(self.options, self._of)
+        return identification.OPTIONS.read(self.options, self._of)
 
     @cached_property
-    def early_model(self) -> of_actuator.PartialModel:
+    def early_model(self) -> identification.PartialModel:
         """What is there of an actuator's models, which an early version may have kept in part."""
-        return of_actuator.PARTIAL_MODEL.read(self.model, self._of)
+        return identification.PARTIAL_MODEL.read(self.model, self._of)
 
     @cached_property
-    def early_quality(self) -> of_actuator.PartialQuality:
+    def early_quality(self) -> identification.PartialQuality:
         """What is there of the quality of an actuator's models."""
-        return of_actuator.PARTIAL_QUALITY.read(self.quality, self._of)
+        return identification.PARTIAL_QUALITY.read(self.quality, self._of)
 
     @cached_property
-    def motors(self) -> of_motor.MotorsFound:
+    def motors(self) -> identification.MotorsFound:
         """What was found of both motors."""
         models, qualities = (
-            of_motor.MOTOR_MODELS.read(self.model, self._of),
-            of_motor.MOTOR_QUALITIES.read(self.quality, self._of),
+            identification.MOTOR_MODELS.read(self.model, self._of),
+            identification.MOTOR_QUALITIES.read(self.quality, self._of),
         )
-        return of_motor.MotorsFound(models, qualities)
+        return identification.MotorsFound(models, qualities)
 
     @cached_property
-    def springs(self) -> dict[str, of_spring.SpringFound]:
+    def springs(self) -> dict[str, identification.SpringFound]:
         """What was found of the springs, by name: "A" and "B", or "table"."""
-        return of_spring.springs_found(
-            of_spring.SPRING_MODELS.read(self.model, self._of),
-            of_spring.SPRING_QUALITIES.read(self.quality, self._of),
+        return identification.springs_found(
+            identification.SPRING_MODELS.read(self.model, self._of),
+            identification.SPRING_QUALITIES.read(self.quality, self._of),
             self._of,
         )
 
     @cached_property
-    def table(self) -> of_spring.TableRecord:
+    def table(self) -> identification.TableRecord:
         """The file that a spring's table came from."""
-        return of_spring.TABLE.read(self.data, self._of)
+        return identification.TABLE.read(self.data, self._of)
 
     def readable(self) -> None:
         """Raise UnreadableDocumentError for models of a known kind that cannot be read."""

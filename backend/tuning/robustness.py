@@ -210,7 +210,7 @@ def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
 # computed once.
 #
 # They outlive the process where somebody with a disk keeps ``FIGURES``
-# (``backend.operating.kept_figures``): a start then neither loads the library nor waits for it.
+# (``backend.services.tuning_state``): a start then neither loads the library nor waits for it.
 
 
 FIGURES: dict[str, tuple[float, ...]] = {}

@@ -6,23 +6,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from backend.archive.own_experiments import OwnExperiments
-from backend.archive.stored_banks import StoredBanks
-from backend.archive.stored_identifications import StoredIdentifications
-from backend.archive.stored_runs import StoredRuns
 from backend.auth.authentication import Person
 from backend.commissioning.session import KeptHands
 from backend.execution.runner import Station
-from backend.operating.actuator import Actuator
-from backend.operating.dry_runs import DryRuns
-from backend.operating.journal import Journal
-from backend.operating.kept_tuning import KeptTuning
-from backend.operating.ordered_runs import OrderedRuns
-from backend.operating.present_state import PresentState
-from backend.operating.safe_stop import SafeStop
-from backend.operating.saved_tunings import SavedTunings
-from backend.operating.session_runs import SessionRuns
-from backend.operating.text_work import TextWork
 from backend.realtime.commands import Accepted, Command, Refused
 from backend.realtime.headless import Headless
 from backend.realtime.ipc import Setup
@@ -31,6 +17,18 @@ from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import Listener, LoopDiedError, Supervisor
 from backend.recording.recorder import Recorder
 from backend.schemas.state import Role
+from backend.services.actuator import Actuator, SafeStop, SessionRuns
+from backend.services.background_work import TextWork
+from backend.services.banks import StoredBanks
+from backend.services.event_log import Journal
+from backend.services.identifications import StoredIdentifications
+from backend.services.jobs import OrderedRuns
+from backend.services.library import OwnExperiments
+from backend.services.queue import DryRuns
+from backend.services.runs import StoredRuns
+from backend.services.state import PresentState
+from backend.services.tuning import SavedTunings
+from backend.services.tuning_state import KeptTuning
 from backend.storage.database import Database
 from backend.supervision import Supervision
 from backend.workers import Offload

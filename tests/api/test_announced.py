@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from backend.archive.stored_banks import StoredBanks
 from backend.execution.runner import Doing
 from backend.realtime.commands import Accepted, SetMode
 from backend.realtime.program import Mode
 from backend.recording.reader import read_envelope
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.state import TaskView
+from backend.services.banks import StoredBanks
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database

@@ -11,18 +11,18 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 import plant
+from backend import app
 from backend.banks.tuning_settings import TuningChoice
 from backend.errors import RefusalError
-from backend.experiments import applied_parameters
-from backend.operating import foundation
-from backend.operating.applied import Applied
-from backend.operating.tuning_in_use import TuningInUse, initial
 from backend.realtime.commands import SetMode
 from backend.realtime.ipc import Setup
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDiedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest
+from backend.services import parameters as applied_parameters
+from backend.services.parameters import Applied
+from backend.services.tuning_state import TuningInUse, initial
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
@@ -220,7 +220,7 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
                 await applied.apply(found.id, "Ana")
         then = parts.present.parameters
         newest = (await applied.view()).versions[0]
-        assert (newest.number, newest.digest) == (1, applied_parameters.Version(1, then).digest)
+        assert (newest.number, newest.digest) == (1, applied_parameters.ParameterVersion(1, then).digest)
         assert heard == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
         assert parts.supervisor.setup.tuning == parts.present.tuning.command()
@@ -252,9 +252,9 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
         assert len(restarted) == 1
 
     stepped(database, mine, work)
-    version, said_of_it = foundation.in_force(database, mine)
+    version, said_of_it = app.in_force(database, mine)
     assert (version.number, said_of_it) == (1, "parameters in force again as Ana left them: version 1 over mine")
-    version, said_of_it = foundation.in_force(database, load_parameters(file))
+    version, said_of_it = app.in_force(database, load_parameters(file))
     assert version.number == 0
     assert said_of_it.startswith("the parameters are those of the file mine: what Ana applied last was over other ones")
 

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.archive.history import marks_of
-from backend.archive.own_experiments import OwnExperiments
 from backend.banks.tuning_settings import default_choice
 from backend.execution.runner import Order, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, entry_of
 from backend.experiments.parser import read
 from backend.experiments.plans import LoopSettings
-from backend.operating.obstruction import obstruct
 from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
 from backend.schemas.experiment import RecordedExperiment
 from backend.schemas.run import RunMark
 from backend.schemas.state import Push, TouchOrder, Wall, WallOrder
 from backend.schemas.tuning import TuningRequest
+from backend.services.actuator import obstruct
+from backend.services.library import OwnExperiments
+from backend.services.lineage import marks_of
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from plant.interface import T_s

@@ -16,7 +16,6 @@ from backend.commissioning.session import KeptHands
 from backend.commissioning.steps import Finding, StepId, StepState
 from backend.errors import RefusalError
 from backend.execution.runner import create_run
-from backend.operating.bring_up import BringUp
 from backend.realtime.commands import Accepted, Command, Refused, TryMotor
 from backend.realtime.ipc import Ready
 from backend.realtime.program import Mode
@@ -24,6 +23,7 @@ from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import Granted
 from backend.schemas.commissioning import BringUpStep
 from backend.schemas.identification import ActuatorRequest
+from backend.services.commissioning import BringUp
 from backend.storage.commissioning import StepResult
 from backend.storage.database import open_database
 from backend.storage.orm import StorageError
@@ -227,7 +227,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         await asyncio.gather(mode, return_exceptions=True)
         await parts.ordered_runs.close()
 
-    monkeypatch.setattr("backend.operating.ordered_runs.create_run", slowly)
+    monkeypatch.setattr("backend.services.jobs.create_run", slowly)
     try:
         stepped(database, IDEAL, work, VirtualRig(wiring, Simulator(IDEAL, 0)))
     finally:

@@ -7,10 +7,10 @@ from typing import cast
 import pytest
 
 from backend.faults import Fault
-from backend.operating.safety_chain import behind_loop, chain
 from backend.realtime.heartbeat import CardGuard
 from backend.realtime.supervisor import Restart, Supervisor
 from backend.schemas.state import ChainLinkView, LinkView
+from backend.services.state import behind_loop, chain
 from plant.interface import PlantChoice, PlantKind
 from plant.safety_card import Card, CardState
 

@@ -14,8 +14,8 @@ from backend.execution.runner import Doing, Order
 from backend.execution.simulation import _Progress
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
-from backend.operating.dry_runs import DryRuns
 from backend.schemas.state import Role
+from backend.services.queue import DryRuns
 from backend.workers import Offload
 from plant.parameters import load_parameters
 

@@ -9,8 +9,8 @@ import pytest
 from backend.auth.control_lease import Control
 from backend.errors import Because, RefusalError
 from backend.faults import FAULTS, Fault
-from backend.operating.actuator import Actuator
-from backend.operating.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
+from backend.services.actuator import Actuator
+from backend.services.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
 

@@ -10,9 +10,9 @@ from typing import Any
 import httpx
 import pytest
 
-from backend.archive import checklist
 from backend.banks.tuning_settings import SAVED, SavedParts, saved_for
 from backend.schemas.run import ChecklistState
+from backend.services.lineage import checklist_steps
 from backend.storage import banks, identifications, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
@@ -97,7 +97,7 @@ def built(database: Database, estimate: int) -> int:
 
 def states(database: Database, in_use: int | None, parameters: dict[str, Any] = PARAMETERS) -> dict[str, str]:
     with database.reading() as session:
-        return {step.name: str(step.state) for step in checklist.steps(session, parameters, in_use)}
+        return {step.name: str(step.state) for step in checklist_steps(session, parameters, in_use)}
 
 
 def test_the_checklist_leads_from_pretension_to_report(database: Database) -> None:
@@ -119,7 +119,7 @@ def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Databas
         value = SAVED.write(SavedParts(lam_q=0.45, lam_S=0.1, bank=bank))
         settings.put(session, saved_for(bank), value, "Ada")
     with database.reading() as session:
-        [step] = [one for one in checklist.steps(session, PARAMETERS, bank) if one.name == "tuning"]
+        [step] = [one for one in checklist_steps(session, PARAMETERS, bank) if one.name == "tuning"]
     assert (step.state, step.run) == (ChecklistState.DONE, None)
     assert re.fullmatch(r"λ_q = 0\.45 s, λ_S = 0\.1 s, saved for \w+ v\d by Ada", step.detail)
     assert states(database, other)["tuning"] == "missing"

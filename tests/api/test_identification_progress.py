@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.archive.planned import planned as planned_in
 from backend.control.motion_primitives import ZERO_VOLTS_S
 from backend.errors import RefusalError
 from backend.execution.runner import Doing
@@ -19,6 +18,7 @@ from backend.recording.reader import read_samples
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
 from backend.schemas.run import Planned
 from backend.schemas.state import TaskView
+from backend.services.runs import planned as planned_in
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState

@@ -12,12 +12,12 @@ from starlette.requests import HTTPConnection
 
 from backend.api.errors import install
 from backend.errors import OutOfRangeError
-from backend.operating.identification_orders import plans_of
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
 from backend.schemas.preferences import NEW_HERE, Preferences
 from backend.schemas.run import NoteRequest
 from backend.schemas.state import Push, References
 from backend.schemas.tuning import BankFile, BankRequest, TrialRequest
+from backend.services.jobs import plans_of
 from backend.units import Angles
 from tests.api.test_units import CODE_NAME, SYMBOL
 

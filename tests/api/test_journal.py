@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.operating.journal import Journal
 from backend.schemas.state import MarkKind
+from backend.services.event_log import Journal
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from tests.recording.test_unwritable import fill, make_read_only, repair

@@ -10,8 +10,8 @@ from typing import Any
 
 import httpx
 
-from backend.operating.experiment_queue import Queue
 from backend.schemas.experiment import ExperimentRequest
+from backend.services.queue import Queue
 from backend.storage.database import open_database
 from backend.storage.orm import StorageError
 from backend.storage.runs import EndState

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from backend.banks.tuning_settings import TUNING_NAME, TuningChoice, default_choice
-from backend.operating.kept_tuning import KeptTuning
-from backend.operating.saved_tunings import SavedTunings
-from backend.operating.tuning_in_use import TuningInUse, initial
 from backend.schemas.tuning import TuningParts, TuningRequest
+from backend.services.tuning import SavedTunings
+from backend.services.tuning_state import KeptTuning, TuningInUse, initial
 from backend.storage import banks, events, settings
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database

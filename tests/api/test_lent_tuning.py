@@ -12,12 +12,12 @@ import pytest
 from backend.banks.tuning_settings import TuningChoice, default_choice
 from backend.errors import OutOfRangeError, RefusalError
 from backend.models.settings import SettingError
-from backend.operating.tuning_in_use import initial
 from backend.realtime.commands import Stop
 from backend.reports.build import build_report
 from backend.reports.model import load_source
 from backend.schemas.experiment import ExperimentRequest
 from backend.schemas.tuning import TrialRequest, TuningRequest
+from backend.services.tuning_state import initial
 from backend.storage import banks, events, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database

@@ -9,11 +9,11 @@ import pytest
 from fastapi import WebSocket, WebSocketDisconnect
 
 from backend import wire
-from backend.api.live import serve
-from backend.operating.live_stream import QUEUE_FRAMES, Client, LiveStream
+from backend.api.dependencies import serve
 from backend.realtime.ring_buffer import Ring
 from backend.sample import FIELDS, INDEX
 from backend.schemas.state import EventMessage, MarkKind, StateMessage
+from backend.services.live_stream import QUEUE_FRAMES, Client, LiveStream
 
 
 def fill(ring: Ring, count: int) -> None:
@@ -169,7 +169,7 @@ def test_a_page_that_falls_silent_is_gone_and_a_script_that_never_said_anything_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def session() -> None:
-        monkeypatch.setattr("backend.api.live.SILENT_S", 0.05)
+        monkeypatch.setattr("backend.api.dependencies.SILENT_S", 0.05)
         stream, page, script = stream_on(Ring.create(1024)), Silent(), Watcher()
         left, there = (asyncio.create_task(served(stream, watcher)) for watcher in (page, script))
         await asyncio.wait_for(left, 60.0)

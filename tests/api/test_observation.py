@@ -4,8 +4,8 @@ from math import nan
 
 import pytest
 
-from backend.operating.observation import references_of
 from backend.schemas.state import ReferencesView
+from backend.services.state import references_of
 
 SAMPLE = {"q": 0.1, "S": 3.73}
 

@@ -11,15 +11,15 @@ import pytest
 from backend.analysis.evaluation import Evaluation
 from backend.errors import OutOfRangeError, RefusalError
 from backend.execution.runner import Doing, Notify, NotReadyError, Order, Station, create_run
-from backend.operating import ordered_runs
-from backend.operating.pause import Pause, not_begun
-from backend.operating.present_state import PresentState
 from backend.realtime.commands import SetMode
 from backend.realtime.program import MODE_CODE, Mode
 from backend.realtime.supervisor import LoopAccess, LoopDiedError
 from backend.sample import INDEX, NAMES
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.state import TaskView
+from backend.services import jobs
+from backend.services.jobs import Pause, not_begun
+from backend.services.state import PresentState
 from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, Run
@@ -169,15 +169,15 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
             with database.session() as session:
                 return runs.end(session, run.id, EndState.COMPLETED, "")
 
-        monkeypatch.setattr(ordered_runs, "played", complete)
-        monkeypatch.setattr(ordered_runs, "evaluated", at_once)
+        monkeypatch.setattr(jobs, "played", complete)
+        monkeypatch.setattr(jobs, "evaluated", at_once)
         await parts.ordered_runs.start_identification(THREE, OPERATOR.name)
         await parts.ended()
         monkeypatch.undo()
         await parts.supervisor.advance(0.1)  # a stop that was begun would show by now
         return parts.ordered_runs.problems, parts.present.mode
 
-    monkeypatch.setattr(ordered_runs, "create_run", second_refused)
+    monkeypatch.setattr(jobs, "create_run", second_refused)
     try:
         return stepped(database, load_parameters("ideal"), order)
     finally:

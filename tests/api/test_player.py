@@ -9,10 +9,10 @@ import httpx
 import numpy as np
 import pytest
 
-from backend.archive.played_recording import played_recording
 from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, pieces
 from backend.faults import EXPLAINED, FAULT_CODE, Fault
+from backend.services.player import played_recording
 from backend.storage import events, recordings, runs
 from backend.storage.database import open_database
 from backend.storage.events import EventKind

@@ -11,10 +11,10 @@ from backend.auth.control_lease import LOOK_S, LOST_S, Control
 from backend.errors import OutOfRangeError, RefusalError
 from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
-from backend.operating.run_kinds import experiment_kinds
 from backend.realtime.program import Mode
 from backend.sample import INDEX
 from backend.schemas.state import Push, Role
+from backend.services.jobs import experiment_kinds
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from plant.interface import PlantChoice, PlantKind

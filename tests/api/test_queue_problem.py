@@ -7,8 +7,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from backend.errors import Because, RefusalError
-from backend.operating.experiment_queue import Queue, Start
 from backend.schemas.experiment import ExperimentRequest
+from backend.services.queue import Queue, Start
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.supervision import Supervision

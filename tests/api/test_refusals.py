@@ -9,9 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from backend.api.refused_commands import values_in
-from backend.operating.journal import Journal
-from backend.operating.refusals import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, Refusals
+from backend.api.middleware import values_in
+from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, Journal, Refusals
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from backend.storage.events import EventKind

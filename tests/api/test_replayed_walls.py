@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.archive.replay import Replay
-from backend.operating.obstruction import obstruct
 from backend.realtime.commands import RunEnded, RunProgram
 from backend.realtime.program import Law, Mode, Program, Segment
 from backend.recording.reader import read_samples
 from backend.scene.model import Pose, SceneMirror
 from backend.schemas.state import Wall, WallOrder
 from backend.schemas.tuning import TuningRequest
+from backend.services.actuator import obstruct
+from backend.services.runs import Replay
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters

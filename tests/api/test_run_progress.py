@@ -8,7 +8,7 @@ import pytest
 from backend.execution.runner import Doing
 from backend.experiments.forecast import Expected
 from backend.experiments.library import experiment
-from backend.operating.run_progress import Ordered, run_progress
+from backend.services.jobs import Ordered, run_progress
 
 
 @pytest.mark.parametrize(

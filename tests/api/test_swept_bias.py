@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from backend.control import disturbance_observer
-from backend.operating.touch_sweep import SWEEP_POINTS
 from backend.realtime.program import Mode
 from backend.sample import INDEX
 from backend.schemas.state import SweepView
+from backend.services.contact import SWEEP_POINTS
 from backend.storage.database import Database, open_database
 from plant.dynamics import elongation, slope, tension
 from plant.parameters import PlantParameters, load_parameters

@@ -12,12 +12,12 @@ import pytest
 from backend.errors import RefusalError
 from backend.execution.runner import Doing
 from backend.faults import Fault
-from backend.operating import touch_sweep
 from backend.realtime import commands
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import LoopDied
 from backend.sample import INDEX
 from backend.schemas.state import Push, SweepView, TaskView, TouchOrder
+from backend.services import contact
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
@@ -179,7 +179,7 @@ def test_what_is_not_at_rest_says_which_and_no_number_is_not_rest(S: float, F: f
     rows = np.zeros((1000, len(INDEX)))
     rows[:, INDEX["S"]] = S
     rows[500:, INDEX["F_ext_hat"]] = F
-    said = touch_sweep._restless(rows, 8.0)
+    said = contact._restless(rows, 8.0)
     assert said.startswith(why)
     assert bool(said) == bool(why)
 
@@ -187,7 +187,7 @@ def test_what_is_not_at_rest_says_which_and_no_number_is_not_rest(S: float, F: f
 def test_a_point_that_does_not_come_to_rest_ends_it(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     async def restless(parts: Parts) -> None:
         await at_rest(parts)
-        monkeypatch.setattr(touch_sweep, "drift", lambda rows: 0.5)
+        monkeypatch.setattr(contact, "drift", lambda rows: 0.5)
         await parts.actuator.touching.order(BEGIN, WHO)
         begun = parts.supervisor.ring.count
         sweep = await until(parts)
@@ -211,7 +211,7 @@ def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, 
             assert touching.sweep._task is not None
             touching.sweep._task.cancel()
         else:
-            monkeypatch.setattr(touch_sweep, "_restless", broken)
+            monkeypatch.setattr(contact, "_restless", broken)
         sweep = await until(parts)
         cause = "its task was cancelled" if cancelled else "ZeroDivisionError: of a test"
         assert sweep.why == f"it died ({cause})"

@@ -9,11 +9,11 @@ import httpx
 import pytest
 
 from backend.errors import OutOfRangeError, RefusalError
-from backend.operating.obstruction import obstruct
 from backend.realtime.commands import RunProgram
 from backend.realtime.program import Law, Program, Segment
 from backend.sample import INDEX
 from backend.schemas.state import Wall, WallOrder
+from backend.services.actuator import obstruct
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle

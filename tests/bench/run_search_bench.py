@@ -13,7 +13,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, expect
 from rich.console import Console
 
-from backend.archive.stored_runs import Asked, StoredRuns
+from backend.services.runs import Asked, StoredRuns
 from backend.storage.database import open_database
 from tests.bench.many_runs import make_runs
 from tests.bench.table import Ratio, print_ratios

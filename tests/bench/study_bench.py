@@ -11,8 +11,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
+from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.studies.runner import local, run_study

@@ -12,13 +12,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from backend.archive.comparison_file import curves_file, table_file
 from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, write_file
 from backend.models.run import Criterion, Figure, Metrics
 from backend.plain_text import as_line
 from backend.reports.build import write_files
 from backend.schemas.comparison import ComparisonAsked, DifferencesAsked
+from backend.services.comparison import curves_file, table_file
 from backend.storage import banks, experiments, results
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database

@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from backend.archive.imports import look_over
-from backend.archive.planned import planned
 from backend.experiments.library import kept_values, ready_plan
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import SEAL, ImportRefusedError
 from backend.models.document import digest_of
+from backend.services.downloads import look_over
+from backend.services.runs import planned
 from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import Run

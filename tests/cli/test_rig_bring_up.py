@@ -16,8 +16,8 @@ import pytest
 
 from backend.banks.builder import tuning_command
 from backend.cli import main
-from backend.cli.asking import GivenUpError, Terminal
-from backend.cli.ordering import current_user
+from backend.cli.experiments import current_user
+from backend.cli.rig import GivenUpError, Terminal
 from backend.commissioning import steps as standing
 from backend.commissioning.session import Person, session
 from backend.commissioning.steps import STEPS, Finding, StepId

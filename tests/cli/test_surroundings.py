@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.cli.place import settings_with
+from backend.cli.options import settings_with
 from backend.storage import runs
 from backend.storage.database import FILE_NAME, Database, open_database
 from plant.parameters import ParameterError, load_parameters

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backend.control import cascade
-from backend.control import trajectory as plan
+from backend.control.trajectory import SMOOTHED, TrajectoryState
 from backend.tuning import simulation
 from backend.tuning.gains import Lambdas, cascade_tuning
 from backend.tuning.preview import usual_budget
@@ -159,7 +159,7 @@ def without_and_with(
     return voltages[0], voltages[1], law, laws[0], laws[1]
 
 
-def mean_voltages(way: plan.TrajectoryState) -> Array:
+def mean_voltages(way: TrajectoryState) -> Array:
     """Voltages of motors A and B that the model is driven by."""
     d, c = np.mean(way.window_d), np.mean(way.window_c)
     return np.array([c + d, c - d])
@@ -176,7 +176,7 @@ def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
         cascade_tuning(ideal, LAMBDAS), cascade_tuning(ideal, LAMBDAS, u_plan=8.5), at
     )
     d, c = after.plan.window_d, after.plan.window_c
-    own = np.array([c[0] - c[1] + d[0] - d[1], c[0] - c[1] - d[0] + d[1]]) / plan.SMOOTHED
+    own = np.array([c[0] - c[1] + d[0] - d[1], c[0] - c[1] - d[0] + d[1]]) / SMOOTHED
     assert np.max(np.abs(with_plan - without - own)) < 1e-3
     assert np.max(np.abs(own)) < 2.0
 

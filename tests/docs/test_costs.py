@@ -5,9 +5,9 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from fastapi.dependencies.models import Dependant
-from fastapi.routing import APIRoute
+from fastapi.routing import APIRoute, APIRouter
 
-from backend.api import auth, routes, service
+from backend.api import dependencies, routers
 from backend.api.app import create_app
 from backend.api.costs import COSTS, Cost
 from backend.reports import sheet
@@ -30,18 +30,19 @@ def calls(dependant: Dependant) -> set[object]:
 def who(route: APIRoute) -> str:
     """Who may ask, by what the route depends on."""
     needed = calls(route.dependant)
-    if service._in_control in needed:
+    if dependencies._in_control in needed:
         return "who is in control"
-    if auth._operator in needed:
+    if dependencies._operator in needed:
         return "operators"
-    return "viewers" if auth._signed_in in needed or auth._may_stop in needed else "anybody"
+    return "viewers" if dependencies._signed_in in needed or dependencies._may_stop in needed else "anybody"
 
 
 def asking() -> Iterator[tuple[str, str]]:
     """Yield each route of the interface with who may ask it."""
-    for found in iter_modules(routes.__path__):
-        for route in import_module(f"{routes.__name__}.{found.name}").router.routes:
-            if isinstance(route, APIRoute):
+    for found in iter_modules(routers.__path__):
+        module = import_module(f"{routers.__name__}.{found.name}")
+        for router in (value for value in vars(module).values() if isinstance(value, APIRouter)):
+            for route in (route for route in router.routes if isinstance(route, APIRoute)):
                 yield from ((f"{method} {route.path}", who(route)) for method in route.methods or ())
 
 

@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 
 from backend.cli import app
 from plant import interface, replay
-from plant import replay as recording
 from plant.conformance import CHECKS
 from plant.factory import ATTRIBUTES, GROUP, METHODS
 from plant.parameters import PlantParameters, load_parameters
@@ -35,14 +34,14 @@ def test_the_table_has_every_part_of_a_plant() -> None:
 
 
 def test_names_of_the_code_are_names_of_the_code() -> None:
-    known = {*vars(interface), *vars(recording), *vars(replay), *vars(replay.Replay), *ATTRIBUTES, *METHODS}
-    known |= {*recording.UNITS, *recording.FURTHER}
+    known = {*vars(interface), *vars(replay), *vars(replay), *vars(replay.Replay), *ATTRIBUTES, *METHODS}
+    known |= {*replay.UNITS, *replay.FURTHER}
     for name in re.findall(r"`([A-Za-z_]\w*)`", PROSE):
         assert name in known, name
     for file in re.findall(r"`((?:\w+/)+[\w.]+)`", PROSE):
         assert (ROOT / file).exists(), file
     assert f"`{GROUP}`" in PROSE
-    assert set(recording.UNITS) <= set(re.findall(r"`(\w+)`", PROSE))
+    assert set(replay.UNITS) <= set(re.findall(r"`(\w+)`", PROSE))
 
 
 def test_its_code_is_that_of_the_example_package_or_runs() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.cli import doctor
+from backend.cli import server
 from plant.interface import DEFAULT_WIRING
 from plant.rig import CYCLE_MAX_S, TRIED_CYCLES, UNATTENDED
 from plant.safety_card import WATCHDOG_S
@@ -60,6 +60,6 @@ def test_figures_are_those_of_the_code(statement: str) -> None:
 
 def test_what_doctor_says_is_called_as_doctor_calls_it() -> None:
     named = {re.findall(r"`([^`]+)`", row[2])[0] for row in rows("The machine")}
-    known = set(re.findall(r'Finding\(\s*"([^"]+)"', inspect.getsource(doctor)))
+    known = set(re.findall(r'Finding\(\s*"([^"]+)"', inspect.getsource(server)))
     assert len(named) == 6
     assert named <= known

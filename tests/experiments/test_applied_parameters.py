@@ -9,8 +9,6 @@ import pytest
 
 from backend.analysis.identification import from_table
 from backend.control.decoupler import decoupler_for, stiffness
-from backend.experiments import applied_parameters
-from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
 from backend.identification.models import Grade
 from backend.models.identification import (
     MOTOR_MODELS,
@@ -23,6 +21,8 @@ from backend.models.identification import (
     Pair,
 )
 from backend.models.run import AppliedParameters
+from backend.services import parameters
+from backend.services.parameters import NotApplicableError, active_parameters, differences, parameter_versions, proposal
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification, NewIdentification
@@ -78,7 +78,7 @@ def spring() -> NewIdentification:
 
 def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(database: Database) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
-    then = LAB.with_identified(applied_parameters.sections_of(proposal(LAB, LAB, found)))
+    then = LAB.with_identified(parameters.sections_of(proposal(LAB, LAB, found)))
     assert [(one.name, one.side, one.before, one.after) for one in differences(LAB, then)] == [
         ("K_m", "A", 2.86, 2.3),
         ("T_m", "A", 0.22, 0.21),
@@ -94,7 +94,7 @@ def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(d
 
 def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) -> None:
     found = stored(database, spring())
-    then = LAB.with_identified(applied_parameters.sections_of(proposal(LAB, LAB, found)))
+    then = LAB.with_identified(parameters.sections_of(proposal(LAB, LAB, found)))
     assert then.identified_of("A").k == pytest.approx(K, rel=0.03)
     g = LAB.geometry
     expected = 2.0 * g.r_j**2 * (K[1] + K[2] * g.r_m * 7.0)
@@ -107,41 +107,41 @@ def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) ->
     first, second = stored(database, motors((2.3, 0.21), (2.4, 0.23))), stored(database, spring())
     for found, who in ((first, "Ana"), (second, "Ben")):
         with database.session() as session:
-            applied_parameters.keep(session, proposal(LAB, in_force(database, LAB), found), who)
-    both, one, file = versions(database, LAB)
+            parameters.store_parameters(session, proposal(LAB, active_parameters(database, LAB), found), who)
+    both, one, file = parameter_versions(database, LAB)
     assert [(item.number, item.who) for item in (both, one, file)] == [(2, "Ben"), (1, "Ana"), (0, "")]
     assert file.parameters == LAB
     assert both.parameters.identified_of("B").K_m == 2.4  # the spring leaves the motors as they were applied
     assert len({item.digest for item in (both, one, file)}) == 3
 
     undo(database, "Cy")
-    newest = versions(database, LAB)[0]
+    newest = parameter_versions(database, LAB)[0]
     assert (newest.number, newest.who, newest.digest) == (3, "Cy", one.digest)
     assert newest.applied is not None
     assert newest.applied.undone
     undo(database, "Cy")  # to undo that is to do it again
-    assert versions(database, LAB)[0].digest == both.digest
+    assert parameter_versions(database, LAB)[0].digest == both.digest
 
 
 def undo(database: Database, who: str) -> AppliedParameters:
-    applied = applied_parameters.undoing(database, LAB)
+    applied = parameters.undoing(database, LAB)
     with database.session() as session:
-        applied_parameters.keep(session, applied, who)
+        parameters.store_parameters(session, applied, who)
     return applied
 
 
 def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Database) -> None:
     applied = proposal(LAB, LAB, stored(database, motors((2.3, 0.21), (2.4, 0.23))))
     with database.session() as session:
-        applied_parameters.keep(session, applied, "Ana")
+        parameters.store_parameters(session, applied, "Ana")
     ideal = load_parameters("ideal")
-    assert in_force(database, LAB) != LAB
-    assert in_force(database, ideal) == ideal
+    assert active_parameters(database, LAB) != LAB
+    assert active_parameters(database, ideal) == ideal
 
 
 def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:
     with pytest.raises(NotApplicableError, match="nothing was applied"):
-        applied_parameters.undoing(database, LAB)
+        parameters.undoing(database, LAB)
     same = stored(database, motors((2.86, 0.22), (2.86, 0.22)))
     with pytest.raises(NotApplicableError, match="nothing would change"):
         proposal(LAB, LAB, same)

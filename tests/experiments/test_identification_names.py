@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from backend.archive import views
-from backend.archive.stored_banks import _lineage
 from backend.banks.builder import BankError, build_bank
 from backend.cli import app
 from backend.reports.model import Table, load_source
 from backend.reports.provenance import lineage
+from backend.services.banks import _lineage
+from backend.services.runs import bank_view
 from backend.storage import banks, identifications, runs
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
@@ -75,7 +75,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp_path: Path) -> None:
     bank = build_bank(database, PARAMETERS, "bench", list(POINTS), "Ana")
     with database.session() as session:
-        view = views.bank_view(bank, identifications.runs_of(session), {}, None)
+        view = bank_view(bank, identifications.runs_of(session), {}, None)
         follower = runs.create(session, new_run(RunKind.TRACKING, bank.id))
     assert [entry.identification for entry in view.entries] == list(POINTS)
 

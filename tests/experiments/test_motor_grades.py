@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from backend.analysis.identification import identify_motors, to_store_motors
-from backend.archive import checklist
 from backend.experiments.plans import MotorIdentificationPlan
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor
@@ -16,6 +15,7 @@ from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.model import Source
 from backend.schemas.run import ChecklistState
+from backend.services import lineage
 from backend.storage import runs
 from backend.storage.database import Session, open_database
 from backend.storage.identifications import Identification
@@ -131,4 +131,4 @@ def test_a_note_that_says_completed_completes_nothing(tmp_path_factory: pytest.T
 
 
 def experiment(session: Session, parameters: dict[str, Any]) -> ChecklistState:
-    return next(step.state for step in checklist.steps(session, parameters, None) if step.name == "experiment")
+    return next(step.state for step in lineage.checklist_steps(session, parameters, None) if step.name == "experiment")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from backend.analysis.evaluation import evaluate_again
-from backend.archive.own_experiments import OwnExperiments
 from backend.banks.tuning_settings import TuningChoice
 from backend.execution.runner import Order, Outcome, Station, run_experiment
 from backend.execution.simulation import dry_run, headless_station
@@ -18,6 +17,7 @@ from backend.experiments.library import NAMES, experiment, kept_values, ready_ma
 from backend.experiments.plans import ComposedPlan, LoopSettings
 from backend.experiments.schema import schema
 from backend.recording.reader import recorded_columns
+from backend.services.library import OwnExperiments
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.archive.bundling import bundle_pieces
+from backend.services.downloads import bundle_pieces
 from backend.storage.database import Database, open_database
 from tests.exports.stored import tracked
 

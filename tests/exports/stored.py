@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from sqlalchemy import text
 
 from backend.analysis.evaluation import evaluate_again
-from backend.archive.history import History
 from backend.recording.codec import pack, summarise
 from backend.sample import STORED_NAMES
 from backend.schemas.run import LineageNode
+from backend.services.lineage import History
 from backend.storage import banks, commissioning, identifications, recordings, runs
 from backend.storage.banks import BankEntry
 from backend.storage.commissioning import NewStepResult

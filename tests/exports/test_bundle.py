@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from backend.archive.bundling import bundle_pieces
 from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
 from backend.exports.importer import TakenIn, import_bundle
 from backend.models.document import digest_of
 from backend.reports.evidence import Evidence, read
 from backend.reports.verification import Verified, stored_samples, verify
+from backend.services.downloads import bundle_pieces
 from backend.storage import banks, results, runs
 from backend.storage.database import Database
 from tests.exports.stored import NEW, boxes, held, nothing_left, recorded

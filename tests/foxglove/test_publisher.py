@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from backend.foxglove.bridge import OtherVersionError, Publisher, Tickets
-from backend.operating.live_stream import layout
+from backend.services.live_stream import layout
 
 
 def frame(content: bytes) -> bytes:

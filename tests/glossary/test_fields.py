@@ -8,10 +8,10 @@ from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
 from backend.glossary.glossary import FORMS, Kind, bounds, fields
 from backend.models.settings import describe
-from backend.operating.run_kinds import identification_kinds, views_of
 from backend.schemas.base import UNITS
 from backend.schemas.experiment import SettingView
 from backend.schemas.identification import IdentificationRequest
+from backend.services.jobs import identification_kinds, views_of
 
 REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)
 NAMED = ("kind",)

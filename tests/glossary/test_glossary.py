@@ -12,8 +12,7 @@ from backend.analysis.step_metrics import Whole
 from backend.api.export import files
 from backend.commissioning.steps import StepState
 from backend.faults import EXPLAINED, Fault, Limit
-from backend.glossary import glossary as pages
-from backend.glossary.glossary import EQUATIONS, Entry, GlossaryError, Kind, glossary
+from backend.glossary.glossary import EQUATIONS, Entry, GlossaryError, Kind, faults, glossary, limits, notation
 from backend.identification.models import Grade
 from backend.models.run import Outcome
 from backend.realtime.program import Cause, HomingEnd, Mode
@@ -111,11 +110,11 @@ def test_citations_of_the_paper_are_told_from_equations() -> None:
 def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
     page = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
     with pytest.raises(GlossaryError, match="slack needs Cause, Reaction, Within, Remedy"):
-        pages.faults(page.replace("### `slack`", "### `slacker`"))
+        faults(page.replace("### `slack`", "### `slacker`"))
     with pytest.raises(GlossaryError, match="limits GOVERNOR"):
-        pages.limits(page.replace("| `GOVERNOR` |", "| `GOVERNED` |"))
+        limits(page.replace("| `GOVERNOR` |", "| `GOVERNED` |"))
     with pytest.raises(GlossaryError, match="no section 'Signals'"):
-        pages.notation("# nothing\n")
+        notation("# nothing\n")
 
 
 def test_the_generated_module_is_the_one_in_the_repository() -> None:

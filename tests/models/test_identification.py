@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from backend.analysis.identification import curves_of
-from backend.archive.stored_identifications import StoredIdentifications
 from backend.identification.validation import judged
 from backend.models import identification
 from backend.models.document import Edge, UnreadableDocumentError
 from backend.models.identification import ArxEstimate, FailedCandidate
-from backend.operating.tuning_in_use import by_default
+from backend.services.identifications import StoredIdentifications
+from backend.services.tuning_state import by_default
 from backend.storage import identifications
 from backend.storage.banks import method_of
 from backend.storage.database import Database, open_database

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from backend.archive.stored_banks import StoredBanks
 from backend.banks import tuning_settings
 from backend.banks.builder import BankError, point_of
 from backend.banks.tuning_settings import KEPT, NAMES, SAVED, TuningChoice
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import ENTRY, EntryModel
-from backend.operating.kept_tuning import KeptTuning
+from backend.services.banks import StoredBanks
+from backend.services.tuning_state import KeptTuning
 from backend.storage import banks, settings
 from backend.storage.banks import BankEntry, name_of_entry
 from backend.storage.database import Database, open_database

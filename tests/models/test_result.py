@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from backend.archive.stored_runs import Asked, StoredRuns
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS, OLDER
 from backend.reports.build import build_report, metrics_document
 from backend.reports.model import load_source
+from backend.services.runs import Asked, StoredRuns
 from backend.storage import results
 from backend.storage.database import Database
 from backend.storage.results import NewResult

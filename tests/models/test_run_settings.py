@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from backend.archive.stored_identifications import StoredIdentifications
-from backend.archive.stored_runs import Asked, StoredRuns
 from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.plans import LoopSettings
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import SETTINGS, KeptLoop
-from backend.operating.tuning_in_use import by_default
+from backend.services.identifications import StoredIdentifications
+from backend.services.runs import Asked, StoredRuns
+from backend.services.tuning_state import by_default
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.workers import Offload

@@ -102,7 +102,11 @@ def test_what_is_explained_says_why() -> None:
 def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp_path: Path) -> None:
     base, tree = Tree(tmp_path / "base"), Tree(tmp_path / "tree")
     for copy in (base, tree):
-        copy.bring_up_to_date(name for name in tracked() if name.startswith(("plant/", "backend/__", "backend/control/", "backend/errors", "backend/units")))
+        copy.bring_up_to_date(
+            name
+            for name in tracked()
+            if name.startswith(("plant/", "backend/__", "backend/control/", "backend/errors", "backend/units"))
+        )
         (copy.root / "test_torque.py").write_text(TORQUE, encoding="utf-8")
     asked, touched = ["-q", "test_torque.py"], {DYNAMICS}
     assert base.test(asked, 100.0)[0] == 0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.realtime import process as worker_module
+from backend.realtime import process
 from backend.realtime.commands import (
     Accepted,
     Command,
@@ -164,7 +164,7 @@ def test_the_longest_program_arrives_in_ticks_that_decode_little(bench: Bench, m
         decoded[tick] = decoded.get(tick, 0) + len(packet)
         return decode_to_loop(packet)
 
-    monkeypatch.setattr(worker_module, "decode_to_loop", counting)
+    monkeypatch.setattr(process, "decode_to_loop", counting)
     program = a_program(MAX_SEGMENTS)
     reached: list[int] = []
 

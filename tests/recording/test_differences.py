@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.archive.comparison import compare
-from backend.archive.comparison_file import curves_file, table_file
-from backend.archive.differences import Curve, differences
 from backend.errors import RefusalError
 from backend.recording.reader import UnknownSignalError
 from backend.schemas.comparison import AlignBy, ComparisonAsked, DifferencesAsked, StepSignal
 from backend.schemas.state import MarkKind
+from backend.services.comparison import Curve, compare, curves_file, differences, table_file
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState

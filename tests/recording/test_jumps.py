@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.recording import reader as found_by
+from backend.recording import reader
 from backend.recording.reader import jumps, nth_jump
 from backend.storage.database import Database, open_database
 from tests.recording.compared_runs import recorded_run
@@ -66,7 +66,7 @@ def test_every_jump_is_found_and_nothing_else(
     run = recorded_run(database, {"q_ref": values}, lost)
     expected = looked_at(values, lost)
     with pytest.MonkeyPatch.context() as patched, database.reading() as session:
-        patched.setattr(found_by, "_MOST_SUMMARIES", at_once)
+        patched.setattr(reader, "_MOST_SUMMARIES", at_once)
         assert [round(at_s, 6) for at_s in jumps(session, run, "q_ref")] == expected
         for number in (1, len(expected), len(expected) + 1):
             if number == 0:

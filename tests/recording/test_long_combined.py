@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.archive.stored_runs import Excerpt, StoredRuns
 from backend.recording.codec import pack, summarise
 from backend.recording.reader import AT_HAND_SAMPLES, read_envelope
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
+from backend.services.runs import Excerpt, StoredRuns
 from backend.storage import recordings, runs
 from backend.storage.database import Database, open_database
 from backend.storage.recordings import Chunk

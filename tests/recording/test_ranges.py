@@ -14,13 +14,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy import signal
 
-from backend.archive import figures
-from backend.archive.figures import RangeAsked, file_pieces, spectra_lines, statistics_lines, values_at
 from backend.errors import OutOfRangeError
 from backend.exports import writers
 from backend.exports.base import of_run
 from backend.recording.reader import UnknownSignalError
 from backend.sample import STORED_NAMES
+from backend.services import signals
+from backend.services.signals import RangeAsked, file_pieces, spectra_lines, statistics_lines, values_at
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from plant.interface import T_s
@@ -176,7 +176,7 @@ def test_spectra_are_those_of_scipy(
         np.testing.assert_allclose(found["density"], density[1:-1], rtol=1e-7, atol=1e-14)
         np.testing.assert_allclose(found["step_Hz"] * np.arange(1, segment // 2), f[1:-1], rtol=1e-12)
         assert found["used"] == (found["segments"] - 1) * segment // 2 + segment
-    monkeypatch.setattr(figures, "MOST_VALUES", 100_000)
+    monkeypatch.setattr(signals, "MOST_VALUES", 100_000)
     with pytest.raises(OutOfRangeError) as refused:
         list(spectra_lines(database, RangeAsked(run, 62.0, None, ("q", "u_A"))))
     assert (refused.value.value, refused.value.maximum) == (2 * within.sum(), 100_000)

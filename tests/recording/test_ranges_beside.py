@@ -6,9 +6,9 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from backend.archive import figures
-from backend.archive.figures import RangeAsked, RecordedFigures, statistics_lines
 from backend.errors import OutOfRangeError, RefusalError
+from backend.services import signals
+from backend.services.signals import RangeAsked, RecordedFigures, statistics_lines
 from backend.storage.database import Database
 from tests.recording.stored_run import store_run
 
@@ -25,7 +25,7 @@ def asked(database: Database) -> RangeAsked:
 def test_threads_and_process_give_the_same_lines(
     database: Database, asked: RangeAsked, at_hand: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(figures, "AT_HAND_SAMPLES", at_hand)
+    monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
 
     async def read() -> tuple[bytes, int]:
         stream = await RecordedFigures(database).statistics(asked)
@@ -41,8 +41,8 @@ def test_threads_and_process_give_the_same_lines(
 def test_a_stream_that_is_left_frees_its_place(
     database: Database, asked: RangeAsked, at_hand: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(figures, "AT_HAND_SAMPLES", at_hand)
-    monkeypatch.setattr(figures, "AT_ONCE", 1)
+    monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
+    monkeypatch.setattr(signals, "AT_ONCE", 1)
 
     async def leave() -> None:
         recorded = RecordedFigures(database)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from pypdf import PdfReader
 
-from backend.reports import model as module
+from backend.reports import model
 from backend.reports.build import build_report
 from backend.reports.model import BOX, missing_letters, sentence, to_html, to_pdf, with_boxes
 from backend.reports.sheet import sheet_pdf
@@ -18,8 +18,8 @@ THERE = "aäλφЖعﻉ−≈′₂²·…“”"
 
 def test_letters_that_the_fonts_have_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     assert missing_letters([THERE, "λ_q′"]) == set()
-    plain = "".join(module._PLAIN - {"\n"})
-    monkeypatch.setattr(module, "_PLAIN", frozenset("\n"))
+    plain = "".join(model._PLAIN - {"\n"})
+    monkeypatch.setattr(model, "_PLAIN", frozenset("\n"))
     assert missing_letters([plain]) == set()
     assert missing_letters([TITLE, THERE]) == set("阻抗測試😀")
 

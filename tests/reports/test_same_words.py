@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from backend.archive.views import experiment_view, run_view
 from backend.models.run import CRITERIA, METRICS
 from backend.reports.build import build_report, metrics_document
 from backend.reports.model import Source
 from backend.schemas.run import Evaluation
+from backend.services.runs import experiment_view, run_view
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 

@@ -8,8 +8,8 @@ from threading import Event
 
 import pytest
 
-from backend.archive.bundling import bundle_pieces
 from backend.exports.importer import import_bundle
+from backend.services.downloads import bundle_pieces
 from backend.storage import banks, results, runs, search_index, tags
 from backend.storage.database import Database, Session, open_database
 from backend.storage.orm import RunIndexRow

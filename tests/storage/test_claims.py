@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.storage import claims as of_claims
+from backend.storage import claims
 from backend.storage import database as migrate
 from backend.storage.claims import BEAT_S, LIFE_S, HeldClaim, claimed_by, is_alive, own_claim
 from backend.storage.database import (
@@ -71,8 +71,8 @@ def test_a_service_that_was_killed_is_in_nobodys_way(database: Database, tmp_pat
 @pytest.fixture
 def elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let each claim seem to come from a kernel of its own, and a life be short."""
-    monkeypatch.setattr(of_claims, "_seen_by", lambda: os.urandom(4).hex())
-    monkeypatch.setattr(of_claims, "LIFE_S", 1.0)
+    monkeypatch.setattr(claims, "_seen_by", lambda: os.urandom(4).hex())
+    monkeypatch.setattr(claims, "LIFE_S", 1.0)
 
 
 @pytest.mark.usefixtures("elsewhere")
@@ -87,7 +87,7 @@ def test_what_another_machine_claims_is_told_by_its_beats(database: Database) ->
     held.beat()
     assert "taken over" in held.problem()
     held.let_go()  # is not the other's to give up
-    assert of_claims._read(database.engine, "") is not None
+    assert claims._read(database.engine, "") is not None
 
 
 @pytest.mark.usefixtures("elsewhere")

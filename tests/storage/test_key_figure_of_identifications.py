@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from backend.archive.stored_runs import Asked, StoredRuns
+from backend.services.runs import Asked, StoredRuns
 from backend.storage import identifications
 from backend.storage.database import Database
 from tests.exports.stored import ESTIMATE, recorded

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
-from backend.archive.history import History
 from backend.recording.codec import digest_of_recording, pack
 from backend.schemas.run import LineageKind, LineageNode
+from backend.services.lineage import History
 from backend.storage import banks, commissioning, identifications, recordings, runs
-from backend.storage import recordings as retention
 from backend.storage.banks import BankEntry
 from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, Session
@@ -119,8 +118,8 @@ def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> Non
     with database.session() as session:
         identifications.add(session, replace(ESTIMATE, run_id=again))
         banks.add(session, "bench", [BankEntry(10.5, {})], who="Ana")
-        retention.mark_removed(session, source, "deleted")
-        retention.remove_chunks(session, source, 10)
+        recordings.mark_removed(session, source, "deleted")
+        recordings.remove_chunks(session, source, 10)
     found = boxes(database, run)
     assert found[f"identification-{estimate.id}"].out_of_date == f"identified again in run {again}"
     assert found[f"bank-{bank.id}"].out_of_date == "version 2 of it is newer; an entry was identified again"

@@ -5,7 +5,7 @@ from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
-from backend.archive.stored_runs import Asked, StoredRuns
+from backend.services.runs import Asked, StoredRuns
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, RunKind
 from tests.bench.many_runs import Made, make_runs

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from backend.archive.comparison import metric_history
 from backend.models.run import Figure
+from backend.services.comparison import metric_history
 from backend.storage import results, runs
 from backend.storage.database import Database
 from backend.storage.results import NewResult

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from backend.archive.bundling import bundle_pieces
 from backend.execution.runner import Order, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.plans import (
@@ -17,6 +16,7 @@ from backend.experiments.plans import (
 )
 from backend.exports.importer import import_bundle
 from backend.identification.fitting import Method
+from backend.services.downloads import bundle_pieces
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification

@@ -11,8 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.archive.bundling import bundle_pieces
-from backend.archive.imports import take_in
 from backend.execution.runner import Order, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import NAMES, ready_plan, settings_of
@@ -20,6 +18,7 @@ from backend.experiments.plans import LoopSettings, Plan, SequencePlan
 from backend.recording.codec import digest_of_recording
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES
+from backend.services.downloads import bundle_pieces, take_in
 from backend.storage import commissioning, origins, recordings, results, runs
 from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, open_database

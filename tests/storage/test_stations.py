@@ -11,7 +11,7 @@ from threading import Barrier
 import pytest
 
 from backend.errors import STATION_MAX, RefusalError, require_station_name
-from backend.recording import retention as keeping
+from backend.recording import retention
 from backend.recording.retention import NotRemovableError, Rule
 from backend.storage import (
     banks,
@@ -26,8 +26,6 @@ from backend.storage import (
     settings,
     tags,
 )
-from backend.storage import recordings as retention
-from backend.storage import stations as station_names
 from backend.storage.banks import BankEntry
 from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, Session, open_database
@@ -36,6 +34,7 @@ from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState
 from backend.storage.search import QueryError, parse
+from backend.storage.stations import give_all
 from tests.postgres import new_database
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 
@@ -132,16 +131,16 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
                 flights.add(session, NewFlight(event.id, "force_limit", 0, tick, 9, ["q"], b"xx"))
         numbers.append(run.id)
     rule = Rule(max_bytes=1, keep_days=0)
-    assert [one.run_id for one in keeping.overview(a, rule).may_go] == numbers[:1]
-    assert keeping.overview(a, rule).total_bytes == 100
+    assert [one.run_id for one in retention.overview(a, rule).may_go] == numbers[:1]
+    assert retention.overview(a, rule).total_bytes == 100
     with pytest.raises(NotRemovableError, match=f"runs named that may not go: {numbers[1]}"):
-        keeping.remove(a, rule, [numbers[1]], "Ana")
-    keeping.remove(a, rule, [numbers[0]], "Ana")
+        retention.remove(a, rule, [numbers[1]], "Ana")
+    retention.remove(a, rule, [numbers[0]], "Ana")
     with a.session() as session:
         assert flights.give_way(session, records=1, size_bytes=10**9) == 2
     with b.reading() as session:
         assert len(flights.find(session)) == 3
-        assert [one.run_id for one in retention.held(session)] == numbers[1:]
+        assert [one.run_id for one in recordings.held(session)] == numbers[1:]
         assert recordings.extent(session, numbers[1]).count == 10
 
 
@@ -226,9 +225,9 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         settings.put(session, "active bank", 3, "Ana")
         banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
     with database.session() as session:
-        assert station_names.give_all(session, "rig-a") == 1
+        assert give_all(session, "rig-a") == 1
     with database.session() as session, pytest.raises(RefusalError, match="rig-a has 1 rows of table run already"):
-        station_names.give_all(session, "rig-a")
+        give_all(session, "rig-a")
     with closing(open_database(tmp_path / "a", url, station="rig-a")) as station, station.reading() as session:
         assert runs.count(session) == 1
         assert [bank.name for bank in banks.find(session)] == ["bench"]

@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
+from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.studies import StoredPoint

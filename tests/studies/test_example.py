@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
+from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import open_database
 from backend.studies.point import run_point

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
+from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.studies.design import Design

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
 from backend.cli.study import _in_time
 from backend.execution.runner import Order, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import experiment
 from backend.experiments.plans import LoopSettings
+from backend.services.studies import Studies
 from backend.storage import banks, studies
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database

@@ -7,11 +7,10 @@ from typing import Any, cast
 
 import pytest
 
-from backend.archive.studies import Studies
 from backend.banks.tuning_settings import TuningChoice
 from backend.errors import RefusalError
-from backend.operating.studies_under_way import WAITING_MAX, StudiesUnderWay
-from backend.operating.text_work import TextWork
+from backend.services.background_work import TextWork
+from backend.services.studies import WAITING_MAX, Studies, StudiesUnderWay
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.workers import Offload
@@ -99,7 +98,7 @@ def test_the_table_of_a_study_that_is_computed_is_not_read_at_each_look(
         with database.session() as session:
             studies.claim(session, study, "elsewhere:1")
         before = reading.asked
-        monkeypatch.setattr("backend.operating.studies_under_way.REST", 1e6)
+        monkeypatch.setattr("backend.services.studies.REST", 1e6)
         shown = [(await page.detail(study, "worst")).study.state for _ in range(3)]
         assert (shown, reading.asked - before) == (["running"] * 3, 1)
         with database.session() as session:

@@ -3,9 +3,9 @@
 import pickle
 from dataclasses import replace
 
-from backend.operating import tuning_previews
-from backend.operating.tuning_in_use import by_default
-from backend.operating.tuning_previews import AskedTuning
+from backend.services import background_work
+from backend.services.background_work import AskedTuning
+from backend.services.tuning_state import by_default
 from plant.parameters import load_parameters
 
 
@@ -13,9 +13,9 @@ def test_it_is_the_same_from_what_goes_to_another_process() -> None:
     tuning, _ = by_default(load_parameters("lab"))
     asked = pickle.loads(pickle.dumps(AskedTuning.of(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
-    assert tuning_previews.preview(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
-    assert tuning_previews.motor(asked, 0.2) == tuning.motor(0.2)
-    assert tuning_previews.robust(asked, 1.5) == tuning.robust(1.5)
+    assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
+    assert background_work.preview_motor(asked, 0.2) == tuning.motor(0.2)
+    assert background_work.compute_robustness(asked, 1.5) == tuning.robust(1.5)
 
 
 def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:

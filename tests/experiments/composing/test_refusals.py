@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from backend.archive.own_experiments import OwnExperiments
 from backend.banks.tuning_settings import TuningChoice
 from backend.experiments.parser import ExperimentError
+from backend.services.library import OwnExperiments
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import WOBBLE, with_parts

@@ -1,0 +1,314 @@
+"""What routes depend on: the service, the person who asks, the units; and the live websocket."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import Depends, Header, Path, Query, Request, WebSocket, WebSocketDisconnect
+from fastapi.security import APIKeyCookie, HTTPBearer
+from pydantic import ValidationError
+from starlette.requests import HTTPConnection
+
+from backend.auth.authentication import BEARER, OPEN, Person
+from backend.auth.control_lease import HEADER, Control, read_stamp
+from backend.auth.handover import HandOver
+from backend.errors import Because, RefusalError
+from backend.schemas.state import Ping, Pong, Role
+from backend.server.security import COOKIE, SHEETS, authentication_of, shown_by
+from backend.services.actuator import Actuator
+from backend.services.background_work import ChartSheets, TextWork, WorkPlaces
+from backend.services.banks import StoredBanks
+from backend.services.commissioning import BringUp
+from backend.services.downloads import Downloads
+from backend.services.event_log import Refusals
+from backend.services.identifications import StoredIdentifications
+from backend.services.jobs import OrderedRuns
+from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
+from backend.services.lineage import History
+from backend.services.live_stream import Client, LiveStream
+from backend.services.maintenance import Maintenance, Retention
+from backend.services.parameters import Applied
+from backend.services.queue import DryRuns
+from backend.services.runs import Evaluations, Replay, StoredRuns, StoredTimeline
+from backend.services.signals import Formulas, RecordedFigures
+from backend.services.studies import StudiesUnderWay
+from backend.services.triggers import Triggers
+from backend.services.tuning import SavedTunings
+from backend.storage.database import Database
+from backend.storage.orm import StorageError
+from backend.units import Angles
+
+# Auth ----------------------------------------------------------------------------------------------
+#
+# Who is asking, as routes say what they need: anybody signed in, an operator, somebody who presses
+# STOP.
+
+
+__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "may_stop", "signed_in"]
+
+_SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
+
+
+def signed_in(connection: HTTPConnection) -> Person:
+    """Return the signed-in person. Raises RefusalError for anybody else."""
+    person = authentication_of(connection).recognise(shown_by(connection))
+    if person is None:
+        raise RefusalError(Because.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
+    return person
+
+
+def may_stop(connection: HTTPConnection) -> Person:
+    """Return who presses STOP: also somebody whose session is not live any more. Raises RefusalError."""
+    person = authentication_of(connection).recognise_for_stop(shown_by(connection))
+    if person is None:
+        raise RefusalError(Because.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
+    return person
+
+
+# Declared for the documentation only: the generated schema names both ways of proving who asks.
+_bearer = HTTPBearer(auto_error=False, description="token from the data folder")
+_cookie = APIKeyCookie(
+    name=f"{COOKIE}8000", auto_error=False, description="from signing in; its name ends with the port of the address"
+)
+
+# All of these are coroutines: plain functions would run in threads, and commands would overtake one another there.
+
+
+async def _signed_in(
+    request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
+) -> Person:
+    return signed_in(request)
+
+
+SignedIn = Annotated[Person, Depends(_signed_in)]
+
+
+async def _may_stop(
+    request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
+) -> Person:
+    return may_stop(request)
+
+
+MayStop = Annotated[Person, Depends(_may_stop)]
+
+
+async def _operator(request: Request, person: SignedIn) -> Person:
+    if person.role is not Role.OPERATOR:
+        if request.method not in ("GET", "HEAD"):
+            request.state.commanding = person, b""  # the log tells who asked for what; a viewer's values are not read
+        raise RefusalError(
+            Because.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
+        )
+    return person
+
+
+Operator = Annotated[Person, Depends(_operator)]
+
+
+# Live ----------------------------------------------------------------------------------------------
+#
+# The websocket /api/live: sends what the live stream has; who reads nothing or says nothing for
+# long is dropped.
+
+
+LIVE_PATIENCE_S = 20.0
+SILENT_S = 75.0
+"""A page, which pings every second, is gone when it has said nothing for so long: its laptop was closed, say.
+
+One that is hidden for minutes is let speak by its browser once a minute only, and is there all the same.
+"""
+
+_log = logging.getLogger(__name__)
+
+
+async def serve(stream: LiveStream, websocket: WebSocket, heard: Callable[[Ping], None] = lambda _ping: None) -> None:
+    """Serve one accepted websocket until either side ends it; ``heard`` gets each ping."""
+    with stream.attending() as (client, first):
+        receiving = asyncio.create_task(_receive(websocket, client, heard))
+        tasks = receiving, asyncio.create_task(_send(websocket, client, first))
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            for ended in await asyncio.gather(*tasks, return_exceptions=True):
+                if isinstance(ended, Exception):
+                    _log.error("a live stream to a page failed; the page connects again", exc_info=ended)
+    if not receiving.cancelled() and receiving.exception() is None and receiving.result():
+        await _send_away(websocket)
+
+
+async def _send_away(websocket: WebSocket) -> None:
+    """Close with the reason; when nothing else is sent any more, which would find the connection half closed."""
+    with suppress(TimeoutError, RuntimeError, WebSocketDisconnect):
+        async with asyncio.timeout(LIVE_PATIENCE_S):
+            await websocket.close(1008, "only pings are understood here, and they have to come")
+
+
+async def _send(websocket: WebSocket, client: Client, first: Iterable[str | bytes]) -> None:
+    try:
+        for message in first:
+            await _send_one(websocket, message)
+        while True:
+            await _send_one(websocket, await client.next())
+    except (TimeoutError, RuntimeError, WebSocketDisconnect):
+        return
+
+
+async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
+    async with asyncio.timeout(LIVE_PATIENCE_S):
+        await (websocket.send_text(message) if isinstance(message, str) else websocket.send_bytes(message))
+
+
+async def _receive(websocket: WebSocket, client: Client, heard: Callable[[Ping], None]) -> bool:
+    """Hear pings, and return whether the page is to be sent away; it may also have left by itself."""
+    with suppress(RuntimeError, WebSocketDisconnect):
+        patience_s = None  # who never pings is a script, of which the server itself sees whether it is there
+        while (ping := await _ping(websocket, patience_s)) is not None:
+            patience_s = SILENT_S
+            heard(ping)
+            client.offer_text(Pong(id=ping.id).model_dump_json())
+        return True
+    return False
+
+
+async def _ping(websocket: WebSocket, patience_s: float | None) -> Ping | None:
+    """Return the next ping; None for anything else, and for nothing in all that time."""
+    try:
+        async with asyncio.timeout(patience_s):
+            return Ping.model_validate_json(await websocket.receive_text())
+    except (ValidationError, KeyError, TimeoutError):
+        return None
+
+
+# Service -------------------------------------------------------------------------------------------
+#
+# The parts of a running service that routes call.
+
+
+RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
+
+
+@dataclass(frozen=True)
+class Service:
+    """What the routes act on."""
+
+    actuator: Actuator
+    applied: Applied
+    control: Control
+    hand_over: HandOver
+    ordered_runs: OrderedRuns
+    experiments: OwnExperiments
+    saved_tunings: SavedTunings
+    bring_up: BringUp
+    live: LiveStream
+    refusals: Refusals
+    runs: StoredRuns
+    figures: RecordedFigures
+    run_library: RunLibrary
+    identifications: StoredIdentifications
+    evaluations: Evaluations
+    banks: StoredBanks
+    preferences: StoredPreferences
+    history: History
+    timeline: StoredTimeline
+    replay: Replay
+    texts: TextWork
+    sheets: ChartSheets
+    dry_runs: DryRuns
+    database: Database
+    downloads: Downloads
+    maintenance: Maintenance
+    retention: Retention
+    studies: StudiesUnderWay
+    triggers: Triggers
+    formulas: Formulas
+
+    def places_for(self, method: str, path: str) -> WorkPlaces | None:
+        """Return where a request takes its place before its body is read; None for one that needs none."""
+        if method != "POST":
+            return None
+        return {
+            SHEETS: self.sheets.places,
+            "/api/experiments/check": self.texts.places,
+            "/api/experiments/own": self.texts.places,
+            "/api/studies/check": self.texts.places,
+            "/api/spring-tables": self.texts.places,
+            "/api/identifications/prediction": self.texts.previews,
+            "/api/experiments/dry-run": self.dry_runs.places,
+        }.get(path)
+
+
+def service_of(connection: HTTPConnection) -> Service:
+    """Return the running service."""
+    service: Service = connection.app.state.service
+    return service
+
+
+async def _service_in_use(request: Request) -> Service:
+    return service_of(request)
+
+
+ServiceInUse = Annotated[Service, Depends(_service_in_use)]
+
+
+Stamped = Annotated[
+    str | None, Header(alias=HEADER, max_length=40, description="page.sequence of the page that holds control")
+]
+
+
+async def _holds_control(
+    request: Request, service: ServiceInUse, person: Operator, stamp: Stamped = None
+) -> AsyncIterator[Person]:
+    request.state.commanding = person, await request.body()  # the log tells who asked for what, if it is refused
+    async with service.control.turn(person, read_stamp(stamp)):
+        yield person
+
+
+HoldsControl = Annotated[Person, Depends(_holds_control, scope="function")]
+"""An operator who holds control, of whatever is driven or played."""
+
+
+async def _in_control(service: ServiceInUse, person: HoldsControl) -> Person:
+    service.actuator.player.require_none()
+    return person
+
+
+InControl = Annotated[Person, Depends(_in_control, scope="function")]
+"""An operator who holds control: only their commands move the actuator. Refused while a recording is played."""
+
+
+# Angles --------------------------------------------------------------------------------------------
+#
+# In which unit somebody who asks for something reads angles.
+
+
+ANGLES_PATIENCE_S = 1.0
+"""No refusal waits longer for a preference: a database that does not answer must not keep anybody from reading it."""
+
+
+async def angles_of(connection: HTTPConnection) -> Angles:
+    """Return what the signed-in person prefers; degrees for who is not signed in, or is not known just now."""
+    person = authentication_of(connection).recognise(shown_by(connection))
+    if person is None:
+        return Angles.DEGREES
+    try:
+        async with asyncio.timeout(ANGLES_PATIENCE_S):
+            return (await service_of(connection).preferences.of(person)).angles
+    except (StorageError, TimeoutError):
+        return Angles.DEGREES
+
+
+async def _angles_read(
+    request: Request,
+    angles: Annotated[
+        Angles | None, Query(description="unit in which angles are printed; what the person prefers if left out")
+    ] = None,
+) -> Angles:
+    return await angles_of(request) if angles is None else angles
+
+
+AnglesRead = Annotated[Angles, Depends(_angles_read)]

@@ -1,0 +1,1 @@
+"""Routes by subject: each validates, calls one function, returns a schema."""

@@ -1,0 +1,185 @@
+"""Routes of the actuator: control, state, modes, references, faults, player."""
+
+from fastapi import APIRouter
+
+from backend.api.dependencies import HoldsControl, InControl, MayStop, Operator, RowId, ServiceInUse, SignedIn, Stamped
+from backend.auth.control_lease import read_stamp
+from backend.schemas.run import PlayedRecording, PlayerOrder
+from backend.schemas.state import (
+    ControlRequest,
+    FaultList,
+    Injection,
+    Lease,
+    ModeRequest,
+    Push,
+    References,
+    State,
+    StopProof,
+    TouchOrder,
+    TouchView,
+    TriggerOrder,
+    TriggerView,
+    WallOrder,
+    Wish,
+    WishAnswer,
+    WishView,
+)
+from backend.services.actuator import obstruct
+from backend.services.fault_injection import fault_list, inject, mend
+
+# Control -------------------------------------------------------------------------------------------
+#
+# Take and give up control, ask for it and hand it over.
+
+
+control_router = APIRouter(prefix="/api/control", tags=["operate"])
+
+
+@control_router.post("")
+async def take_control(body: ControlRequest, service: ServiceInUse, person: Operator) -> Lease:
+    """Take control for a page, which keeps it as long as its pings on `/api/live` carry the key it gets."""
+    if body.resume is not None:
+        return service.control.resume(person, body.resume).lease()
+    if body.handed is not None:
+        return service.hand_over.take(person, body.handed).lease()
+    return service.control.take(person, is_page=True, take_over=body.take_over).lease()
+
+
+@control_router.delete("", status_code=204)
+async def give_up_control(service: ServiceInUse, person: Operator, stamp: Stamped = None) -> None:
+    """Give up control; nothing moves by that."""
+    await service.control.give_up(person, read_stamp(stamp))
+
+
+@control_router.post("/wishes", status_code=201)
+async def ask_for_control(body: Wish, service: ServiceInUse, person: Operator, stamp: Stamped = None) -> WishView:
+    """Ask whoever holds control for it; `to` offers it to another operator, as the page that holds it."""
+    if body.to is None:
+        return service.hand_over.ask(person, body.reason)
+    return await service.hand_over.offer(person, read_stamp(stamp), body.to, body.reason)
+
+
+@control_router.post("/wishes/{id}", status_code=204)
+async def answer_wish(
+    id: RowId, body: WishAnswer, service: ServiceInUse, person: Operator, stamp: Stamped = None
+) -> None:
+    """Hand over, keep control, do not take it, or take back what was asked or offered."""
+    await service.hand_over.answer(person, read_stamp(stamp), id, body.answer, body.reason)
+
+
+# Faults --------------------------------------------------------------------------------------------
+#
+# The faults there are, and injecting them into a simulated plant.
+
+
+faults_router = APIRouter(prefix="/api/faults", tags=["faults"])
+
+
+@faults_router.get("")
+async def list_faults(_person: SignedIn, service: ServiceInUse) -> FaultList:
+    """List all faults with message, remedy, and what brings them about on what is driven."""
+    return fault_list(service.actuator.present.plant)
+
+
+@faults_router.post("/injection", status_code=204)
+async def inject_fault(body: Injection, service: ServiceInUse, person: InControl) -> None:
+    """Break a part of a simulated plant or a link of the safety chain; refused on any other."""
+    await inject(service.actuator, service.control, body, person.name)
+
+
+@faults_router.delete("/injection", status_code=204)
+async def mend_fault(service: ServiceInUse, person: InControl) -> None:
+    """Mend what was broken; the latched fault stays until it is reset."""
+    await mend(service.actuator, person.name)
+
+
+# Operate -------------------------------------------------------------------------------------------
+#
+# State, STOP, reset, mode, references, push, wall, trigger.
+
+
+operate_router = APIRouter(prefix="/api", tags=["operate"])
+
+
+@operate_router.get("/state")
+async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
+    """Return everything the status line and the controls show."""
+    return service.actuator.present.state()
+
+
+@operate_router.post("/stop")
+async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
+    """Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token.
+
+    A recording that is played is paused: nothing is driven, and nothing is latched.
+    """
+    return await service.actuator.stop(person.name)
+
+
+@operate_router.post("/reset")
+async def reset(service: ServiceInUse, person: HoldsControl) -> State:
+    """Clear the latched fault after its cause is gone."""
+    return await service.actuator.reset(person.name)
+
+
+@operate_router.post("/mode")
+async def set_mode(body: ModeRequest, service: ServiceInUse, person: InControl) -> State:
+    """Move to another mode; an illegal move is refused with the legal ones."""
+    return await service.actuator.set_mode(body.mode, person.name)
+
+
+@operate_router.put("/references")
+async def set_references(body: References, service: ServiceInUse, person: InControl) -> References:
+    """Set the references of the cascade; values beyond the limits are refused."""
+    return await service.actuator.set_references(body.q_ref, body.S_ref, person.name)
+
+
+@operate_router.post("/push")
+async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
+    """Push a simulated joint, in run and compliance; the loop lets go after the time, and when control is lost."""
+    return await service.actuator.push(body, person.name)
+
+
+@operate_router.put("/touch")
+async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) -> TouchView:
+    """Learn what the outside force reads with nothing outside, and from what force on the joint gives way."""
+    return await service.actuator.touching.order(body, person.name)
+
+
+@operate_router.put("/wall")
+async def set_wall(body: WallOrder, service: ServiceInUse, person: InControl) -> WallOrder:
+    """Put a wall in a simulated joint's way, in flight, or take it away; refused where nothing is simulated."""
+    return await obstruct(service.actuator, body, person.name)
+
+
+@operate_router.put("/trigger")
+async def arm_trigger(body: TriggerOrder, service: ServiceInUse, person: Operator) -> TriggerView:
+    """Wait for a condition on a signal and keep what was before and after it as a flight record; nothing moves."""
+    return await service.triggers.arm(body, person.name)
+
+
+@operate_router.delete("/trigger", status_code=204)
+async def disarm_trigger(service: ServiceInUse, person: Operator) -> None:
+    """Wait for nothing any more; of a capture under way what there is until now is kept."""
+    await service.triggers.disarm(person.name)
+
+
+# Player --------------------------------------------------------------------------------------------
+#
+# The player of a recording in place of a plant: what is played, and play, pause, speed and
+# position.
+
+
+player_router = APIRouter(prefix="/api/player", tags=["operate"])
+
+
+@player_router.get("")
+async def get_recording(service: ServiceInUse, _person: SignedIn) -> PlayedRecording:
+    """Return the recording that is played, with what happened in it; refused where a plant is driven."""
+    return service.actuator.player.recording
+
+
+@player_router.put("", status_code=204)
+async def play(body: PlayerOrder, service: ServiceInUse, _person: HoldsControl) -> None:
+    """Play, pause, set the speed or go to a time of the recording; at its end, playing begins anew."""
+    await service.actuator.player.order(body)

@@ -1,0 +1,223 @@
+"""Routes of experiments, own experiments and studies."""
+
+import asyncio
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Request
+
+from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
+from backend.experiments.schema import schema
+from backend.schemas.experiment import (
+    CheckedExperiment,
+    CheckedStudy,
+    DryRunProgress,
+    DryRunView,
+    ExperimentKindList,
+    ExperimentRequest,
+    ExperimentText,
+    ExperimentToCheck,
+    ExperimentView,
+    MapPick,
+    OwnExperiment,
+    OwnExperimentList,
+    PlantNumbers,
+    QueuePlace,
+    QueueView,
+    RecordedExperiment,
+    StudyDetail,
+    StudyList,
+    StudyText,
+    StudyView,
+    WrittenExperiment,
+)
+from backend.schemas.identification import Started
+
+# Experiments ---------------------------------------------------------------------------------------
+#
+# Experiments: the kinds, starting one, its result.
+
+
+experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"])
+
+
+@experiments_router.get("")
+async def list_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> ExperimentKindList:
+    """List the kinds of experiments with their settings and units."""
+    return ExperimentKindList(experiments=await service.ordered_runs.experiment_kinds(person, request.is_disconnected))
+
+
+@experiments_router.post("", status_code=202)
+async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: InControl) -> Started:
+    """Start an experiment; its progress is in the state, its result under the returned id."""
+    return Started(id=await service.ordered_runs.start_experiment(body, person.name))
+
+
+@experiments_router.post("/dry-run")
+async def dry_run_experiment(
+    request: Request, body: ExperimentRequest, service: ServiceInUse, person: SignedIn
+) -> DryRunView:
+    """Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands."""
+    return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
+
+
+@experiments_router.get("/dry-run/progress")
+async def get_dry_run_progress(service: ServiceInUse, person: SignedIn) -> DryRunProgress:
+    """Return how far one's own dry run is; closing the connection that asked for it ends it."""
+    return await service.dry_runs.progress(person)
+
+
+@experiments_router.get("/queue")
+async def get_queue(service: ServiceInUse, _person: SignedIn) -> QueueView:
+    """Return the experiments that wait for their turn."""
+    return service.ordered_runs.queue.view()
+
+
+@experiments_router.post("/queue", status_code=201)
+async def add_to_queue(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> QueueView:
+    """Put an experiment at the end of the queue; nothing starts before the queue is run."""
+    return await service.ordered_runs.queue.add(body, person.name)
+
+
+@experiments_router.post("/queue/run")
+async def run_queue(service: ServiceInUse, _person: InControl) -> QueueView:
+    """Start the first experiment and go on until the queue is empty or one does not complete."""
+    return await service.ordered_runs.queue.run()
+
+
+@experiments_router.post("/queue/hold")
+async def hold_queue(service: ServiceInUse, _person: Operator) -> QueueView:
+    """Start no further experiment; the one under way goes on."""
+    return service.ordered_runs.queue.hold()
+
+
+@experiments_router.put("/queue/{id}/place")
+async def move_in_queue(id: RowId, body: QueuePlace, service: ServiceInUse, _person: Operator) -> QueueView:
+    """Let a waiting experiment wait at another place."""
+    return await service.ordered_runs.queue.move(id, body.place)
+
+
+@experiments_router.delete("/queue/{id}")
+async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator) -> QueueView:
+    """Take a waiting experiment out of the queue."""
+    return await service.ordered_runs.queue.remove(id)
+
+
+@experiments_router.get("/{id}")
+async def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> ExperimentView:
+    """Return one experiment run with its metrics and criteria."""
+    return await service.runs.experiment(id)
+
+
+# Own experiments -----------------------------------------------------------------------------------
+#
+# Experiments as texts: the form, those there are, looking one over, keeping one.
+
+
+own_experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"])
+ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own, or a version of an own one: name@2")]
+
+
+@own_experiments_router.get("/schema")
+async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
+    """Return the JSON schema of an experiment."""
+    return schema()
+
+
+@own_experiments_router.get("/own")
+async def list_own_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> OwnExperimentList:
+    """List own experiments, the newest version of each."""
+    if not await asyncio.to_thread(service.experiments.has_own):
+        return OwnExperimentList(experiments=[])
+    found = await service.texts.run(person, request.is_disconnected, service.experiments.views)
+    return OwnExperimentList(experiments=found)
+
+
+@own_experiments_router.post("/own", status_code=201)
+async def keep_experiment(
+    request: Request, body: ExperimentText, service: ServiceInUse, person: Operator
+) -> OwnExperiment:
+    """Keep an experiment as the next version of its name; one that could not be played here is refused."""
+    return await service.ordered_runs.keep_experiment(body.text, person, request.is_disconnected)
+
+
+@own_experiments_router.post("/check")
+async def check_experiment(
+    request: Request, body: ExperimentToCheck, service: ServiceInUse, person: SignedIn
+) -> CheckedExperiment:
+    """Look an experiment over as a start would, played dry for its peaks where asked; nothing is kept."""
+    return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
+
+
+@own_experiments_router.get("/texts/{name}")
+async def get_experiment_text(
+    request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
+) -> WrittenExperiment:
+    """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
+    return await service.texts.run(person, request.is_disconnected, service.experiments.written, name)
+
+
+@own_experiments_router.get("/own/{name}/versions")
+async def list_versions(
+    request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
+) -> OwnExperimentList:
+    """List the versions of an own experiment, the newest first: who kept each, and when."""
+    found = await service.texts.run(person, request.is_disconnected, service.experiments.versions, name)
+    return OwnExperimentList(experiments=found)
+
+
+@own_experiments_router.get("/as-run/{run_id}")
+async def get_experiment_as_run(
+    request: Request, run_id: RowId, service: ServiceInUse, person: SignedIn
+) -> RecordedExperiment:
+    """Return a run as an experiment to begin an own one with, and what of the run it does not repeat."""
+    return await service.texts.run(person, request.is_disconnected, service.experiments.as_run, run_id)
+
+
+# Studies -------------------------------------------------------------------------------------------
+#
+# Studies: begun from a text, followed, stopped and resumed.
+
+
+studies_router = APIRouter(prefix="/api/studies", tags=["studies"])
+
+
+@studies_router.get("")
+async def list_studies(service: ServiceInUse, _person: SignedIn) -> StudyList:
+    """List the newest studies, and how far each is."""
+    return await service.studies.all()
+
+
+@studies_router.post("", status_code=201)
+async def begin_study(body: StudyText, service: ServiceInUse, person: Operator) -> StudyView:
+    """Keep a study and have it computed beside the loop, on the simulator; it moves nothing."""
+    return await service.studies.begin(body.text, person.name)
+
+
+@studies_router.post("/check")
+async def check_study(request: Request, body: StudyText, service: ServiceInUse, person: SignedIn) -> CheckedStudy:
+    """Return what a text says as plain data, how many runs it has and whether it would be refused; nothing is kept."""
+    return await service.studies.check(body.text, person, request.is_disconnected)
+
+
+@studies_router.get("/numbers")
+async def list_plant_numbers(service: ServiceInUse, _person: SignedIn) -> PlantNumbers:
+    """List the numbers of the plant that a study can vary."""
+    return service.studies.numbers()
+
+
+@studies_router.get("/{id}")
+async def get_study(id: RowId, service: ServiceInUse, _person: SignedIn, pick: MapPick = "worst") -> StudyDetail:
+    """Return a study with its maps and the first rows of its table."""
+    return await service.studies.detail(id, pick)
+
+
+@studies_router.post("/{id}/stop")
+async def stop_study(id: RowId, service: ServiceInUse, _person: Operator) -> StudyView:
+    """Have a study stop, whoever computes it; what is computed stays."""
+    return await service.studies.stop(id)
+
+
+@studies_router.post("/{id}/resume")
+async def resume_study(id: RowId, service: ServiceInUse, _person: Operator) -> StudyView:
+    """Have computed what a study lacks."""
+    return await service.studies.resume(id)

@@ -1,0 +1,123 @@
+"""Identification runs, and springs identified from tables."""
+
+from fastapi import APIRouter, Request
+
+from backend import __version__
+from backend.analysis.identification import from_table
+from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
+from backend.schemas import identification
+from backend.schemas.base import RowNumber
+from backend.schemas.identification import IdentificationCurves, Trend, UnseenView
+from backend.schemas.tuning import ApplyRequest, ParametersView, UndoRequest
+from backend.services.jobs import identification_kinds
+
+router = APIRouter(prefix="/api", tags=["identification"])
+
+
+@router.post("/identifications", status_code=202)
+async def identify(
+    body: identification.IdentificationRequest, service: ServiceInUse, person: InControl
+) -> identification.Started:
+    """Start an identification run; its progress is in the state, its result under the returned id."""
+    return identification.Started(id=await service.ordered_runs.start_identification(body, person.name))
+
+
+@router.put("/identifications/pause")
+async def pause(
+    body: identification.PauseRequest, service: ServiceInUse, _person: InControl
+) -> identification.PauseRequest:
+    """Let the next of several identifications wait, or begin; refused where none follows the one under way."""
+    service.ordered_runs.pause.ask(body.paused)
+    return body
+
+
+@router.post("/identifications/prediction")
+async def predict(
+    request: Request, body: identification.IdentificationRequest, service: ServiceInUse, person: SignedIn
+) -> identification.Prediction:
+    """Tell what joint motion a run would cause, before it starts."""
+    return await service.ordered_runs.predict_identification(
+        body, service.texts.previewing(person, request.is_disconnected)
+    )
+
+
+@router.get("/identifications")
+async def list_identifications(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationList:
+    """List identification runs, newest first."""
+    return identification.IdentificationList(identifications=await service.identifications.identifications())
+
+
+@router.get("/identification-kinds")
+async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationKindList:
+    """List what can be identified, with the settings of each."""
+    return identification.IdentificationKindList(kinds=identification_kinds())
+
+
+@router.get("/identifications/{id}")
+async def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.IdentificationView:
+    """Return one identification run with its models."""
+    return await service.identifications.identification(id)
+
+
+@router.get("/identifications/{id}/curves")
+async def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+    """Return what can be drawn of an identification run: responses, residual tests, errors."""
+    return await service.identifications.curves(id)
+
+
+@router.get("/identifications/{id}/unseen")
+async def get_unseen(id: RowId, of: RowNumber, service: ServiceInUse, _person: SignedIn) -> UnseenView:
+    """Set a model beside the record of the run `of`, or the part of its own that it was not fitted to."""
+    return await service.identifications.unseen(id, of)
+
+
+@router.get("/identification-trend")
+async def get_identification_trend(service: ServiceInUse, _person: SignedIn) -> Trend:
+    """Return gains and lags over S beside what geometry predicts."""
+    return await service.identifications.trend()
+
+
+@router.post("/spring-tables", status_code=201)
+async def add_table(
+    request: Request, body: identification.SpringTableRequest, service: ServiceInUse, person: Operator
+) -> identification.SpringTableView:
+    """Identify a spring from a table measured elsewhere."""
+    asked = body.name, body.table, person.name, __version__, body.header, body.decimal
+    new = await service.texts.run(person, request.is_disconnected, from_table, *asked)
+    return await service.identifications.add_spring_table(new)
+
+
+@router.get("/spring-tables")
+async def list_spring_tables(service: ServiceInUse, _person: SignedIn) -> identification.SpringTableList:
+    """List springs identified from tables, newest first."""
+    return identification.SpringTableList(tables=await service.identifications.spring_tables())
+
+
+@router.get("/spring-tables/{id}")
+async def get_spring_table(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.SpringTableView:
+    """Return one spring identified from a table."""
+    return await service.identifications.spring_table(id)
+
+
+@router.get("/spring-tables/{id}/curves")
+async def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+    """Return what can be drawn of a spring identified from a table."""
+    return await service.identifications.spring_table_curves(id)
+
+
+@router.get("/parameters")
+async def get_parameters(service: ServiceInUse, _person: SignedIn, estimate: RowNumber | None = None) -> ParametersView:
+    """Return the parameters in force by versions, and what applying an estimate would change."""
+    return await service.applied.view(estimate)
+
+
+@router.post("/parameters")
+async def apply_parameters(body: ApplyRequest, service: ServiceInUse, person: InControl) -> ParametersView:
+    """Put identified motors or springs in force; in off only."""
+    return await service.applied.apply(body.estimate, person.name)
+
+
+@router.post("/parameters/undo")
+async def undo_parameters(body: UndoRequest, service: ServiceInUse, person: InControl) -> ParametersView:
+    """Put the former parameters in force again, as a new version; in off only."""
+    return await service.applied.undo(body.version, person.name)

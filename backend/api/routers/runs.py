@@ -1,0 +1,501 @@
+"""Routes of runs: search, samples, log, formulas, figures, sheets, downloads."""
+
+import math
+from collections.abc import AsyncIterator
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from pydantic import Field, StringConstraints
+
+from backend.api.dependencies import AnglesRead, Operator, RowId, ServiceInUse, SignedIn
+from backend.exports.formats import MEDIA_TYPES, DataFormat
+from backend.exports.mcap import layout
+from backend.plain_text import as_file_name
+from backend.reports.series import MOST_RUNS
+from backend.schemas.base import Finite, Schema
+from backend.schemas.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
+from backend.schemas.run import (
+    LONGEST_S,
+    SEARCH_NAME_MAX,
+    FlightList,
+    FlightMoment,
+    Instant,
+    Lineage,
+    MetricHistory,
+    NoteRequest,
+    Planned,
+    RecordedValues,
+    Remark,
+    ReplayRequest,
+    RunList,
+    RunMarks,
+    RunView,
+    SamplesView,
+    SavedSearchList,
+    SearchText,
+    SearchWords,
+    SheetToPrint,
+    SpectraLine,
+    StatisticsLine,
+    TagList,
+    TagRequest,
+    Timeline,
+)
+from backend.schemas.state import FormulaList, FormulaName, FormulaText, FormulaView
+from backend.server.security import DOCUMENT_POLICY, SHEETS
+from backend.services.background_work import unless_left
+from backend.services.runs import Asked as RunsAsked
+from backend.services.runs import Excerpt, planned
+from backend.services.signals import RangeAsked
+from backend.storage.events import EventKind
+from backend.storage.orm import TAG_MAX
+from backend.storage.search import LONGEST
+from backend.storage.timeline import Asked
+
+# Runs ----------------------------------------------------------------------------------------------
+#
+# Stored runs: search, notes, samples, reports, downloads.
+
+
+runs_router = APIRouter(prefix="/api/runs", tags=["runs"])
+
+Responses = dict[int | str, dict[str, Any]]
+PDF = "application/pdf"
+ZIP = "application/zip"
+BINARY = "application/octet-stream"
+JSON = "application/json"
+DATA: Responses = {200: {"content": {kind.partition(";")[0]: {} for kind in MEDIA_TYPES.values()}}}
+
+Where = Annotated[str, StringConstraints(max_length=2 * LONGEST)]
+TagInPath = Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")]
+
+
+@runs_router.get("")
+async def list_runs(
+    service: ServiceInUse,
+    _person: SignedIn,
+    kind: Annotated[
+        str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
+    ] = None,
+    search: Annotated[str, Query(max_length=100, description="words in kind, title, note, person or tags")] = "",
+    where: Annotated[
+        tuple[Where, ...], Query(max_length=10, description="searches, see docs/search.md; all have to fit")
+    ] = (),
+    everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
+    limit: Annotated[int, Query(ge=1, le=500)] = 100,
+    offset: Annotated[int, Query(ge=0, le=2**31)] = 0,
+) -> RunList:
+    """List stored runs, newest first."""
+    kinds = kind.split(",") if kind else ()
+    return await service.runs.runs(RunsAsked(kinds, search, where, everywhere, limit, offset))
+
+
+@runs_router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
+async def get_layout(_person: SignedIn) -> Response:
+    """Return the layout that shows an MCAP file in Foxglove and Lichtblick."""
+    return download(layout().encode(), JSON, "sinew-foxglove-layout.json")
+
+
+@runs_router.get("/{id}")
+async def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
+    """Return one run."""
+    return await service.runs.run(id)
+
+
+@runs_router.patch("/{id}")
+async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
+    """Write the note of a run."""
+    return await service.runs.set_note(id, body.note)
+
+
+@runs_router.post("/{id}/tags")
+async def put_tag(id: RowId, body: TagRequest, service: ServiceInUse, _person: Operator) -> RunView:
+    """Put a tag on a run."""
+    await service.run_library.put_tag(id, body.tag)
+    return await service.runs.run(id)
+
+
+@runs_router.delete("/{id}/tags/{tag}")
+async def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator) -> RunView:
+    """Take a tag off a run."""
+    await service.run_library.take_tag(id, tag)
+    return await service.runs.run(id)
+
+
+@runs_router.post("/{id}/evaluation")
+async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
+    """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
+    await unless_left(service.evaluations.again(id), request.is_disconnected)
+    return await service.runs.run(id)
+
+
+@runs_router.get("/{id}/lineage")
+async def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
+    """Return where a run came from, back to raw data and parameters, and what came of it."""
+    return await service.history.lineage(id)
+
+
+@runs_router.get("/{id}/marks")
+async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
+    """Return what happened during a run, on its own time axis."""
+    return await service.history.marks(id)
+
+
+@runs_router.get("/{id}/planned")
+async def get_planned(request: Request, id: RowId, service: ServiceInUse, person: SignedIn) -> Planned:
+    """Return the references that a run was to follow, from begin to end."""
+    return await service.texts.run(person, request.is_disconnected, planned, service.database, id)
+
+
+@runs_router.post("/{id}/replay", status_code=204)
+async def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _person: SignedIn) -> None:
+    """Let the replay's 3D view at /replay/ show a moment of the run; nothing real moves."""
+    await service.replay.show(id, body.t)
+
+
+async def _excerpt(
+    id: RowId,
+    from_s: Annotated[
+        Finite, Query(alias="from", ge=0.0, le=LONGEST_S, description="begin, from the run's first sample [s]")
+    ] = 0.0,
+    to_s: Annotated[
+        Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; the run's end if left out")
+    ] = None,
+    points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
+    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
+) -> Excerpt:
+    return Excerpt(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
+
+
+AskedFor = Annotated[Excerpt, Depends(_excerpt)]
+
+
+@runs_router.get("/{id}/samples")
+async def get_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> SamplesView:
+    """Return samples of a run: raw where they are few enough, else their min/max envelope."""
+    return await service.runs.samples(asked)
+
+
+@runs_router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
+async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return what ``samples`` returns in binary, little endian.
+
+    float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest and
+    largest); then float32 per signal in the order asked for: the smallest values, then, of 2, the largest.
+    """
+    return Response(await service.runs.packed_samples(asked), media_type=BINARY)
+
+
+@runs_router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
+async def get_report_html(
+    request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
+) -> Response:
+    """Return the report of a run as one self-contained page."""
+    return report(await unless_left(service.downloads.report_html(id, angles), request.is_disconnected), "html")
+
+
+@runs_router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
+async def get_report_pdf(
+    request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
+) -> Response:
+    """Return the report of a run as PDF."""
+    content = await unless_left(service.downloads.report_pdf(id, angles), request.is_disconnected)
+    return report(content, "pdf", f"sinew-run-{id}.pdf")
+
+
+@runs_router.get("/{id}/data.{format}", response_class=Response, responses=DATA)
+async def get_data(
+    id: RowId,
+    format: DataFormat,
+    service: ServiceInUse,
+    _person: SignedIn,
+    formulas: Annotated[
+        str, Query(max_length=1100, description="derived signals as further columns, names separated by commas")
+    ] = "",
+) -> Response:
+    """Return all samples of a run, with their notation and the facts of the run; SI units."""
+    derived = list(dict.fromkeys(filter(None, formulas.split(","))))
+    content = await service.downloads.data(id, format, derived)
+    return download(content, MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
+
+
+@runs_router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})
+async def get_bundle(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return a run with all that it came from, for another installation to take in."""
+    return download(await service.downloads.bundle(id), ZIP, f"sinew-run-{id}.zip")
+
+
+def report(content: bytes, format: str, name: str = "") -> Response:
+    """Return a report: a page to look at, or a PDF to be saved under a name."""
+    if format == "pdf":
+        return download(content, PDF, name)
+    return Response(content, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
+
+
+def download(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
+    """Return content, whole or piece by piece, to be saved under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{as_file_name(name)}"'}
+    if isinstance(content, bytes):
+        return Response(content, media_type=media_type, headers=headers)
+    return StreamingResponse(content, media_type=media_type, headers=headers)
+
+
+# Log -----------------------------------------------------------------------------------------------
+#
+# What happened: the log, what people say of it, and the flight records of trips and triggers.
+
+
+log_router = APIRouter(prefix="/api", tags=["log"])
+
+
+@log_router.get("/log")
+async def get_log(
+    service: ServiceInUse,
+    _person: SignedIn,
+    angles: AnglesRead,
+    kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
+    words: Annotated[
+        str, Query(max_length=400, description="each of these words, in text as it is read, person, note or tag")
+    ] = "",
+    since: Annotated[Instant | None, Query(description="from this time on")] = None,
+    before: Annotated[Instant | None, Query(description="before this time")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> Timeline:
+    """Return what happened and who asked for it, newest first."""
+    return await service.timeline.page(Asked(kind or (), words.split(), since, before, angles), limit)
+
+
+@log_router.put("/log/{id}/remark", status_code=204)
+async def set_remark(id: RowId, body: Remark, service: ServiceInUse, person: Operator) -> None:
+    """Say something of an event: a note and tags, in the place of those before."""
+    await service.timeline.remark(id, body, person.name)
+
+
+@log_router.get("/flights", tags=["faults"])
+async def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
+    """List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz."""
+    return await service.runs.flights()
+
+
+@log_router.get("/flights/{id}/data.{format}", tags=["faults"], response_class=Response, responses=DATA)
+async def get_flight_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return a flight record in a format; t counts from the trip or trigger."""
+    return download(await service.downloads.flight(id, format), MEDIA_TYPES[format], f"sinew-flight-{id}.{format}")
+
+
+@log_router.post("/flights/{id}/replay", tags=["faults"], status_code=204)
+async def show_flight_moment(id: RowId, body: FlightMoment, service: ServiceInUse, _person: SignedIn) -> None:
+    """Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves."""
+    await service.replay.show_flight(id, body.t)
+
+
+# Run library ---------------------------------------------------------------------------------------
+#
+# Finding runs and setting them beside each other.
+
+
+run_library_router = APIRouter(prefix="/api", tags=["runs"])
+
+SearchName = Annotated[str, Path(max_length=2 * SEARCH_NAME_MAX, description="name of a saved search")]
+RunNumber = Annotated[int, Query(ge=1, le=2**53)]
+
+
+@run_library_router.get("/run-words")
+async def get_search_words(service: ServiceInUse, _person: SignedIn) -> SearchWords:
+    """Return what runs can be searched by at present: fields, names of values, tags, stations."""
+    return await service.run_library.words()
+
+
+@run_library_router.get("/saved-searches")
+async def list_saved_searches(service: ServiceInUse, _person: SignedIn) -> SavedSearchList:
+    """List the saved searches."""
+    return await service.run_library.searches()
+
+
+@run_library_router.put("/saved-searches/{name}")
+async def save_search(name: SearchName, body: SearchText, service: ServiceInUse, person: Operator) -> SavedSearchList:
+    """Save a search under a name, in the place of one that has it."""
+    return await service.run_library.save_search(name, body.where, person.name)
+
+
+@run_library_router.delete("/saved-searches/{name}")
+async def forget_search(name: SearchName, service: ServiceInUse, person: Operator) -> SavedSearchList:
+    """Take a saved search off the list."""
+    return await service.run_library.forget_search(name, person.name)
+
+
+@run_library_router.patch("/run-tags/{tag}")
+async def rename_tag(
+    tag: Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")],
+    body: TagRequest,
+    service: ServiceInUse,
+    _person: Operator,
+) -> TagList:
+    """Call a tag otherwise on all runs of this station."""
+    return await service.run_library.rename_tag(tag, body.tag)
+
+
+@run_library_router.get("/run-comparison")
+async def compare_runs(
+    asked: Annotated[ComparisonAsked, Query()], service: ServiceInUse, _person: SignedIn
+) -> RunComparison:
+    """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
+    return await service.run_library.comparison(asked)
+
+
+@run_library_router.get("/run-comparison/differences")
+async def get_differences(
+    request: Request, asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
+) -> Differences:
+    """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
+    return await unless_left(service.downloads.differences(asked), request.is_disconnected)
+
+
+@run_library_router.get("/run-comparison/{content}.csv", response_class=Response)
+async def get_comparison_file(
+    content: Literal["curves", "table"],
+    asked: Annotated[DifferencesAsked, Query()],
+    service: ServiceInUse,
+    _person: SignedIn,
+) -> Response:
+    """Return aligned curves with their differences, or the table of what differs; SI units."""
+    content_pieces = await service.downloads.comparison(content, asked)
+    return download(content_pieces, "text/csv", f"sinew-comparison-{content}.csv")
+
+
+@run_library_router.get("/run-comparison/report.{format}", response_class=Response)
+async def get_series_report(
+    request: Request,
+    format: Literal["html", "pdf"],
+    service: ServiceInUse,
+    _person: SignedIn,
+    angles: AnglesRead,
+    run: Annotated[list[RunNumber], Query(min_length=1, max_length=MOST_RUNS, description="runs, in order")],
+) -> Response:
+    """Return one report of many runs, as a self-contained page or as PDF."""
+    content = await unless_left(service.downloads.series(run, format, angles), request.is_disconnected)
+    return report(content, format, "sinew-series.pdf")
+
+
+@run_library_router.get("/metric-history")
+async def get_metric_history(
+    service: ServiceInUse,
+    _person: SignedIn,
+    kind: Annotated[str, Query(min_length=1, max_length=200, description="kind of runs, or name of an experiment")],
+    metric: Annotated[str, Query(max_length=200, description="name of the metric; else the first there is")] = "",
+    where: Annotated[str, Query(max_length=2 * LONGEST, description="of the runs that fit this search only")] = "",
+    everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
+) -> MetricHistory:
+    """Return one metric of a kind of runs over the dates of these runs."""
+    return await service.run_library.metric_history(kind, metric, where, everywhere=everywhere)
+
+
+# Sheets --------------------------------------------------------------------------------------------
+#
+# What the charts show, for print.
+
+
+sheets_router = APIRouter(tags=["runs"])
+
+
+@sheets_router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
+async def print_sheet(request: Request, body: SheetToPrint, service: ServiceInUse, person: SignedIn) -> Response:
+    """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
+    return download(await service.sheets.pdf(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf")
+
+
+# Formulas ------------------------------------------------------------------------------------------
+#
+# Derived signals by formula.
+
+
+formulas_router = APIRouter(prefix="/api", tags=["runs"])
+
+Named = Annotated[FormulaName, Path(description="name of the derived signal")]
+
+
+@formulas_router.get("/formulas")
+async def list_formulas(service: ServiceInUse, _person: SignedIn) -> FormulaList:
+    """List the derived signals of the station, by name, with the steps that compute them."""
+    return await service.formulas.all()
+
+
+@formulas_router.put("/formulas/{name}")
+async def put_formula(name: Named, body: FormulaText, service: ServiceInUse, person: Operator) -> FormulaView:
+    """Write a derived signal, or change the one of this name."""
+    return await service.formulas.put(name, body, person.name)
+
+
+@formulas_router.delete("/formulas/{name}", status_code=204)
+async def remove_formula(name: Named, service: ServiceInUse, person: Operator) -> None:
+    """Remove a derived signal; recordings stay as they are."""
+    await service.formulas.remove(name, person.name)
+
+
+# Run figures ---------------------------------------------------------------------------------------
+#
+# Statistics, values, spectra and files of every sample of a range of a run.
+
+
+run_figures_router = APIRouter(prefix="/api/runs", tags=["runs"])
+
+CSV = "text/csv; charset=utf-8"
+LINES = "application/x-ndjson"
+"""Sent while the range is read: whoever waits sees how far it is, and who leaves ends the work."""
+
+MOST_MOMENTS = 100
+
+
+def _lines_of(model: type[Schema]) -> dict[str, Any]:
+    """Return how a route is described whose answer is lines of JSON, each of this model; refusals are one body."""
+    schema = {"$ref": f"#/components/schemas/{model.__name__}"}
+    described: dict[int | str, dict[str, Any]] = {200: {"content": {LINES: {"schema": schema}}}}
+    return {"response_class": Response, "response_model": model, "responses": described}
+
+
+async def _range(
+    id: RowId,
+    from_s: Annotated[Finite, Query(alias="from", description="begin, from the run's first sample [s]")] = 0.0,
+    to_s: Annotated[
+        Finite | None, Query(alias="to", description="end [s], itself included; the run's end if left out")
+    ] = None,
+    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
+) -> RangeAsked:
+    return RangeAsked(id, from_s, to_s, tuple(dict.fromkeys(signals.split(","))))
+
+
+Range = Annotated[RangeAsked, Depends(_range)]
+Times = Annotated[list[Finite], Field(min_length=1, max_length=MOST_MOMENTS)]
+
+
+@run_figures_router.get("/{id}/statistics", **_lines_of(StatisticsLine))
+async def get_statistics(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return statistics of every sample of a range: lines that tell how far it is, the result in the last one."""
+    return StreamingResponse(await service.figures.statistics(asked), media_type=LINES)
+
+
+@run_figures_router.get("/{id}/spectra", **_lines_of(SpectraLine))
+async def get_spectra(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return spectra of every sample of a range (Welch's method): lines as ``statistics``."""
+    return StreamingResponse(await service.figures.spectra(asked), media_type=LINES)
+
+
+@run_figures_router.get("/{id}/range.csv", response_class=Response, responses={200: {"content": {"text/csv": {}}}})
+async def get_range_file(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return every sample of a range as comma-separated text; values as ``data.csv`` has them."""
+    end = "end" if asked.to_s is None else f"{asked.to_s:.3f}-s"
+    name = f"sinew-run-{asked.run}-{asked.from_s:.3f}-to-{end}.csv"
+    return download(await service.figures.file(asked), CSV, name)
+
+
+@run_figures_router.get("/{id}/values")
+async def get_values(
+    id: RowId,
+    service: ServiceInUse,
+    _person: SignedIn,
+    at: Annotated[Times, Query(description="times since the run's first sample [s]")],
+    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
+) -> RecordedValues:
+    """Return the values of signals at the samples at or before some times."""
+    return await service.figures.values(id, at, tuple(dict.fromkeys(signals.split(","))))

@@ -1,0 +1,118 @@
+"""Routes of sign-in, tokens, health and preferences."""
+
+from fastapi import APIRouter, Request, Response
+
+from backend.api.dependencies import Operator, ServiceInUse, SignedIn
+from backend.auth.authentication import Person
+from backend.schemas.preferences import Preferences
+from backend.schemas.run import Checklist
+from backend.schemas.state import (
+    FreshTokens,
+    Health,
+    NameRequest,
+    PageAddress,
+    PageAddressFindings,
+    Role,
+    Rotation,
+    SessionView,
+    SignIn,
+)
+from backend.server.deployment import PEER, PUBLIC, findings
+from backend.server.security import authentication_of, forget, grant, shown_by
+
+# Preferences ---------------------------------------------------------------------------------------
+#
+# What the page remembers for the person who is signed in.
+
+
+preferences_router = APIRouter(prefix="/api/preferences", tags=["session"])
+
+
+@preferences_router.get("")
+async def get_preferences(service: ServiceInUse, person: SignedIn) -> Preferences:
+    """Return how the signed-in person likes the page; defaults for somebody new."""
+    return await service.preferences.of(person)
+
+
+@preferences_router.put("")
+async def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) -> Preferences:
+    """Remember how the signed-in person likes the page. Open to viewers: it moves nothing."""
+    return await service.preferences.put(person, body)
+
+
+# Session -------------------------------------------------------------------------------------------
+#
+# Sign-in, sign-out, new tokens, health.
+
+
+session_router = APIRouter(prefix="/api", tags=["session"])
+
+
+@session_router.get("/health")
+async def get_health(service: ServiceInUse) -> Health:
+    """Tell whether the loop is alive; open to all, without secrets."""
+    return service.actuator.present.health()
+
+
+@session_router.post("/page-address")
+async def check_page_address(body: PageAddress, request: Request) -> PageAddressFindings:
+    """Tell what is wrong with the way from a page's address to this service; open to all. A foreign page gets 403."""
+    public, peer = request.scope[PUBLIC], request.scope[PEER]
+    return PageAddressFindings(problems=findings(body.url, public, request.headers, peer))
+
+
+@session_router.get("/session")
+async def get_session(request: Request, response: Response, person: SignedIn) -> SessionView:
+    """Tell who is signed in; the browser keeps its cookie for longer by that."""
+    grant(authentication_of(request), request, response, person)
+    return _view(person)
+
+
+@session_router.put("/session/name")
+async def set_name(
+    body: NameRequest, request: Request, response: Response, service: ServiceInUse, person: SignedIn
+) -> SessionView:
+    """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
+    authentication = authentication_of(request)
+    renamed = authentication.people.rename(person, body.name)
+    grant(authentication, request, response, renamed)
+    service.control.rename(renamed)
+    return _view(renamed)
+
+
+@session_router.post("/session")
+async def sign_in(body: SignIn, request: Request, response: Response) -> SessionView:
+    """Exchange a token for a session cookie."""
+    authentication = authentication_of(request)
+    person = authentication.sign_in(shown_by(request), body.token, body.name)
+    grant(authentication, request, response, person)
+    await authentication.sessions.save()
+    return _view(person)
+
+
+@session_router.delete("/session", status_code=204)
+async def sign_out(request: Request, response: Response) -> None:
+    """End the session: its cookie opens nothing any more, wherever else it may be, and its pages are closed."""
+    authentication = authentication_of(request)
+    forget(authentication, request, response)
+    await authentication.sessions.save()
+
+
+@session_router.post("/session/tokens/rotate")
+async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> FreshTokens:
+    """Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks."""
+    roles = list(Role) if body.role is None else [body.role]
+    authentication = authentication_of(request)
+    tokens = await authentication.rotate(roles, person)
+    grant(authentication, request, response, person)
+    return FreshTokens(tokens={role: tokens.of(role) for role in roles})
+
+
+@session_router.get("/checklist")
+async def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
+    """Return how far the set-up is, from pretension to report, and what is out of date."""
+    return await service.history.checklist()
+
+
+def _view(person: Person) -> SessionView:
+    return SessionView(name=person.name, role=person.role, asks_name=person.is_nameless)

@@ -1,0 +1,230 @@
+"""Routes of banks and tuning."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+
+from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
+from backend.errors import Because, RefusalError
+from backend.schemas.base import Finite, RowNumber
+from backend.schemas.state import State
+from backend.schemas.tuning import (
+    BankDetail,
+    BankDifference,
+    BankFile,
+    BankList,
+    BankRequest,
+    BankView,
+    Motion,
+    MotorPreview,
+    RobustTuning,
+    SavedTuning,
+    TrialRequest,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
+
+# Banks ---------------------------------------------------------------------------------------------
+#
+# Banks: built from identification runs, compared, activated, taken out and brought in.
+
+
+banks_router = APIRouter(prefix="/api/banks", tags=["banks"])
+
+OtherBank = Annotated[int | None, Query(ge=1, le=2**53, description="bank to compare with")]
+Again = Annotated[
+    list[RowNumber] | None,
+    Query(max_length=20, description="in place of another bank: runs that identified points again"),
+]
+
+
+@banks_router.post("", status_code=201)
+async def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
+    """Build a bank, or a new version of it, from identification runs; entries that do not fit are refused."""
+    return await service.banks.build(body.name, body.identifications, person.name)
+
+
+@banks_router.get("")
+async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
+    """List all versions of all banks, newest first."""
+    return BankList(banks=await service.banks.banks())
+
+
+@banks_router.post("/file", status_code=201)
+async def import_bank(body: BankFile, service: ServiceInUse, person: Operator) -> BankView:
+    """Store an exported bank as the next version of its name, after checking it."""
+    return await service.banks.bring_in(body, person.name)
+
+
+@banks_router.get("/in-use/difference")
+async def compare_with_bank_in_use(
+    service: ServiceInUse, _person: SignedIn, other: OtherBank = None, run: Again = None
+) -> BankDifference:
+    """Tell what another bank, or points identified again, would change about the models and gains in use."""
+    bank = service.actuator.present.tuning.bank
+    _require_one(other, run)
+    return await service.banks.difference(None if bank is None else bank.id, other, run or ())
+
+
+@banks_router.get("/{id}")
+async def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
+    """Return one version of a bank with its entries."""
+    return await service.banks.bank(id)
+
+
+@banks_router.get("/{id}/detail")
+async def get_bank_detail(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankDetail:
+    """Return gains and M_s of every entry at the λ in force, and the identification each came from."""
+    return await service.banks.detail(id)
+
+
+@banks_router.get("/{id}/difference")
+async def compare_banks(
+    id: RowId, service: ServiceInUse, _person: SignedIn, other: OtherBank = None, run: Again = None
+) -> BankDifference:
+    """Tell what another bank, or points identified again, would change: models, gains and M_s at the λ in force."""
+    _require_one(other, run)
+    return await service.banks.difference(id, other, run or ())
+
+
+@banks_router.get("/{id}/file")
+async def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
+    """Return a bank as a file, to take it to another data folder."""
+    return await service.banks.file(id)
+
+
+@banks_router.post("/geometry/activate")
+async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
+    """Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs."""
+    return await service.actuator.retuning.use_bank(None, person.name)
+
+
+@banks_router.post("/{id}/activate")
+async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
+    """Use a bank from now on; bumpless while the loop runs."""
+    await service.actuator.retuning.use_bank(await service.banks.stored_bank(id), person.name)
+    return await service.banks.bank(id)
+
+
+def _require_one(other: int | None, run: list[int] | None) -> None:
+    if (other is None) == (not run):
+        raise RefusalError(Because.BAD_VALUE, "give either another bank or runs that identified points again")
+
+
+# Tuning --------------------------------------------------------------------------------------------
+#
+# λ of the loops: read, set, preview.
+
+
+LAM_PREVIEW_MIN = 0.05
+"""Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""
+
+M_S_RANGE = (1.0, 2.0)
+"""Sensitivity peaks worth asking for: 1 is an open loop, 2 leaves a phase margin of 29 degrees."""
+
+tuning_router = APIRouter(prefix="/api/tuning", tags=["tuning"])
+
+
+@tuning_router.get("")
+async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
+    """Return the tuning in force and its ranges."""
+    present = service.actuator.present
+    return present.tuning.view(present.entry)
+
+
+@tuning_router.put("")
+async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
+    """Change λ while the loop runs, bumpless; returns what is in force then."""
+    return await service.actuator.retuning.set(body, person.name)
+
+
+@tuning_router.post("/undo")
+async def undo_change(service: ServiceInUse, person: InControl) -> TuningView:
+    """Undo the last change of what is in force, λ, b, bank and all; undone twice, it is in force again."""
+    return await service.actuator.retuning.undo(person.name)
+
+
+@tuning_router.post("/trial")
+async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
+    """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
+    return await service.actuator.retuning.try_out(body, person.name)
+
+
+@tuning_router.delete("/trial")
+async def revert_trial(service: ServiceInUse, person: InControl) -> State:
+    """Put the tuning before the trial back at once."""
+    return await service.actuator.retuning.end_trial(False, person.name)
+
+
+@tuning_router.post("/trial/keep")
+async def keep_trial(service: ServiceInUse, person: InControl) -> State:
+    """Keep what is on trial."""
+    return await service.actuator.retuning.end_trial(True, person.name)
+
+
+@tuning_router.get("/saved")
+async def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
+    """Return the tuning saved for the bank in use, to compare with what is in force."""
+    return await service.saved_tunings.of(service.actuator.present.tuning)
+
+
+@tuning_router.put("/saved")
+async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
+    """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
+    present = service.actuator.present
+    if present.own_tuning is not None:
+        raise RefusalError(Because.NOT_NOW, "what is in force belongs to a run: save when it is over")
+    if present.trial() is not None:
+        raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
+    return await service.saved_tunings.save(present.tuning, person.name)
+
+
+@tuning_router.get("/preview")
+async def preview_tuning(
+    request: Request,
+    service: ServiceInUse,
+    person: SignedIn,
+    lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
+    lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
+    S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: of the present reference")] = None,
+    motion: Annotated[Motion | None, Query(description="how references are followed; default: active")] = None,
+    u_plan: Annotated[
+        Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: active")
+    ] = None,
+    k_ext: Annotated[Finite | None, Query(description="share of a push fed forward [1]; default: in force")] = None,
+    printed: Annotated[bool, Query(description="whether to compute the printed formula (E1) as well")] = False,
+) -> TuningPreview:
+    """Predict M_s, margins, a step of each reference and the recovery from a push, at one stiffness."""
+    return await service.actuator.retuning.preview(
+        lam_q,
+        lam_S,
+        S,
+        motion=motion,
+        u_plan=u_plan,
+        k_ext=k_ext,
+        printed=printed,
+        compute=service.texts.previewing(person, request.is_disconnected),
+    )
+
+
+@tuning_router.get("/motor")
+async def motor_margins(
+    request: Request,
+    service: ServiceInUse,
+    person: SignedIn,
+    lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
+) -> MotorPreview:
+    """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
+    return await service.actuator.retuning.motor(lam_motor, service.texts.previewing(person, request.is_disconnected))
+
+
+@tuning_router.get("/robust")
+async def robust_tuning(
+    request: Request,
+    service: ServiceInUse,
+    person: SignedIn,
+    M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
+) -> RobustTuning:
+    """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
+    return await service.actuator.retuning.robust(M_s, service.texts.previewing(person, request.is_disconnected))

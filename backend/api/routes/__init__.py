@@ -1,1 +1,0 @@
-"""The routes by subject: each validates, calls one function, returns a schema."""

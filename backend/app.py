@@ -1,0 +1,525 @@
+"""The service: its parts put together, started and ended."""
+
+import asyncio
+import gc
+import logging
+import os
+import socket
+import sys
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from fastapi import APIRouter
+
+from backend import logs, workers
+from backend.analysis.evaluation import evaluate
+from backend.api.dependencies import Service, signed_in
+from backend.auth.authentication import PART as TOKENS
+from backend.auth.authentication import Authentication
+from backend.auth.control_lease import PART as CONTROL
+from backend.auth.control_lease import Control
+from backend.auth.handover import PART as HAND_OVER
+from backend.auth.handover import HandOver
+from backend.auth.sessions import TokenFiles, Tokens
+from backend.commissioning.session import KeptHands
+from backend.commissioning.steps import brought_up_of
+from backend.data_folder import PART as FOLDER
+from backend.data_folder import UMASK, FolderWatch, HeldFolder, make_private, only_service_on
+from backend.execution.runner import Station
+from backend.faults import Fault
+from backend.models.document import UnreadableDocumentError
+from backend.realtime.ipc import Setup
+from backend.realtime.supervisor import Launched, Supervisor, launch
+from backend.recording.flight import PART as FLIGHTS
+from backend.recording.flight import FlightRecorder, Quota
+from backend.recording.recorder import Recorder
+from backend.recording.retention import Rule
+from backend.recording.trigger import PART as TRIGGER
+from backend.recording.trigger import Heard, Trigger
+from backend.scene.model import PART as SCENE
+from backend.scene.model import SceneMirror
+from backend.scene.proxy import router as scene_router
+from backend.schemas.state import EventMessage, MarkKind, StateMessage
+from backend.server.connections import raise_limit
+from backend.server.server import Ending, address_on, listening_on
+from backend.services.actuator import Actuator, SafeStop, SessionRuns
+from backend.services.background_work import ChartSheets, TextWork
+from backend.services.banks import StoredBanks
+from backend.services.commissioning import BringUp
+from backend.services.downloads import Downloads
+from backend.services.event_log import PART as JOURNAL
+from backend.services.event_log import Journal, Refusals
+from backend.services.identifications import StoredIdentifications
+from backend.services.jobs import OrderedRuns
+from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
+from backend.services.lineage import History
+from backend.services.live_stream import PART as LIVE
+from backend.services.live_stream import LiveStream
+from backend.services.maintenance import PART as RETENTION
+from backend.services.maintenance import Maintenance, Retention, Soundness
+from backend.services.parameters import Applied, ParameterVersion, last_applied_by, parameter_versions, sections_of
+from backend.services.player import played_recording
+from backend.services.queue import DryRuns
+from backend.services.runs import Evaluations, Replay, StoredRuns, StoredTimeline
+from backend.services.signals import Formulas, RecordedFigures
+from backend.services.state import PresentState
+from backend.services.studies import StudiesUnderWay
+from backend.services.triggers import Triggers
+from backend.services.tuning import SavedTunings
+from backend.services.tuning_state import KeptFigures, KeptTuning, TuningInUse
+from backend.settings import Settings
+from backend.storage import runs
+from backend.storage.claims import HeldClaim
+from backend.storage.database import Database, database_file, open_database, recover
+from backend.storage.events import EventKind
+from backend.storage.stations import HeldStation
+from backend.supervision import KeptThread, Part, Supervision
+from backend.workers import SCIENCE, Processes, refuse_forks
+from plant.interface import PlantKind
+from plant.parameters import ParameterError, PlantParameters, load_parameters
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+    from backend.realtime.timing import Granted
+
+
+# Main ----------------------------------------------------------------------------------------------
+#
+# The service: starts the loop process, puts the parts together, runs them while the web server
+# runs, takes them down.
+#
+# What takes long to import is imported where it is used: the loop process loads beside the service,
+# and is told what to drive as soon as that is known.
+
+
+NICENESS = -10
+SWITCH_S = 0.5e-3
+"""Each thread that answers somebody may keep Python's lock from the event loop, and so from STOP, for so long [s]."""
+
+LIBRARIES = Part("The loading of libraries", "The first preview or forecast takes some seconds longer.")
+
+
+def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
+    """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers.
+
+    Raises AlreadyRunningError, DataFolderError, CannotListenError, and what keeps a part from starting.
+    """
+    os.umask(UMASK)
+    logs.begin()
+    raise_limit()
+    refuse_forks()
+    with only_service_on(settings.data) as folder, listening_on(settings.host, settings.port) as listening:
+        make_private(settings.data)
+        _ask_for_priority()
+        sys.setswitchinterval(SWITCH_S)
+        with _garbage_kept():
+            asyncio.run(_serve(settings, folder, listening, ready))
+
+
+async def _serve(
+    settings: Settings, folder: HeldFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
+) -> None:
+    parts, ending = AsyncExitStack(), Ending()
+
+    @asynccontextmanager
+    async def lifespan(_app: "FastAPI") -> AsyncIterator[None]:
+        async with parts:
+            yield
+
+    try:
+        files = TokenFiles(settings.data) if settings.require_token else None
+        launched = await launch(settings.params)
+        parts.push_async_callback(launched.discard)
+        supervision = Supervision()
+        parts.push_async_callback(supervision.close)
+
+        foundation = lay_foundation(settings, launched, supervision, parts)
+        starting = asyncio.create_task(foundation.supervisor.start(), name="start of the loop")
+        parts.push_async_callback(_abandon, starting, foundation.supervisor)
+        await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
+        from backend.api.app import create_app
+        from backend.auth.authentication import Authentication
+        from backend.auth.sessions import Sessions
+        from backend.server.server import Server, put_routes_together
+        from backend.storage.events import EventKind
+
+        authentication = Authentication(files, Sessions(settings.data))
+        # All who listen to the loop are there before the event loop gets to hear from it.
+        assembled = assemble(settings, foundation, folder, authentication, supervision, parts)
+        # The service's own commands ask at the address that it listens on.
+        app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
+        app.state.service, app.state.authentication = assembled.service, authentication
+        await put_routes_together(app)
+        _leave_what_was_made()
+        parts.callback(lambda: assembled.journal.record(EventKind.NOTE, ending.cause))
+        await _join_loop(starting, foundation.supervisor, assembled.recorder, ending, supervision, parts)
+        parts.push_async_callback(lambda: assembled.service.ordered_runs.close(ending.cause))
+    except BaseException:
+        await parts.aclose()
+        raise
+    address = address_on(settings.host, listening.getsockname()[1])
+
+    def load_the_rest() -> None:
+        workers.load(*workers.SCIENCE)
+        foundation.figures.keep()
+
+    def announce() -> None:
+        folder.say_address(address, settings.public_url)
+        assembled.draw()
+        ready(address, files.tokens if files else None)
+        supervision.keep_thread(LIBRARIES, load_the_rest, lambda: None)
+
+    await Server(app, announce, ending).serve([listening])
+
+
+@contextmanager
+def _garbage_kept() -> Iterator[None]:
+    """Look for no garbage while nearly all that is made stays; whoever has started says so by ``gc.enable``."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def _leave_what_was_made() -> None:
+    """Leave what the start has made to the end of the process: to look through it takes a third of a second."""
+    gc.freeze()
+    gc.enable()
+
+
+async def _join_loop(
+    starting: "asyncio.Task[Granted]",
+    supervisor: "Supervisor",
+    recorder: "Recorder",
+    ending: Ending,
+    supervision: Supervision,
+    stack: AsyncExitStack,
+) -> None:
+    """Wait until the loop ticks and record it; both end before the other parts do."""
+    from backend.recording.recorder import PART as RECORDER
+
+    await starting
+    recorder.follow(supervisor.ring)
+    stack.push_async_callback(asyncio.to_thread, recorder.close)
+    stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
+    stack.push_async_callback(lambda: supervisor.stop(ending.cause))
+
+
+async def _abandon(starting: "asyncio.Task[Granted]", supervisor: "Supervisor") -> None:
+    """End a loop process that nobody got to use."""
+    if not starting.done():
+        starting.cancel()
+        await asyncio.wait((starting,))
+    if starting.cancelled() or starting.exception() is not None or supervisor.alive:
+        await supervisor.stop("the service could not start")
+
+
+def _ask_for_priority() -> None:
+    """Come before ordinary programs where the machine grants it: the loop stops where it hears nothing."""
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+
+
+# Foundation ----------------------------------------------------------------------------------------
+#
+# What the loop starts from: parameters, database, the tuning in force, what was brought up, whether
+# hands are in.
+
+
+SEED = 0
+_CLAIM = Part("The sign of life on the database", "Another service may take the database over.")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty.
+
+    ``base`` are the parameters of the file, ``parameters`` those in force.
+    """
+
+    base: PlantParameters
+    parameters: PlantParameters
+    database: Database
+    claim: HeldClaim
+    soundness: Soundness
+    figures: KeptFigures
+    kept: KeptTuning
+    tuning: TuningInUse
+    said: str
+    hands: KeptHands
+    supervisor: Supervisor
+
+
+def lay_foundation(
+    settings: Settings, launched: Launched, supervision: Supervision, stack: AsyncExitStack
+) -> Foundation:
+    """Open the database and read from it what the ``launched`` loop process is to be told; ``stack`` closes it again.
+
+    Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
+    """
+    base = load_parameters(settings.params)
+    file = database_file(settings.data, settings.database_url)
+    for sentence in [] if file is None else recover(file):
+        _log.warning("%s", sentence)
+    database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
+    stack.callback(database.close)
+    stack.callback(HeldStation(database.engine, settings.station).let_go)
+    claim = HeldClaim(database.engine, settings.station)
+    stack.callback(claim.let_go)
+    supervision.keep_thread(_CLAIM, claim.run, claim.end)
+    soundness = Soundness(database, settings.data)
+    soundness.before_start()
+    _close_interrupted(database)
+    figures = KeptFigures()
+    figures.restore()
+    stack.callback(figures.keep)
+    kept = KeptTuning(database)
+    version, version_said = in_force(database, base)
+    parameters, applied = version.parameters, version.applied
+    tuning, said = kept.restore(parameters)
+    said = "; ".join(part for part in (version_said, said) if part)
+    brought_up = brought_up_of(database, settings.plant_choice)
+    hands = KeptHands(database, settings.plant_choice)
+    identified = {} if applied is None else sections_of(applied)
+    drives_off = hands.left is not None
+    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
+    supervisor = Supervisor(setup, supervision, launched)
+    return Foundation(base, parameters, database, claim, soundness, figures, kept, tuning, said, hands, supervisor)
+
+
+def in_force(database: Database, base: PlantParameters) -> tuple[ParameterVersion, str]:
+    """Return the version of the parameters in force, and a sentence on it for the journal; empty for an untouched file.
+
+    It is the file where what was applied is for another one, or cannot be had.
+    """
+    try:
+        version = parameter_versions(database, base)[0]
+        last = last_applied_by(database)
+    except (UnreadableDocumentError, ParameterError) as error:
+        _log.exception("what was applied to the parameters cannot be had any more")
+        return ParameterVersion(0, base), f"the parameters are those of the file: {error}"
+    if version.number:
+        return (
+            version,
+            f"parameters in force again as {version.who} left them: version {version.number} over {base.name}",
+        )
+    other = f"the parameters are those of the file {base.name}: what {last} applied last was over other ones"
+    return version, other if last else ""
+
+
+def _close_interrupted(database: Database) -> None:
+    with database.session() as session:
+        interrupted = runs.close_interrupted(session)
+    if interrupted:
+        _log.warning("runs closed that the last service left open: %s", interrupted)
+
+
+# Assembly ------------------------------------------------------------------------------------------
+#
+# All parts of the service, put together over what the loop starts from.
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """What serves, records and logs, the routes of the 3D views, and ``draw``, which shows these once that can wait."""
+
+    service: Service
+    recorder: Recorder
+    journal: Journal
+    scenes: list[APIRouter]
+    draw: Callable[[], None]
+
+
+def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those above it
+    settings: Settings,
+    foundation: Foundation,
+    folder: HeldFolder,
+    authentication: Authentication,
+    supervision: Supervision,
+    stack: AsyncExitStack,
+) -> Assembled:
+    """Put all parts together, each taken down again by ``stack``, in reverse."""
+
+    def keep(
+        part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
+    ) -> None:
+        stack.push_async_callback(supervision.keep_task(part, work, on_death).end)
+
+    parameters, database, kept, tuning = foundation.parameters, foundation.database, foundation.kept, foundation.tuning
+    soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
+    recorder = Recorder(database, supervisor.ring)
+    supervisor.listen(recorder.hear)
+
+    quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
+    flights = FlightRecorder(database, lambda: supervisor.ring, quota, lambda fault: present.is_expected(fault))
+    supervisor.listen(flights.hear)
+    stack.callback(flights.close)
+    keep(FLIGHTS, flights.run)
+
+    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(present))
+    stack.callback(trigger.close)
+    keep(TRIGGER, trigger.run)
+
+    def problems() -> list[str]:
+        first = watch, soundness, recorder, flights, trigger, journal
+        sweep = actuator.touching.sweep
+        parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands, sweep
+        return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
+
+    retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
+    keep(RETENTION, retention.run)
+
+    journal = Journal(database)
+    stack.callback(journal.close)
+    keep(JOURNAL, journal.run)
+    refusals = Refusals(journal, asyncio.get_running_loop().call_later)
+    stack.callback(refusals.close)
+    authentication.tell = partial(journal.record, EventKind.ACCESS)
+    if foundation.said:
+        journal.note(MarkKind.TUNING, foundation.said, tick=0)
+    present = PresentState(supervisor, parameters, tuning, problems)
+    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
+    safe_stop = SafeStop(supervisor, present, supervision)
+    sessions = SessionRuns(database, settings.plant_choice.name)
+    choice = settings.plant_choice
+    recording = played_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
+    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording)
+    control = Control(actuator.operator_lost, actuator.note_control)
+    control.let_go = actuator.let_go
+    control.holder_changed = partial(actuator.retuning.leave_trial, "as the holder of control has changed")
+
+    def say_of_control(text: str, who: str) -> None:
+        """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
+        journal.record(EventKind.NOTE, text, who)
+        actuator.changed()
+
+    hand_over = HandOver(control, authentication.people, say_of_control)
+    present.holder, present.people, present.wishes = control.view, authentication.people.view, hand_over.view
+    keep(TOKENS, authentication.run)
+    stack.push_async_callback(authentication.sessions.save)
+    keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
+    keep(HAND_OVER, hand_over.run)
+    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(present.state())))
+    journal.on_mark(live.announce)
+    actuator.on_change(live.state_changed)
+    keep(LIVE, live.run)
+    triggers = Triggers(trigger, actuator, journal, database)
+    present.trigger = triggers.view
+
+    def triggered(tick: int, text: str) -> None:
+        live.announce(EventMessage(tick=tick, kind=MarkKind.TRIGGER, text=text))
+
+    trigger.heard = Heard(triggered, actuator.changed)
+    watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
+    keep(FOLDER, watch.run)
+    soundness.start()
+
+    history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
+    processes = Processes(supervision)
+    stack.callback(processes.close)
+    evaluations = Evaluations(database, processes.evaluations, lambda: present.task)
+    downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
+    stored_runs = StoredRuns(
+        database,
+        lambda: present.task,
+        lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run),
+        processes.reports,
+    )
+    banks = StoredBanks(database, processes.computing, lambda: present.tuning)
+    station = Station(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
+
+    def prepare() -> None:
+        """Load what evaluation and report need while the program still plays."""
+        processes.computing.prepare(evaluate, *SCIENCE)
+        downloads.prepare()
+
+    experiments = OwnExperiments(database)
+    texts = TextWork(processes.texts, processes.viewers_texts)
+    dry_runs = DryRuns(processes.dry_runs)
+    ordered_runs = OrderedRuns(
+        station, actuator, banks, experiments, prepare, SEED, dry_runs, texts, supervision, safe_stop
+    )
+    evaluations.done = ordered_runs.evaluated
+
+    replay = Replay(database)
+    mirrors = {
+        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: present.wall),
+        "/replay": SceneMirror(parameters, replay.row, replay.wall),
+    }
+    drawing: list[KeptThread] = []
+    for mirror in mirrors.values():
+        stack.callback(mirror.close)
+
+    def clear_away() -> None:
+        for kept in drawing:
+            kept.end(2.0)
+
+    stack.callback(clear_away)
+
+    def draw() -> None:
+        drawing.extend(supervision.keep_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
+
+    scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
+    bring_up = BringUp(actuator, supervisor, database, parameters, hands)
+    stack.push_async_callback(bring_up.close)
+    studies = StudiesUnderWay(
+        database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports, texts
+    )
+    stack.push_async_callback(studies.close)
+
+    def use(changed: PlantParameters) -> None:
+        station.parameters = changed
+        for heard in (history.use, bring_up.use, studies.use, *(mirror.use for mirror in mirrors.values())):
+            heard(changed)
+
+    service = Service(
+        applied=Applied(actuator, supervisor, database, kept, foundation.base, use),
+        actuator=actuator,
+        control=control,
+        hand_over=hand_over,
+        ordered_runs=ordered_runs,
+        experiments=experiments,
+        saved_tunings=SavedTunings(database),
+        bring_up=bring_up,
+        live=live,
+        refusals=refusals,
+        runs=stored_runs,
+        figures=RecordedFigures(database),
+        run_library=RunLibrary(database),
+        identifications=StoredIdentifications(
+            database, stored_runs.progress, processes.computing, lambda: present.tuning
+        ),
+        evaluations=evaluations,
+        banks=banks,
+        preferences=StoredPreferences(database),
+        history=history,
+        timeline=StoredTimeline(database),
+        replay=replay,
+        texts=texts,
+        sheets=ChartSheets(processes.sheets),
+        dry_runs=dry_runs,
+        database=database,
+        downloads=downloads,
+        maintenance=Maintenance(database, settings.data, supervisor),
+        retention=retention,
+        studies=studies,
+        triggers=triggers,
+        formulas=Formulas(database),
+    )
+    return Assembled(service, recorder, journal, scenes, draw)
+
+
+def _lengths(present: PresentState) -> dict[str, float]:
+    geometry = present.parameters.geometry
+    return {"r_m": geometry.r_m, "r_j": geometry.r_j}
+
+
+def _id_of_bank(tuning: TuningInUse) -> int | None:
+    return None if tuning.bank is None else tuning.bank.id

@@ -1,1 +1,0 @@
-"""What is done with the actuator now: commands, state, tuning in force, runs under way. Knows no HTTP."""

@@ -1,0 +1,476 @@
+"""The actuator: modes and whether they are legal, references, walls, session runs, safe stop."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from backend import __version__
+from backend.commissioning.session import KeptHands, switch_drives
+from backend.errors import Because, RefusalError, require_within
+from backend.faults import EXPLAINED, Fault
+from backend.models.run import SETTINGS, KeptLoop, RunSettings
+from backend.realtime import commands
+from backend.realtime.commands import (
+    Accepted,
+    Command,
+    Event,
+    ModeChanged,
+    Obstruct,
+    PlayerMoved,
+    PushReleased,
+    Refused,
+    RunEnded,
+    Stop,
+    Stopped,
+)
+from backend.realtime.contact import PUSH_MAX_S
+from backend.realtime.program import LEGAL, MOVING, Mode
+from backend.realtime.ring_buffer import Ring
+from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor, result_of
+from backend.schemas.run import PlayedRecording
+from backend.schemas.state import MarkKind, Push, References, State, StopProof, Wall, WallOrder
+from backend.services.contact import Touching
+from backend.services.event_log import Journal
+from backend.services.live_stream import mark_of
+from backend.services.player import Player
+from backend.services.state import F_PUSH_MAX, PresentState, wall_bounds, wall_in_words
+from backend.services.tuning import Retuning
+from backend.services.tuning_state import KeptTuning, TuningInUse
+from backend.storage import runs
+from backend.storage.database import Database
+from backend.storage.runs import EndState, NewRun, RunKind
+from backend.supervision import KeptTask, Part, Supervision
+from backend.units import in_digits
+from plant.calibration import BroughtUp
+from plant.dynamics import Obstacle
+from plant.interface import Broken, PlantKind
+from plant.parameters import PlantParameters
+
+# Answered ------------------------------------------------------------------------------------------
+#
+# What the loop has answered to a command.
+
+
+def carried_out(answer: Accepted | Refused) -> Accepted:
+    """Return the answer of a loop that carries out. Raises RefusalError with its reason where it does not."""
+    if isinstance(answer, Refused):
+        legal = [str(mode) for mode in answer.legal] or None
+        raise RefusalError(Because.NOT_NOW, answer.reason, code="refused", legal=legal)
+    return answer
+
+
+# Legality ------------------------------------------------------------------------------------------
+#
+# Whether the actuator may go to another mode now, and in which words it is refused.
+
+
+def require_legal(present: PresentState, wanted: Mode, *, loop_alive: bool) -> None:
+    """Raise RefusalError for a mode that cannot be gone to; a dead or unready loop says so itself."""
+    mode = present.mode
+    legal = present.legal(mode)
+    paused = present.task is not None and present.task.paused and wanted in MOVING
+    if wanted in legal or (present.unready and wanted in LEGAL[mode] and not paused) or not loop_alive:
+        return
+    if mode is Mode.TRIPPED:
+        reason = "a fault is latched: reset it first"
+    elif wanted in LEGAL[mode] and paused:
+        reason = "the order under way is paused, and its next run starts from pretension: go on, or stop softly"
+    elif wanted in LEGAL[mode]:
+        reason = f"{wanted} has to wait until both tendons hold the pretension"
+    else:
+        reason = f"{mode} cannot go to {wanted}"
+    names = [str(choice) for choice in legal]
+    raise RefusalError(
+        Because.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
+    )
+
+
+# Safe stop -----------------------------------------------------------------------------------------
+#
+# Brings the joint to rest when a part of the service dies that safety depends on.
+
+
+ANSWER_S = 0.5
+SILENCE_S = 2.0
+"""Longer than the loop bears to hear nothing."""
+
+_PART = Part("The soft stop for a part that died", "Press STOP if the joint still moves.")
+_STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
+_log = logging.getLogger(__name__)
+
+
+class SafeStop:
+    """Stops softly by command; where the loop does not take it, by silence, upon which the loop stops by itself."""
+
+    def __init__(self, supervisor: Supervisor, present: PresentState, supervision: Supervision) -> None:
+        self._supervisor = supervisor
+        self._present = present
+        self._supervision = supervision
+        self._stopping: KeptTask | None = None
+
+    def begin(self, fault: Fault) -> None:
+        """Stop softly with ``fault``, unless the joint is at rest; without waiting for it."""
+        self._stopping = self._supervision.keep_task(_PART, lambda: self._stop(fault))
+
+    async def _stop(self, fault: Fault) -> None:
+        try:
+            if self._present.mode in _STILL or not self._supervisor.alive:
+                return
+            await asyncio.wait_for(self._supervisor.send(Stop(fault, hard=False)), ANSWER_S)
+        except LoopDiedError:
+            return
+        except Exception:
+            _log.exception("the loop does not take a soft stop: it hears nothing more until it stops by itself")
+            self._supervisor.fall_silent(SILENCE_S)
+
+
+# Session runs --------------------------------------------------------------------------------------
+#
+# Runs of kind ``session``: what a person does by hand in run and compliance. The recorder closes
+# them.
+
+
+RECORDED = (Mode.RUN, Mode.COMPLIANCE)
+
+
+class SessionRuns:
+    """Stores a run before the loop is told to move, so that no sample is without its run."""
+
+    def __init__(self, database: Database, plant: str) -> None:
+        self._database = database
+        self._plant = plant
+
+    async def begin(self, mode: Mode, tuning: TuningInUse, who: str) -> int:
+        """Store a session run as running and return its number."""
+        new = NewRun(
+            kind=RunKind.SESSION,
+            plant=self._plant,
+            parameters_name=tuning.parameters.name,
+            parameters=tuning.parameters.document(),
+            who=who,
+            software=__version__,
+            settings=SETTINGS.write(RunSettings(mode=str(mode), loop=KeptLoop(**tuning.choice.document()))),
+            bank_id=None if tuning.bank is None else tuning.bank.id,
+        )
+        return await asyncio.to_thread(self._create, new)
+
+    async def abandon(self, run: int) -> None:
+        """Close a run that the loop refused to begin."""
+        await asyncio.to_thread(self._end, run)
+
+    def _create(self, new: NewRun) -> int:
+        with self._database.session() as session:
+            return runs.create(session, new).id
+
+    def _end(self, run: int) -> None:
+        with self._database.session() as session:
+            runs.end(session, run, EndState.STOPPED, "refused before it began")
+
+
+# Actuator ------------------------------------------------------------------------------------------
+#
+# The one actuator and what may be asked of it.
+#
+# Every command goes to the loop and is in force only once the loop has accepted it. STOP waits for
+# nothing else.
+
+
+STOP_PROOF_S = 1.0
+"""How long a stop may take to be confirmed; the loop itself takes two ticks."""
+
+_SHOWN_S = 0.2
+_RELEASE = Part("The release of a push", "Press STOP if the joint is still pushed.")
+
+
+class Actuator:
+    """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
+
+    ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
+    itself, if anything: nothing else starts then. ``starting`` is held from that question until what starts shows.
+    ``in_effect`` says what the next loop is to start with; ``recording`` is what is played in place of a plant.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        present: PresentState,
+        session_runs: SessionRuns,
+        journal: Journal,
+        kept: KeptTuning,
+        on_new_ring: Callable[[Ring], None],
+        supervision: Supervision,
+        hands: KeptHands,
+        recording: PlayedRecording | None = None,
+    ) -> None:
+        self.present = present
+        self.occupied: Callable[[], str] = str
+        self.in_effect: Callable[[], BroughtUp] = lambda: supervisor.setup.brought_up
+        self._supervisor, self._session_runs, self._journal = supervisor, session_runs, journal
+        self._on_new_ring = on_new_ring
+        self._supervision, self._hands = supervision, hands
+        self._pushed = False
+        self._asked: tuple[Mode, str] | None = None
+        self._releasing: KeptTask | None = None
+        self._stop_waiters: list[asyncio.Future[Stopped]] = []
+        self._changed: list[Callable[[], None]] = []
+        self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
+        self.retuning = Retuning(
+            supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
+        )
+        self.touching = Touching(
+            supervisor, present, journal, self._command, self.changed, self.starting, self.retuning.leave_pushes
+        )
+        self.player = Player(recording, self._command, self.changed)
+        present.touch, present.player = self.touching.view, self.player.view
+        supervisor.listen(self._hear)
+
+    def on_change(self, changed: Callable[[], None]) -> None:
+        """Call ``changed`` when the state is worth telling at once."""
+        self._changed.append(changed)
+
+    def changed(self) -> None:
+        """Tell that the state has changed."""
+        for changed in self._changed:
+            changed()
+
+    async def stop(self, who: str) -> StopProof:
+        """Stop hard and wait for the proof. Raises RefusalError when the loop does not give it."""
+        waiter: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
+        self._stop_waiters.append(waiter)
+        try:
+            await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
+            stopped = await result_of(waiter, STOP_PROOF_S)
+        except TimeoutError:
+            raise RefusalError(
+                Because.UNAVAILABLE, "the loop has not confirmed zero volts: use the e-stop at the rig"
+            ) from None
+        finally:
+            self._stop_waiters.remove(waiter)
+        if self.player.plays:
+            self._journal.note(MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who)
+        else:
+            self._journal.note(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
+        return self.present.proof_of(stopped)
+
+    async def operator_lost(self, who: str) -> None:
+        """Stop softly: the page that held control was not heard, and the references were held long enough."""
+        self.note_control("control lost", who)
+        if self.present.mode in _STILL or not self._supervisor.alive:
+            return
+        with suppress(LoopDiedError):
+            await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
+
+    def note_control(self, text: str, who: str) -> None:
+        """Put on record what happens to control."""
+        self._journal.note(MarkKind.NOTE, text, self.present.tick, who)
+        self.changed()
+
+    async def reset(self, who: str) -> State:
+        """Clear the latched fault after its cause is gone; start the loop anew if it, its watchdog or its card died."""
+        async with self.starting, self._turn:
+            lost = self._supervisor.guard.watchdog_lost or self.present.card_lost
+            if self._supervisor.alive and not lost:
+                accepted = await self._command(commands.Reset())
+                self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)
+            else:
+                self.require_unoccupied()  # a new loop has another zero, and a step works with this one
+                await self._start_anew("after its end", "loop started again", who)
+        self.present.forget_stop()
+        return await self._state_once(lambda: self.present.fault is Fault.NONE)
+
+    async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
+        """Start the loop anew with what was ``found``, once ``take`` has. Raises RefusalError unless it is off."""
+        async with self._turn:
+            if self.present.mode is not Mode.OFF:
+                raise RefusalError(Because.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}")
+            take()
+            try:
+                await self._start_anew(f"with {found}", f"loop started with {found}", who)
+            except LoopDiedError as died:
+                self._journal.note(MarkKind.FAULT, f"no loop started with {found}", 0, who)
+                raise LoopDiedError(f"{found} takes effect at the next start of the loop: {died}") from died
+            finally:
+                self.changed()
+
+    async def _start_anew(self, purpose: str, text: str, who: str) -> None:
+        before = self._supervisor.setup.brought_up
+        brought_up = await asyncio.to_thread(self.in_effect)
+        if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
+            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        self.touching.forget("the control loop was started anew")
+        self.changed()
+        await self._supervisor.restart(purpose)
+        self._on_new_ring(self._supervisor.ring)
+        self.present.starts += 1
+        self._journal.note(MarkKind.NOTE, text, 0, who)
+
+    async def set_mode(self, mode: Mode, who: str) -> State:
+        """Move to another mode; one in which a person moves the joint is recorded as a session."""
+        if mode in _STILL:
+            return await self._moved_to(mode, who)
+        async with self.starting:
+            self.require_unoccupied()
+            return await self._moved_to(mode, who)
+
+    async def _moved_to(self, mode: Mode, who: str) -> State:
+        async with self._turn:
+            require_legal(self.present, mode, loop_alive=self._supervisor.alive)
+            run = await self._session_runs.begin(mode, self.present.tuning, who) if mode in RECORDED else 0
+            self._asked = mode, who
+            try:
+                await self._command(commands.SetMode(mode, run))
+            except BaseException:
+                self._asked = None  # whatever brings the mode later on, it is not this order
+                if run:
+                    await self._session_runs.abandon(run)
+                raise
+        return await self._state_once(lambda: self.present.mode is mode)
+
+    def require_unoccupied(self) -> None:
+        """Raise RefusalError while something has the rig for itself."""
+        occupied = self.occupied()
+        if occupied:
+            raise RefusalError(Because.NOT_NOW, f"{occupied}: wait for its end, or cancel it")
+
+    async def switch_drives(self, on: bool, who: str) -> None:
+        """Take the drives away, at any time, or give them back. Raises RefusalError; LoopDiedError where they come on.
+
+        They come on in off and beside no step of the bring-up only. Off waits for nothing; it is said again in turn, to
+        a loop that was only starting.
+        """
+        if not on:
+            with suppress(LoopDiedError):
+                await self._supervisor.send(commands.SwitchDrives(on=False))
+        async with self._turn:
+            if on:
+                self.require_unoccupied()
+            accepted = carried_out(await switch_drives(self._supervisor, self._hands, on, who))
+            self._journal.note(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
+        self.changed()
+
+    async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
+        """Set the references of the cascade. Raises OutOfRangeError."""
+        b = self.present.bounds
+        require_within("q_ref", q_ref, b.q_min, b.q_max, "rad")
+        require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
+        self.touching.sweep.break_off("other references were set", who)
+        accepted = await self._command(commands.SetReferences(q_ref, S_ref))
+        text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
+        self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
+        self.changed()
+        return References(q_ref=q_ref, S_ref=S_ref)
+
+    async def push(self, push: Push, who: str) -> Push:
+        """Push the joint of a simulated plant from outside. Raises RefusalError on any other, OutOfRangeError."""
+        plant = self.present.plant
+        if not plant.simulated:
+            by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
+            message = f"only what is simulated is pushed by command, and what is driven is the {plant.name}{by_hand}"
+            raise RefusalError(Because.NOT_NOW, message, code="not_a_simulator")
+        require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        remedy = "order it again to push for longer"
+        require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")
+        # before it is sent: whoever loses control meanwhile has it let go after it has begun
+        self._pushed = push.F_push != 0.0
+        accepted = await self._command(commands.Push(push.F_push, push.duration_s))
+        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
+        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+        return push
+
+    def let_go(self) -> None:
+        """Let go of a push and end learning, at once: whoever ordered it does not hold control any more."""
+        self.touching.sweep.break_off("whoever began it does not hold control any more")
+        if self._pushed:
+            self._releasing = self._supervision.keep_task(_RELEASE, self._let_go)
+
+    async def _let_go(self) -> None:
+        self._pushed = False
+        if not self._supervisor.alive:
+            return
+        with suppress(LoopDiedError):
+            await self._supervisor.send(commands.Push(0.0, 0.0))
+        self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.present.tick)
+
+    async def break_plant(self, broken: Broken | None, who: str) -> None:
+        """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
+        text = "mended" if broken is None else f"broken on purpose: {broken.words}"
+        await self.carry_out(commands.Inject(broken), text, who)
+
+    async def carry_out(self, command: Command, text: str, who: str) -> None:
+        """Have the loop carry out what is of a simulated plant alone, and note it. Raises RefusalError."""
+        accepted = await self._command(command)
+        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+
+    def fall_silent(self, duration_s: float, who: str) -> None:
+        """Send the loop no heartbeat for a while, to try its reaction."""
+        self._supervisor.fall_silent(duration_s)
+        self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.present.tick, who)
+
+    async def _command(self, command: Command) -> Accepted:
+        return carried_out(await self._supervisor.send(command))
+
+    async def _state_once(self, reached: Callable[[], bool]) -> State:
+        """Return the state as soon as the samples show what was accepted, a moment later at most."""
+        with suppress(TimeoutError, LoopDiedError):
+            await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
+        self.changed()
+        return self.present.state()
+
+    def _hear(self, event: Event | LoopDied) -> None:
+        self.present.hear(event)
+        if isinstance(event, PlayerMoved):
+            self.player.hear(event)
+        if isinstance(event, PushReleased):
+            self._pushed = False
+        if isinstance(event, ModeChanged):
+            self.retuning.leave_trial(f"as the mode is {event.after}")
+        elif isinstance(event, LoopDied):
+            self.retuning.leave_trial("as the control loop has ended")
+        if (mark := mark_of(event, self.present.tick)) is not None:
+            if isinstance(event, Stopped) and self.present.is_expected(event.fault):
+                mark = mark._replace(kind=MarkKind.NOTE)
+            self._journal.note(*mark, who=self._who_asked(event))
+        if isinstance(event, Stopped):
+            for waiter in self._stop_waiters:
+                if not waiter.done():
+                    waiter.set_result(event)
+        if not isinstance(event, Accepted | Refused | RunEnded):
+            self.changed()
+
+    def _who_asked(self, event: Event | LoopDied) -> str:
+        """Return who asked for the mode that has come; empty where nobody did."""
+        if self._asked is None or not isinstance(event, ModeChanged) or event.after is not self._asked[0]:
+            return ""
+        (_, who), self._asked = self._asked, None
+        return who
+
+
+# Obstruction ---------------------------------------------------------------------------------------
+#
+# A wall in the way of a simulated joint: put up and taken away in flight.
+
+
+async def obstruct(actuator: Actuator, order: WallOrder, who: str) -> WallOrder:
+    """Put a wall up, or take it away.
+
+    Raises RefusalError on what is not simulated, where the joint stands in it and while a program puts up its own, and
+    OutOfRangeError.
+    """
+    plant = actuator.present.plant
+    if not plant.simulated:
+        message = f"a wall is put only in the way of what is simulated, and what is driven is the {plant.name}"
+        raise RefusalError(Because.NOT_NOW, message, code="not_a_simulator")
+    wall = None if order.wall is None else _possible(order.wall, actuator.present.parameters)
+    await actuator.carry_out(Obstruct(wall), wall_in_words(wall), who)
+    return order
+
+
+def _possible(wall: Wall, parameters: PlantParameters) -> Obstacle:
+    bounds, q_max = wall_bounds(parameters), parameters.geometry.q_max
+    remedy = "the simulator's steps do not resolve more"
+    require_within("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
+    require_within("k_wall", wall.k_wall, bounds.k_min, bounds.k_max, "N/m", remedy, path=("wall", "k_wall"))
+    require_within("c_wall", wall.c_wall, 0.0, bounds.c_max, "s/m", remedy, path=("wall", "c_wall"))
+    return Obstacle(1.0 if wall.side == "above" else -1.0, wall.q_wall, wall.k_wall, wall.c_wall)

@@ -1,0 +1,301 @@
+"""Work of persons in worker processes, within limits: texts, previews, sheets."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any, ParamSpec, TypeVar
+
+from backend.auth.authentication import Person
+from backend.banks.builder import points_of
+from backend.banks.tuning_settings import TuningChoice
+from backend.errors import Because, RefusalError
+from backend.reports.sheet import sheet_pdf
+from backend.schemas.state import Role
+from backend.schemas.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
+from backend.services.tuning_state import TuningInUse
+from backend.storage.banks import Bank
+from backend.tuning.preview import Previewer
+from backend.workers import Offload
+from plant.parameters import PlantParameters
+
+# Departure -----------------------------------------------------------------------------------------
+#
+# Work that ends when whoever asked for it leaves, so that nobody keeps a process busy whom nobody
+# waits for.
+
+
+T = TypeVar("T")
+
+HasLeft = Callable[[], Awaitable[bool]]
+"""Tells whether the connection of whoever asked is closed."""
+
+LOOK_S = 0.5
+
+
+async def unless_left(work: Coroutine[Any, Any, T], has_left: HasLeft) -> T:
+    """Return what ``work`` returns; cancel it when whoever waits for it has left.
+
+    Work in a process beside the service ends with that process. Raises RefusalError after whoever asked has left.
+    """
+    working = asyncio.ensure_future(work)
+    try:
+        while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
+            if await has_left():
+                raise RefusalError(Because.UNAVAILABLE, "whoever asked for this has left: its computation was ended")
+        return working.result()
+    finally:
+        working.cancel()
+        await asyncio.gather(working, return_exceptions=True)
+
+
+# Tuning previews -----------------------------------------------------------------------------------
+#
+# What a tuning would do, computed beside the service: a preview holds the interpreter for up to
+# half a second.
+#
+# A process keeps the models of the tunings that it was asked for last, which take longer than all
+# else of a preview.
+
+
+_KEPT = 6
+_kept: list[TuningInUse] = []
+_keeping = Lock()
+
+
+@dataclass(frozen=True)
+class AskedTuning:
+    """A tuning as it goes from one process to another: ``ranges`` are the smallest λ_q and λ_S [s] of each entry."""
+
+    parameters: PlantParameters
+    choice: TuningChoice
+    bank: Bank | None
+    ranges: Sequence[tuple[float, ...]]
+
+    @classmethod
+    def of(cls, tuning: TuningInUse) -> "AskedTuning":
+        """Return what is asked of a tuning in use."""
+        return cls(tuning.parameters, tuning.choice, tuning.bank, tuning.previewer.ranges)
+
+    def made(self) -> TuningInUse:
+        """Return the tuning with its models, which are kept where they were made before."""
+        with _keeping:
+            same = next((one for one in _kept if self._has_models_of(one)), None)
+            if same is None:
+                points = points_of(self.bank)
+                lam_motor, b = self.choice.lam_motor, self.choice.b
+                previewer = Previewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
+                same = TuningInUse(self.choice, self.bank, self.parameters, previewer)
+                _kept.insert(0, same)
+                del _kept[_KEPT:]
+        return TuningInUse(self.choice, self.bank, self.parameters, same.previewer)
+
+    def _has_models_of(self, other: TuningInUse) -> bool:
+        mine, its = self.choice, other.choice
+        return (
+            (mine.lam_motor, mine.b) == (its.lam_motor, its.b)
+            and self.bank == other.bank
+            and self.parameters == other.parameters
+        )
+
+
+def preview_tuning(
+    asked: AskedTuning,
+    lam_q: float,
+    lam_S: float,
+    S: float,
+    entry: float,
+    motion: Motion | None,
+    u_plan: float | None,
+    k_ext: float | None,
+    printed: bool,
+) -> TuningPreview:
+    """Return what ``TuningInUse.preview`` does. Raises OutOfRangeError."""
+    made = asked.made()
+    return made.preview(lam_q, lam_S, S, entry, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed)
+
+
+def preview_motor(asked: AskedTuning, lam_motor: float) -> MotorPreview:
+    """Return what ``TuningInUse.motor`` does. Raises OutOfRangeError."""
+    return asked.made().motor(lam_motor)
+
+
+def compute_robustness(asked: AskedTuning, M_s: float) -> RobustTuning:
+    """Return what ``TuningInUse.robust`` does."""
+    return asked.made().robust(M_s)
+
+
+# Work places ---------------------------------------------------------------------------------------
+#
+# Places for work that people order: so many at a time, so many of each person, and some that
+# viewers cannot take.
+
+
+RETRY_S = 1
+"""How long to wait before asking again where there was no place [s]."""
+
+_held: ContextVar["WorkPlaces | None"] = ContextVar("held", default=None)
+"""Where the request under way has had its place from its head on."""
+
+
+class WorkPlaces:
+    """``places`` in all, ``viewers`` of them for viewers, ``each`` for one person. Belongs to one event loop.
+
+    ``work`` names one such work, and ``works`` several, in refusals. A request whose body is large takes its place
+    before the body is read, and its work then has it.
+    """
+
+    def __init__(self, work: str, works: str, places: int, viewers: int, each: int) -> None:
+        self._work, self._works = work, works
+        self._places, self._viewers, self._each = places, viewers, each
+        self._people: list[Person] = []
+
+    @contextmanager
+    def held(self, person: Person) -> Iterator[None]:
+        """Hold a place for a person, that of the request under way where it has one. Raises RefusalError for none."""
+        if _held.get() is self:
+            yield
+            return
+        self._require_place(person)
+        self._people.append(person)
+        before = _held.set(self)
+        try:
+            yield
+        finally:
+            _held.reset(before)
+            self._people.remove(person)
+
+    def _require_place(self, person: Person) -> None:
+        own = sum(other.name == person.name and other.role == person.role for other in self._people)
+        if own >= self._each:
+            number = f"{self._work} of yours is" if self._each == 1 else f"{own} {self._works} of yours are"
+            raise RefusalError(
+                Because.TOO_MANY,
+                f"{number} under way or waiting, at most {self._each}: wait for one, or leave it",
+                code="busy",
+                retry_after_s=RETRY_S,
+            )
+        viewers = sum(not is_operator(other) for other in self._people)
+        if len(self._people) >= self._places or (not is_operator(person) and viewers >= self._viewers):
+            raise RefusalError(
+                Because.TOO_MANY,
+                f"{len(self._people)} {self._works} are under way or wait: try again later",
+                code="busy",
+                retry_after_s=RETRY_S,
+            )
+
+
+def is_operator(person: Person) -> bool:
+    """Whether a person may do what operators may."""
+    return person.role is Role.OPERATOR
+
+
+# Chart sheets --------------------------------------------------------------------------------------
+#
+# Sheets of charts that people send to be made PDFs of: in a process of their own, which reports do
+# not wait for.
+
+
+SHEET_PLACES = 8
+VIEWERS_SHEET_PLACES = 6
+SHEET_PLACES_EACH = 2
+
+
+class ChartSheets:
+    """Belongs to the service's event loop; nothing is kept."""
+
+    def __init__(self, offload: Offload) -> None:
+        self._offload = offload
+        self.places = WorkPlaces(
+            "a sheet of charts", "sheets of charts", SHEET_PLACES, VIEWERS_SHEET_PLACES, SHEET_PLACES_EACH
+        )
+
+    async def pdf(self, svg: str, person: Person, has_left: HasLeft) -> bytes:
+        """Return a sheet as PDF. Raises RefusalError for what is no sheet or finds no place, WorkLimitError."""
+        with self.places.held(person):
+            return await unless_left(self._offload.run(sheet_pdf, svg), has_left)
+
+
+# Text work -----------------------------------------------------------------------------------------
+#
+# What is computed for whoever asks, in processes of their own, within limits: texts that people
+# write, and previews.
+#
+# A text may be made to be slow, a preview holds Python's lock for up to half a second, and what
+# holds it holds STOP up. What viewers ask has another process than what operators do, so that
+# nobody without the right to operate makes an operator wait.
+
+
+P = ParamSpec("P")
+
+TEXT_PLACES = 32
+VIEWERS_TEXT_PLACES = 24
+TEXT_PLACES_EACH = 8
+"""Texts of one person under way or waiting: a browser sends six requests at a time."""
+
+PREVIEWS = 32
+VIEWERS_PREVIEWS = 24
+PREVIEWS_EACH = 12
+"""Previews of one person: a slider that moves asks for the next one before the last one is there."""
+
+
+Compute = Callable[..., Awaitable[Any]]
+"""Computes ``work(*asked)`` somewhere, as ``asyncio.to_thread`` does in a thread."""
+
+
+class TextWork:
+    """Belongs to the service's event loop."""
+
+    def __init__(self, operators: Offload, viewers: Offload) -> None:
+        self._operators, self._viewers = operators, viewers
+        self.places = WorkPlaces("a text", "texts", TEXT_PLACES, VIEWERS_TEXT_PLACES, TEXT_PLACES_EACH)
+        self.previews = WorkPlaces("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)
+        self._turns = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
+
+    async def run(
+        self, person: Person, has_left: HasLeft, work: Callable[P, T], *asked: P.args, **_none: P.kwargs
+    ) -> T:
+        """Return ``work(*asked)``, as long as the person who asked has not left.
+
+        Raises what the work raises, WorkLimitError, and RefusalError where there is no place.
+        """
+        process = self._operators if is_operator(person) else self._viewers
+        with self.places.held(person):
+            return await unless_left(process.run(work, *asked, **_none), has_left)
+
+    def previewing(self, person: Person, has_left: HasLeft) -> Compute:
+        """Return what computes previews for a person.
+
+        One whose asker has left before its turn is not computed; one that is under way ends, with its process kept.
+        Raises what the work raises, WorkLimitError, and RefusalError where there is no place.
+        """
+
+        async def compute(work: Callable[..., T], *asked: Any) -> T:
+            process = self._operators if is_operator(person) else self._viewers
+            with self.previews.held(person):
+                await _turn(self._turns[process], has_left)
+                try:
+                    return await process.run(work, *asked)
+                finally:
+                    self._turns[process].release()
+
+        return compute
+
+    async def order(self, work: Callable[P, T], *asked: P.args, **_none: P.kwargs) -> T:
+        """Return ``work(*asked)`` for an order of an operator, which goes on whoever leaves. Raises as ``run`` does."""
+        return await self._operators.run(work, *asked, **_none)
+
+
+async def _turn(turn: asyncio.Lock, has_left: HasLeft) -> None:
+    """Wait for a turn and take it. Raises RefusalError where whoever asked has left meanwhile."""
+    waiting = asyncio.ensure_future(turn.acquire())
+    try:
+        while not (await asyncio.wait({waiting}, timeout=LOOK_S))[0]:
+            if await has_left():
+                raise RefusalError(Because.UNAVAILABLE, "whoever asked for this has left: it is not computed")
+    except BaseException:
+        if not waiting.cancel():  # it is there after all
+            turn.release()
+        raise

@@ -1,0 +1,207 @@
+"""Stored banks: built from identifications, compared, taken out and brought in."""
+
+import asyncio
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import asdict, replace
+from typing import Protocol
+
+from backend.banks import builder
+from backend.banks.builder import MODEL_NAMES, difference, figures_of_all, with_entries
+from backend.models.document import UnreadableDocumentError
+from backend.schemas.tuning import (
+    BankDetail,
+    BankDifference,
+    BankEntryDetail,
+    BankFile,
+    BankView,
+    ChannelFit,
+    EntryDifference,
+    EntryFigures,
+    EntryLineage,
+)
+from backend.services.runs import bank_view
+from backend.storage import banks, identifications, runs
+from backend.storage.banks import Bank, BankEntry, fits_of, method_of
+from backend.storage.database import Database, Session
+from backend.tuning.gains import Lambdas
+from backend.tuning.preview import Previewer
+from backend.workers import SCIENCE, Offload
+from plant.parameters import PlantParameters
+
+
+class TuningInForce(Protocol):
+    """What a bank is compared with and judged at."""
+
+    @property
+    def parameters(self) -> PlantParameters:
+        """Those of the plant."""
+        ...
+
+    @property
+    def lambdas(self) -> Lambdas:
+        """The tuning parameters and b."""
+        ...
+
+    @property
+    def previewer(self) -> Previewer:
+        """What predicts the loops on the models in use."""
+        ...
+
+    @property
+    def bank(self) -> Bank | None:
+        """The bank in use, None for gains from geometry."""
+        ...
+
+
+class StoredBanks:
+    """Reads and writes banks in threads; what takes long is computed in the process for such work."""
+
+    def __init__(self, database: Database, offload: Offload, tuning: Callable[[], TuningInForce]) -> None:
+        self._database = database
+        self._offload = offload
+        self._tuning = tuning
+
+    async def banks(self) -> list[BankView]:
+        """Return all versions of all banks, newest first; what looks at them is loaded meanwhile."""
+        self._offload.prepare(figures_of_all, *SCIENCE)
+        return await asyncio.to_thread(self._banks)
+
+    async def bank(self, bank_id: int) -> BankView:
+        """Return one version of a bank. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._bank_view, bank_id)
+
+    async def stored_bank(self, bank_id: int) -> Bank:
+        """Return one version of a bank as it is stored. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._bank, bank_id)
+
+    async def existing(self, numbers: Collection[int]) -> list[Bank]:
+        """Return the banks of these numbers that there are."""
+        return await asyncio.to_thread(self._existing, numbers)
+
+    def _existing(self, numbers: Collection[int]) -> list[Bank]:
+        with self._database.reading() as session:
+            return [bank for bank in banks.find(session) if bank.id in numbers]
+
+    async def build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
+        """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""
+        return await asyncio.to_thread(self._build, name, run_ids, who)
+
+    async def detail(self, bank_id: int) -> BankDetail:
+        """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
+        tuning = self._tuning()
+        bank, lineage = await asyncio.to_thread(self._with_lineage, bank_id)
+        figures = await self._offload.run(figures_of_all, tuning.parameters, tuning.lambdas, bank.entries)
+        return BankDetail(
+            lam_q=tuning.lambdas.lam_q,
+            lam_S=tuning.lambdas.lam_S,
+            entries=[
+                BankEntryDetail(figures=EntryFigures(**asdict(figure)), lineage=line)
+                for figure, line in zip(figures, lineage, strict=True)
+            ],
+        )
+
+    async def difference(self, bank_id: int | None, other: int | None, run_ids: Sequence[int]) -> BankDifference:
+        """Compare a bank, None for gains from geometry, with another one or with itself after identifying again.
+
+        Raises UnknownRecordError, BankError, TuningError.
+        """
+        tuning = self._tuning()
+        before, after = await asyncio.to_thread(self._compared, bank_id, other, run_ids)
+        changes = await self._offload.run(difference, tuning.parameters, tuning.lambdas, before, after)
+        return BankDifference(
+            lam_q=tuning.lambdas.lam_q,
+            lam_S=tuning.lambdas.lam_S,
+            entries=[EntryDifference(**asdict(change)) for change in changes],
+        )
+
+    async def file(self, bank_id: int) -> BankFile:
+        """Return a bank as a file. Raises UnknownRecordError."""
+        return BankFile.model_validate(builder.to_document(await self.stored_bank(bank_id)))
+
+    async def bring_in(self, file: BankFile, who: str) -> BankView:
+        """Store a bank from its file as the next version of its name. Raises BankError."""
+        document = file.model_dump(exclude_none=True)
+        parameters = self._tuning().parameters
+        bank = await asyncio.to_thread(builder.import_bank, self._database, parameters, document, who)
+        return await self.bank(bank.id)
+
+    # In a thread --------------------------------------------------------------------------------------------
+
+    def _banks(self) -> list[BankView]:
+        with self._database.reading() as session:
+            runs_of = identifications.runs_of(session)
+            found = banks.find(session)
+            positions = identifications.joint_positions(session, _estimates(*found))
+            return [self._listed(bank, runs_of, positions) for bank in found]
+
+    def _listed(self, bank: Bank, runs_of: dict[int, int | None], positions: dict[int, float]) -> BankView:
+        """Return a bank as the list shows it: one that cannot be read says so, and the others are there."""
+        try:
+            return bank_view(bank, runs_of, positions, self._in_use())
+        except UnreadableDocumentError as error:
+            return bank_view(replace(bank, entries=(), note=str(error)), runs_of, positions, self._in_use())
+
+    def _bank(self, bank_id: int) -> Bank:
+        with self._database.reading() as session:
+            return banks.get(session, bank_id)
+
+    def _bank_view(self, bank_id: int) -> BankView:
+        with self._database.reading() as session:
+            bank = banks.get(session, bank_id)
+            positions = identifications.joint_positions(session, _estimates(bank))
+            return bank_view(bank, identifications.runs_of(session), positions, self._in_use())
+
+    def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
+        parameters = self._tuning().parameters
+        return self._bank_view(builder.build_bank(self._database, parameters, name, run_ids, who).id)
+
+    def _with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
+        with self._database.reading() as session:
+            bank = banks.get(session, bank_id)
+            return bank, [_lineage(session, entry) for entry in bank.entries]
+
+    def _compared(
+        self, bank_id: int | None, other: int | None, run_ids: Sequence[int]
+    ) -> tuple[tuple[BankEntry, ...], tuple[BankEntry, ...]]:
+        with self._database.reading() as session:
+            before = self._from_geometry() if bank_id is None else banks.get(session, bank_id).entries
+            if other is not None:
+                return before, banks.get(session, other).entries
+            again = [builder.entry_of(identifications.of_run(session, run_id)) for run_id in run_ids]
+            return before, with_entries(before, again)
+
+    def _from_geometry(self) -> tuple[BankEntry, ...]:
+        """Return the models in use without a bank, as entries to compare with."""
+        return tuple(
+            BankEntry(point.S_nominal, {name: getattr(point, name) for name in MODEL_NAMES})
+            for point in self._tuning().previewer.points
+        )
+
+    def _in_use(self) -> int | None:
+        bank = self._tuning().bank
+        return None if bank is None else bank.id
+
+
+def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
+    if entry.identification_id is None:
+        return None
+    found = identifications.get(session, entry.identification_id)
+    run = None if found.run_id is None else runs.get(session, found.run_id)
+    fits = {name: ChannelFit(**asdict(fit)) for name, fit in fits_of(found).items()}
+    return EntryLineage(
+        position=fits["G_q"],
+        stiffness=fits["G_S"],
+        identification=found.run_id,
+        estimate=found.id,
+        method=method_of(found),
+        verdict=found.verdict,
+        run=found.run_id,
+        created=found.created_at,
+        who=found.who,
+        plant=None if run is None else run.plant,
+        parameters=None if run is None else run.parameters_name,
+    )
+
+
+def _estimates(*found: Bank) -> set[int]:
+    return {entry.identification_id for bank in found for entry in bank.entries if entry.identification_id is not None}

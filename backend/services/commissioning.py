@@ -1,0 +1,397 @@
+"""Commissioning from the page: steps, their results, and what takes effect of them."""
+
+import asyncio
+import logging
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+
+from backend.commissioning import steps
+from backend.commissioning import steps as standing
+from backend.commissioning.session import KeptHands, perform, switch_drives, values_of
+from backend.commissioning.steps import STEP, STEPS, Finding, Kept, Standing, Step, StepId, StepState, Work, blocked_by
+from backend.errors import Because, RefusalError, RefusedValueError
+from backend.faults import Fault
+from backend.realtime.commands import Event, ProveDirections, Stopped
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor
+from backend.schemas.commissioning import (
+    BringUpStep,
+    BringUpView,
+    DrivesLeft,
+    RunningStep,
+    StepFigure,
+    StepInput,
+    StepResult,
+)
+from backend.services.actuator import Actuator
+from backend.storage.commissioning import StepResult as Stored
+from backend.storage.database import Database
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint
+from plant.factory import wiring_of_choice
+from plant.interface import PlantError, PlantKind
+from plant.parameters import PlantParameters
+from plant.wiring import Wiring
+
+# Bring up view -------------------------------------------------------------------------------------
+#
+# How the steps of the bring-up are shown.
+
+
+def nothing_to_do(why_not: str) -> BringUpView:
+    """Return the steps where there is no rig to be brought up."""
+    never = Standing(StepState.NEVER, why_not)
+    return BringUpView(
+        applies=False,
+        why_not=why_not,
+        drives_on=None,
+        drives_locked=False,
+        drives_left=None,
+        steps=[step_view(step, never, None, why_not, None) for step in STEPS],
+    )
+
+
+def step_view(
+    step: Step, standing: Standing, result: Stored | None, blocked: str, running: RunningStep | None
+) -> BringUpStep:
+    """Return one step, with its newest result."""
+    return BringUpStep(
+        id=step.id,
+        title=step.title,
+        instruction=step.instruction,
+        inputs=[StepInput(**vars(asked)) for asked in step.inputs],
+        state=standing.state,
+        why=standing.why,
+        blocked=blocked,
+        result=None if result is None else _result(result),
+        running=running,
+    )
+
+
+def _result(stored: Stored) -> StepResult:
+    figures = [StepFigure(**figure) for figure in stored.figures]
+    return StepResult(passed=stored.passed, text=stored.text, figures=figures, who=stored.who, at=stored.at)
+
+
+# Findings ------------------------------------------------------------------------------------------
+#
+# What the steps of the bring-up come to in the service: kept, put in force, and taken back where it
+# proved wrong.
+
+
+NOT_YET = "takes effect at the next start of the loop: do it again in off, or start the service anew"
+
+_log = logging.getLogger(__name__)
+
+
+class Findings:
+    """Belongs to the service's event loop. ``problem`` tells what could not be kept, or is not in force yet."""
+
+    def __init__(self, actuator: Actuator, supervisor: Supervisor, database: Database) -> None:
+        self.problem = ""
+        self._actuator = actuator
+        self._supervisor = supervisor
+        self._database = database
+        self._disproving: set[asyncio.Task[None]] = set()
+        supervisor.listen(self._hear)
+        actuator.in_effect = self._in_effect
+
+    def why_not(self) -> str:
+        """Return why there is nothing to be brought up; empty where there is."""
+        plant = self._actuator.present.plant
+        if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
+            return ""
+        return f"a rig is brought up; what is driven here is the {plant.name}"
+
+    async def close(self) -> None:
+        """Wait until what was found wrong is kept."""
+        if self._disproving:
+            await asyncio.wait(self._disproving)
+
+    async def keep(self, step: StepId, wiring: Wiring, finding: Finding, who: str) -> None:
+        """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
+        await asyncio.to_thread(steps.keep, self._database, step, wiring, finding, who)
+        brought_up = await asyncio.to_thread(steps.in_effect, self._database, wiring)
+        self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        if not (finding.calibrations and finding.passed):
+            return
+        try:
+            await self._actuator.take_up(lambda: None, "what the bring-up has measured", who)
+        except (RefusalError, LoopDiedError) as error:
+            self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
+
+    def _hear(self, event: Event | LoopDied) -> None:
+        """Take a motor that turned the wrong way for what it is: the directions are disproved, for later starts too."""
+        if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.why_not():
+            keeping = asyncio.create_task(self._disprove(event.detail))
+            self._disproving.add(keeping)
+            keeping.add_done_callback(self._disproving.discard)
+
+    async def _disprove(self, seen: str) -> None:
+        try:
+            wiring = await asyncio.to_thread(self.wiring)
+            finding = Finding(False, f"the loop has stopped: {seen}")
+            await self.keep(StepId.DIRECTION, wiring, finding, "the loop")
+        except Exception as error:
+            _log.exception("what disproves the directions could not be kept")
+            self.problem = f"Do {STEP[StepId.DIRECTION].title} anew: that they are wrong could not be kept ({error})."
+        finally:
+            self._actuator.changed()
+
+    def wiring(self) -> Wiring:
+        """Return the wiring as its file says it now. Raises PlantError."""
+        return wiring_of_choice(self._actuator.present.plant)
+
+    def not_driven(self, wiring: Wiring) -> str:
+        """Return why no step can be played: it would be kept for the file of now, and be found with another."""
+        if fingerprint(wiring) == self._supervisor.started_with.wired:
+            return ""
+        return (
+            "the wiring file has changed since the loop was started, which goes by the old one: start the service anew"
+        )
+
+    def _in_effect(self) -> BroughtUp:
+        """Return what the next loop starts with: what was found with the wiring file that it will read."""
+        known = self._supervisor.setup.brought_up
+        if self.why_not():
+            return known
+        try:
+            wiring = self.wiring()
+        except PlantError:
+            return NOT_BROUGHT_UP  # the loop says itself why it does not start
+        # a start with the wiring of before waits for no database
+        return known if fingerprint(wiring) == known.wired else steps.in_effect(self._database, wiring)
+
+
+# Bring up ------------------------------------------------------------------------------------------
+#
+# Bringing the rig up from the page: one step at a time, its results kept, what it has measured put
+# in force.
+
+
+_SHOWN_S = 0.2
+
+
+@dataclass
+class _Running:
+    """The step under way; ``confirmed`` is what it waits for, None for nothing; ``over`` once its result is kept."""
+
+    step: StepId
+    phase: str = "starting"
+    ask: str = ""
+    confirmed: asyncio.Future[None] | None = None
+    began_s: float = field(default_factory=lambda: asyncio.get_running_loop().time())
+    task: asyncio.Task[None] | None = None
+    over: bool = False
+
+
+class BringUp:
+    """Belongs to the service's event loop."""
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        supervisor: Supervisor,
+        database: Database,
+        parameters: PlantParameters,
+        hands: KeptHands,
+    ) -> None:
+        self._actuator = actuator
+        self._supervisor = supervisor
+        self._database = database
+        self._parameters = parameters
+        self._hands = hands
+        self._findings = Findings(actuator, supervisor, database)
+        self._running: _Running | None = None
+        self._started = actuator.present.starts, datetime.now(UTC)
+        actuator.occupied = actuator.present.occupied = self._occupies
+        actuator.present.provoked_trip = self._provoked_trip
+
+    @property
+    def problem(self) -> str:
+        """What of it could not be kept, or is not in force yet."""
+        return self._findings.problem
+
+    def use(self, parameters: PlantParameters) -> None:
+        """Work by these parameters from now on."""
+        self._parameters = parameters
+
+    async def view(self) -> BringUpView:
+        """Return all steps and how each stands."""
+        why_not = self._findings.why_not()
+        if why_not:
+            return nothing_to_do(why_not)
+        wiring: Wiring | None = None
+        try:
+            wiring = await asyncio.to_thread(self._findings.wiring)
+            why_not = self._findings.not_driven(wiring)
+        except PlantError as error:
+            why_not = str(error)
+        kept = await asyncio.to_thread(standing.kept, self._database)
+        states, results = self._states(kept, wiring), kept.results
+        steps = [
+            step_view(
+                step,
+                states[step.id],
+                results.get(step.id),
+                why_not or self._blocked(step, states),
+                self._running_view(step.id),
+            )
+            for step in STEPS
+            if step.id in states
+        ]
+        left = self._hands.left
+        return BringUpView(
+            applies=True,
+            why_not="",
+            drives_on=self._supervisor.card.state().drive_enabled if self._supervisor.alive else None,
+            drives_locked=self._supervisor.setup.drives_off,
+            drives_left=None if left is None else DrivesLeft(who=left.who, at=left.at),
+            steps=steps,
+        )
+
+    def _running_view(self, step: StepId) -> RunningStep | None:
+        running = self._running
+        if running is None or running.step is not step:
+            return None
+        elapsed_s = asyncio.get_running_loop().time() - running.began_s
+        return RunningStep(phase=running.phase, elapsed_s=elapsed_s, confirm=running.ask)
+
+    async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
+        """Start a step. Raises RefusalError where it cannot be started now, OutOfRangeError."""
+        why_not = self._findings.why_not()
+        if why_not:
+            raise RefusalError(Because.NOT_NOW, why_not)
+        try:
+            wanted = values_of(step, values)
+            wiring = await asyncio.to_thread(self._findings.wiring)
+        except RefusedValueError:
+            raise
+        except ValueError as error:
+            raise RefusalError(Because.BAD_VALUE, str(error)) from None
+        except PlantError as error:
+            raise RefusalError(Because.NOT_NOW, str(error)) from None
+        async with self._actuator.starting:
+            kept = await asyncio.to_thread(standing.kept, self._database)
+            blocked = self._findings.not_driven(wiring) or self._blocked(STEP[step], self._states(kept, wiring))
+            if blocked:
+                raise RefusalError(Because.NOT_NOW, blocked)
+            self._findings.problem = ""
+            running = self._running = _Running(step)
+            running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
+        self._actuator.changed()
+        return await self.view()
+
+    async def confirm(self) -> BringUpView:
+        """Go on with the step under way. Raises RefusalError where nothing waits for it."""
+        running = self._running
+        if running is None or running.confirmed is None or running.confirmed.done():
+            raise RefusalError(Because.NOT_NOW, "no step of the bring-up waits for a confirmation")
+        running.confirmed.set_result(None)
+        return await self.view()
+
+    async def cancel(self) -> BringUpView:
+        """Give up the step under way. Raises RefusalError where there is none."""
+        running = self._running
+        if running is None or running.task is None:
+            raise RefusalError(Because.NOT_NOW, "no step of the bring-up is under way")
+        if running.over:  # given up now, it would leave a loop that is starting to itself
+            title = STEP[running.step].title
+            raise RefusalError(Because.NOT_NOW, f"{title} is over, and its result is being kept: wait a moment")
+        running.task.cancel()
+        await asyncio.wait((running.task,))
+        return await self.view()
+
+    async def switch_drives(self, on: bool, who: str) -> BringUpView:
+        """Take the drives away or give them back, between two steps. Raises RefusalError where that cannot be now."""
+        why_not = self._findings.why_not()
+        if why_not:
+            raise RefusalError(Because.NOT_NOW, why_not)
+        await self._actuator.switch_drives(on, who)
+        shown = self._supervisor.card.state
+        with suppress(TimeoutError, LoopDiedError):  # of a rig it is shown with the next write
+            await self._supervisor.advance_until(lambda: shown().drive_enabled is on, _SHOWN_S)
+        return await self.view()
+
+    async def close(self) -> None:
+        """Give up what is under way, at the end of the service; a result that is being kept is kept first."""
+        await self._findings.close()
+        running = self._running
+        if running is not None and running.task is not None:
+            if not running.over:
+                running.task.cancel()
+            await asyncio.wait((running.task,))
+
+    async def _run(self, running: _Running, wiring: Wiring, values: dict[str, float], who: str) -> None:
+        async def confirmed(words: str) -> None:
+            running.ask, running.confirmed = words, asyncio.get_running_loop().create_future()
+            self._actuator.changed()
+            try:
+                await running.confirmed
+            finally:
+                running.ask, running.confirmed = "", None
+                self._actuator.changed()
+
+        def phase(name: str) -> None:
+            running.phase = name
+            self._actuator.changed()
+
+        # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
+        in_force = calibrated(wiring, self._supervisor.setup.brought_up.calibrations)
+        computed = self._actuator.present.plant.simulated
+        work = Work(
+            self._supervisor,
+            in_force,
+            self._parameters,
+            values,
+            computed=computed,
+            confirmed=confirmed,
+            switch=lambda on: switch_drives(self._supervisor, self._hands, on, who),
+            phase=phase,
+        )
+        try:
+            try:
+                finding = await perform(running.step, work)
+            except LoopDiedError as died:
+                finding = Finding(False, str(died))
+            running.over = True
+            phase("keeping the result")
+            await self._findings.keep(running.step, wiring, finding, who)
+        except Exception as error:
+            _log.exception("the step %s of the bring-up failed", running.step)
+            title = STEP[running.step].title
+            self._findings.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
+            if running.step is StepId.DIRECTION:  # what is not kept does not count for this loop either
+                with suppress(LoopDiedError):
+                    await self._supervisor.send(ProveDirections(proven=False))
+        finally:
+            self._running = None
+            self._actuator.changed()
+
+    def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, Standing]:
+        starts = self._actuator.present.starts
+        if starts != self._started[0]:
+            self._started = starts, datetime.now(UTC)
+        found = standing.states(kept, wiring, self._started[1])
+        if self._supervisor.started_with.calibrations != self._supervisor.setup.brought_up.calibrations:
+            for step in (StepId.TARE, StepId.CALIBRATE):
+                if found[step].state is StepState.CURRENT:
+                    found[step] = found[step]._replace(state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}")
+        return found
+
+    def _provoked_trip(self) -> Fault:
+        tries_module = self._running is not None and self._running.step is StepId.SAFETY_MODULE
+        return Fault.SAFETY_MODULE if tries_module else Fault.NONE
+
+    def _occupies(self) -> str:
+        return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"
+
+    def _blocked(self, step: Step, states: dict[StepId, Standing]) -> str:
+        present = self._actuator.present
+        if self._running is not None:
+            return f"{STEP[self._running.step].title} is under way"
+        if present.task is not None:
+            return f"run {present.task.run} is under way"
+        if present.mode is not Mode.OFF:
+            return f"the mode is {present.mode}: bring it to off first"
+        return blocked_by(step, states)

@@ -1,0 +1,510 @@
+"""Comparisons of runs: alignment, differences of signals, metrics, files."""
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend import __version__
+from backend.errors import Because, RefusalError, require_within
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import Figure
+from backend.plain_text import as_cell, as_comment
+from backend.recording.derived_signals import following
+from backend.recording.reader import nth_jump, read_samples
+from backend.reports.evidence import set_to
+from backend.reports.provenance import verdict_of
+from backend.sample import FIELDS, UNIT_OF
+from backend.schemas.comparison import (
+    AlignBy,
+    ComparedMetric,
+    ComparedRun,
+    ComparedSetting,
+    ComparedValue,
+    ComparisonAsked,
+    Differences,
+    DifferencesAsked,
+    RunComparison,
+    RunDifference,
+)
+from backend.schemas.run import MetricHistory, MetricName, MetricPoint
+from backend.services.lineage import marks_of
+from backend.storage import banks, recordings, results, runs, search
+from backend.storage.database import Database, Session
+from backend.storage.orm import UnknownRecordError
+from backend.storage.results import Result
+from backend.storage.runs import Run, title_of
+from backend.storage.search import NONE, All, Compare, Op, Query, QueryError, Value, parse
+from backend.storage.search_index import ValueSource
+
+# Alignment -----------------------------------------------------------------------------------------
+#
+# Which moment of each run is brought to one: its begin, a step of a reference, an event of the
+# journal.
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """The moment ``at_s`` [s] of a run, and what its times are shifted by; None and why where there is none."""
+
+    at_s: float | None
+    offset_s: float | None
+    reason: str
+
+
+def aligned(session: Session, numbers: list[int], reference: int, asked: ComparisonAsked) -> dict[int, Aligned]:
+    """Return by run how it comes onto the time axis of the reference. Raises UnknownRecordError."""
+    moments = {number: _moment(session, number, asked) for number in numbers}
+    own, why = moments[reference]
+    found = {}
+    for number, (at_s, reason) in moments.items():
+        if own is None and number != reference:
+            found[number] = Aligned(at_s, None, reason or f"the reference cannot be aligned: {why}")
+        else:
+            offset_s = 0.0 if number == reference else None if at_s is None or own is None else own - at_s
+            found[number] = Aligned(at_s, offset_s, reason)
+    return found
+
+
+def _moment(session: Session, run_id: int, asked: ComparisonAsked) -> tuple[float | None, str]:
+    """Return the moment [s from the run's first sample], or None and why there is none."""
+    runs.get(session, run_id)
+    try:
+        recordings.span(session, run_id)
+    except UnknownRecordError:
+        return None, f"run {run_id} has no samples"
+    match asked.by:
+        case AlignBy.BEGIN:
+            return 0.0, ""
+        case AlignBy.STEP:
+            at_s, count = nth_jump(session, run_id, asked.step, asked.number)
+            what = f"step of {asked.step}"
+        case AlignBy.EVENT:
+            times = [mark.t for mark in marks_of(session, run_id).marks if mark.kind == asked.event]
+            count = len(times)
+            at_s = times[asked.number - 1] if count >= asked.number else None
+            what = f"event of the kind {asked.event}"
+    return at_s, "" if at_s is not None else f"run {run_id} has {_counted(count, what)}, not {asked.number}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"no {what}" if count == 0 else f"{count} {what}" if count == 1 else f"{count} {_plural(what)}"
+
+
+def _plural(what: str) -> str:
+    first, _, rest = what.partition(" ")
+    return f"{first}s {rest}"
+
+
+# Comparison ----------------------------------------------------------------------------------------
+#
+# Runs beside each other by their metrics, and one metric over the dates of its runs.
+
+
+MOST_RUNS = 20
+MOST_POINTS = 5000
+_ABSENT = "the run has no such metric"
+
+
+def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
+    """Return the runs that are compared, each once, and which of them is the reference.
+
+    Raises OutOfRangeError, RefusalError.
+    """
+    numbers = list(dict.fromkeys(asked.run))
+    require_within("runs", len(numbers), 2, MOST_RUNS, "1", "name other runs to compare", words="number of runs")
+    chosen = numbers[0] if asked.reference is None else asked.reference
+    if chosen not in numbers:
+        raise RefusalError(
+            Because.BAD_VALUE,
+            f"reference: run {chosen} is none of those that are compared",
+            legal=[str(number) for number in numbers],
+        )
+    return numbers, chosen
+
+
+def compare(session: Session, asked: ComparisonAsked) -> RunComparison:
+    """Return the metrics of runs with their differences to a reference, one of them (None: the first).
+
+    Raises OutOfRangeError, RefusalError, UnknownRecordError.
+    """
+    numbers, chosen = chosen_runs(asked)
+    found = [runs.get(session, number) for number in numbers]
+    judged = [_judged(session, run) for run in found]
+    placed = aligned(session, numbers, chosen, asked)
+    return RunComparison(
+        reference=chosen,
+        runs=[
+            _named(run, result, problem, placed[run.id]) for run, (result, problem) in zip(found, judged, strict=True)
+        ],
+        metrics=_metrics(
+            [_figures(result) for result, _ in judged], [problem for _, problem in judged], numbers.index(chosen)
+        ),
+        settings=_differing(session, found),
+    )
+
+
+def _differing(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
+    """Return what not all runs were set to alike."""
+    each = []
+    for run in found:
+        bank = None if run.bank_id is None else banks.get(session, run.bank_id)
+        each.append({(item.name, item.unit): _plain(item.value) for item in set_to(run, bank)})
+    settings = []
+    for name, unit in dict.fromkeys(key for one in each for key in one):
+        values = [one.get((name, unit)) for one in each]
+        if any(value != values[0] for value in values):
+            settings.append(ComparedSetting(name=name, unit=unit or "1", values=values))
+    return settings
+
+
+def _plain(value: Any) -> bool | float | str:
+    return value if isinstance(value, bool | int | float | str) else json.dumps(value)
+
+
+def _judged(session: Session, run: Run) -> tuple[Result | None, str]:
+    """Return the newest result of a run, or None and why."""
+    try:
+        result = results.newest(session, run.id)
+    except UnreadableDocumentError as error:
+        return None, str(error)
+    return result, "" if result is not None else run.evaluation_problem or "the run has not been evaluated"
+
+
+def _figures(result: Result | None) -> dict[str, Figure]:
+    return {} if result is None else {item.name: item for item in result.metrics.figures}
+
+
+def _named(run: Run, result: Result | None, problem: str, placed: Aligned) -> ComparedRun:
+    metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
+    return ComparedRun(
+        id=run.id,
+        title=title_of(run),
+        kind=run.kind,
+        station=run.station,
+        who=run.who,
+        started=run.started_at,
+        verdict=verdict_of(metrics, criteria, problem).sentence,
+        aligned_at_s=placed.at_s,
+        offset_s=placed.offset_s,
+        not_aligned=placed.reason,
+    )
+
+
+def _metrics(figures: Sequence[dict[str, Figure]], problems: Sequence[str], reference: int) -> list[ComparedMetric]:
+    """Return all metrics that any of the runs has, those of the reference first."""
+    shown: dict[str, Figure] = {}
+    for of_run in (figures[reference], *figures):
+        for name, item in of_run.items():
+            shown.setdefault(name, item)
+    return [
+        ComparedMetric(
+            name=name,
+            label=shown[name].label,
+            definition=shown[name].definition,
+            unit=shown[name].unit,
+            values=[
+                _value(of_run.get(name), figures[reference].get(name), shown[name].unit, problem)
+                for of_run, problem in zip(figures, problems, strict=True)
+            ],
+        )
+        for name in shown
+    ]
+
+
+def _value(figure: Figure | None, reference: Figure | None, unit: str, problem: str) -> ComparedValue:
+    if figure is None:
+        return ComparedValue(value=None, reason=problem or _ABSENT, difference=None, percent=None)
+    if figure.unit != unit:
+        return ComparedValue(
+            value=None, reason=f"it was measured in {figure.unit}, not in {unit}", difference=None, percent=None
+        )
+    difference = percent = None
+    if figure.value is not None and reference is not None and reference.value is not None:
+        difference = figure.value - reference.value
+        percent = 100.0 * difference / abs(reference.value) if reference.value else None
+    return ComparedValue(value=figure.value, reason=figure.reason, difference=difference, percent=percent)
+
+
+def metric_history(session: Session, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
+    """Return a metric ("": the first there is) of the runs of a kind that fit ``where``. Raises QueryError."""
+    of_kind = Compare(Value("kind", 0), Op.EQUAL, (Value(kind, 0),))
+    asked: Query = All((of_kind, parse(where)))
+    judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED))))
+    known = _known_metrics(session, judged, metric, everywhere=everywhere)
+    chosen = next((one for one in known if one.name == metric or not metric), None)
+    if chosen is None:
+        if metric:
+            raise QueryError(0, f"runs of kind {kind} have no metric {metric!r}", [one.name for one in known], metric)
+        return MetricHistory(kind=kind, metric=None, metrics=[], points=[], without=0, left_out=0)
+    found = search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MOST_POINTS)
+    return MetricHistory(
+        kind=kind,
+        metric=chosen,
+        metrics=known,
+        points=[MetricPoint(run=run_id, at=at, value=value) for run_id, at, value in found.points],
+        without=found.fitting - found.measured,
+        left_out=found.measured - len(found.points),
+    )
+
+
+_JUDGED = ("passed", "failed", "neutral", "incomplete")
+_LOOKED_AT = 20
+"""Newest runs of a kind in which its metrics are looked for."""
+
+
+def _known_metrics(session: Session, asked: Query, wanted: str, *, everywhere: bool) -> list[MetricName]:
+    """Return the metrics of the newest runs, and the one that is wanted where an older run alone has it."""
+    newest = search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids
+    known = _named_metrics(session, newest)
+    if wanted and wanted not in known:
+        measured = Compare(Value(f"{ValueSource.METRIC}.{wanted}", 0), Op.UNLIKE, (Value(NONE, 0),))
+        with suppress(QueryError):  # no run at all has one of this name
+            older = search.search(session, All((asked, measured)), everywhere=everywhere, limit=1).run_ids
+            known |= {name: item for name, item in _named_metrics(session, older).items() if name == wanted}
+    return list(known.values())
+
+
+def _named_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricName]:
+    """Return the metrics of runs by name, as the first of them calls each."""
+    found: dict[str, MetricName] = {}
+    for run in runs.of_numbers(session, run_ids):
+        for item in _figures(_judged(session, run)[0]).values():
+            found.setdefault(item.name, MetricName(name=item.name, label=item.label, unit=item.unit))
+    return found
+
+
+# Differences ---------------------------------------------------------------------------------------
+#
+# Signals of runs minus that of a reference, on its samples: as curves, and where they leave a
+# tolerance band.
+
+
+Array = NDArray[np.float64]
+
+_EXACT = 1e-3
+"""Share of a period within which a sample is taken for that of the moment asked for."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A signal ``y`` [n] at times ``t`` [n] in s, about one ``period_s`` apart but where samples are missing."""
+
+    t: Array
+    y: Array
+    period_s: float
+
+    def at(self, times: Array) -> Array:
+        """Return the values at ``times``, straight between neighbouring samples; nan where either is missing."""
+        slack = _EXACT * self.period_s
+        after = np.searchsorted(self.t, times - slack)
+        there = np.minimum(after, self.t.size - 1)
+        before = np.maximum(there - 1, 0)
+        exact = np.abs(self.t[there] - times) <= slack
+        length = self.t[there] - self.t[before]
+        between = (after > 0) & (after < self.t.size) & (length < 1.5 * self.period_s)
+        share = np.divide(times - self.t[before], length, out=np.zeros_like(times), where=length > 0.0)
+        straight = self.y[before] + share * (self.y[there] - self.y[before])
+        return np.where(exact, self.y[there], np.where(between, straight, np.nan))
+
+
+@dataclass(frozen=True)
+class Beside:
+    """The reference on the grid of its own samples, and each other run on it, or why there is none of it."""
+
+    reference: int
+    unit: str
+    period_s: float
+    t: Array
+    own: Array
+    others: dict[int, Array]
+    offsets: dict[int, float]
+    reasons: dict[int, str]
+
+
+def beside(session: Session, asked: DifferencesAsked) -> Beside:
+    """Read a signal of all runs, onto the axis of the reference.
+
+    Raises RefusalError, UnknownRecordError, UnknownSignalError.
+    """
+    numbers, reference = chosen_runs(asked)
+    placed = aligned(session, numbers, reference, asked)
+    own = _curve(session, reference, asked.signal)
+    count = round(float(own.t[-1]) / own.period_s) + 1
+    first, last = (min(count, int(np.ceil(s / own.period_s - 0.5))) for s in (asked.from_s, asked.to_s))
+    grid = np.asarray(np.arange(first, last) * own.period_s, np.float64)
+    others, reasons = {}, {}
+    for number in numbers:
+        if number == reference:
+            continue
+        offset_s = placed[number].offset_s
+        if offset_s is None:
+            others[number], reasons[number] = np.full(grid.size, np.nan), placed[number].reason
+        else:
+            others[number] = _curve(session, number, asked.signal).at(grid - offset_s)
+            reasons[number] = ""
+    offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
+    made = following(session, [asked.signal])
+    unit = made[asked.signal].unit if made else UNIT_OF[asked.signal]
+    return Beside(reference, unit, own.period_s, grid, own.at(grid), others, offsets, reasons)
+
+
+def samples_of(database: Database, run_ids: Sequence[int]) -> int:
+    """Return how many samples runs have, all together."""
+    with database.reading() as session:
+        return sum(0 if one is None else one.count for _, one in recordings.of_runs(session, run_ids).values())
+
+
+def differences(database: Database, asked: DifferencesAsked) -> Differences:
+    """Return the differences of a signal to the reference. Raises as ``beside`` does."""
+    with database.reading() as session:
+        found = beside(session, asked)
+    first = round(float(found.t[0]) / found.period_s) if found.t.size else 0
+    width = max(1, -(-found.t.size // asked.points))
+    buckets = (first + np.arange(found.t.size)) // width
+    starts = np.flatnonzero(np.diff(buckets, prepend=-1))
+    return Differences(
+        reference=found.reference,
+        signal=asked.signal,
+        unit=found.unit,
+        raw=width == 1,
+        width_s=width * found.period_s,
+        t=(buckets[starts] * width * found.period_s).tolist(),
+        runs=[
+            _difference(number, values - found.own, found, starts, asked.band)
+            for number, values in found.others.items()
+        ],
+    )
+
+
+def _curve(session: Session, run_id: int, signal: str) -> Curve:
+    samples = read_samples(session, run_id, [signal])
+    if samples.t.size == 0:
+        raise UnknownRecordError(f"there is no recording of run {run_id}")
+    period_s = recordings.get(session, run_id).period_s
+    return Curve(samples.t, samples.columns[signal].astype(np.float64), period_s)
+
+
+def _difference(run: int, apart: Array, found: Beside, starts: NDArray[np.int64], band: float) -> RunDifference:
+    compared = np.isfinite(apart)
+    count = int(np.count_nonzero(compared))
+    outside = np.abs(apart) > band  # never where there is no number
+    left = np.flatnonzero(outside)
+    largest = None if count == 0 else int(np.nanargmax(np.abs(apart)))
+    nothing = "" if count else "there is no moment of which both runs have a sample"
+    return RunDifference(
+        run=run,
+        reason=found.reasons[run] or nothing,
+        minimum=_numbers(np.fmin.reduceat(apart, starts) if starts.size else apart),
+        maximum=_numbers(np.fmax.reduceat(apart, starts) if starts.size else apart),
+        compared_s=count * found.period_s,
+        missing_s=(apart.size - count) * found.period_s,
+        left_at_s=float(found.t[left[0]]) if left.size else None,
+        outside_s=left.size * found.period_s,
+        longest_s=max((end - begin for begin, end in _unbroken(outside)), default=0) * found.period_s,
+        largest=None if largest is None else float(apart[largest]),
+        largest_at_s=None if largest is None else float(found.t[largest]),
+    )
+
+
+def _unbroken(outside: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(outside.astype(np.int8), prepend=0, append=0))
+    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _numbers(values: Array) -> list[float | None]:
+    return [value if np.isfinite(value) else None for value in values.tolist()]
+
+
+# Comparison file -----------------------------------------------------------------------------------
+#
+# Comparisons as comma-separated text, in SI: aligned curves with their differences, and what
+# differs as a table.
+
+
+_ROWS = 20_000
+"""Lines that are written at once."""
+
+_TABLE = ("what", "name", "label", "unit", "run", "value", "difference", "percent", "remark")
+
+
+def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
+    """Yield a signal of all runs on the reference's samples, and its differences; nan where a run has none.
+
+    Raises RefusalError, UnknownRecordError, UnknownSignalError, before the first piece.
+    """
+    import pyarrow as pa
+    import pyarrow.csv
+
+    with database.reading() as session:
+        compared, found = compare(session, asked), beside(session, asked)
+    # signals are written as finely as they were stored, times and differences in full
+    own = found.own.astype(np.float32)
+    meaning = next((f"{field.symbol}: {field.meaning}" for field in FIELDS if field.name == asked.signal), "")
+    columns: dict[str, tuple[NDArray[Any], str, str]] = {}
+    columns["t"] = (found.t, "s", f"time since the first sample of run {found.reference}")
+    name, unit = asked.signal, found.unit
+    columns[f"{name}_run_{found.reference}"] = own, unit, f"{meaning}; of run {found.reference}, the reference"
+    for run, values in found.others.items():
+        shift = f"its times shifted by {found.offsets[run]:+.6g} s" if run in found.offsets else found.reasons[run]
+        columns[f"{name}_run_{run}"] = values.astype(np.float32), unit, f"{meaning}; of run {run}, {shift}"
+    for run, values in found.others.items():
+        words = f"run {run} minus run {found.reference}"
+        columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
+    lines = [
+        *_head(compared, asked),
+        *(as_comment(f"{name} [{unit}] {words}") for name, (_, unit, words) in columns.items()),
+    ]
+    yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
+    plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
+    for begin in range(0, found.t.size, _ROWS):
+        part = {name: column[begin : begin + _ROWS] for name, (column, _, _) in columns.items()}
+        buffer = io.BytesIO()
+        pyarrow.csv.write_csv(pa.table(part), buffer, plain)
+        yield buffer.getvalue()
+
+
+def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
+    """Yield a line for each metric and differing setting of each run. Raises RefusalError, UnknownRecordError."""
+    with database.reading() as session:
+        found = compare(session, asked)
+    text = io.StringIO()
+    text.write(
+        "\n".join([*_head(found, asked), as_comment("differences are to the reference, percent is of it")]) + "\n"
+    )
+    lines = csv.writer(text, lineterminator="\n")
+    lines.writerow(_TABLE)
+    for metric in found.metrics:
+        for run, one in zip(found.runs, metric.values, strict=True):
+            row = (one.value, one.difference, one.percent, one.reason)
+            lines.writerow(map(as_cell, ("metric", metric.name, metric.label, metric.unit, run.id, *row)))
+    for setting in found.settings:
+        for run, value in zip(found.runs, setting.values, strict=True):
+            remark = "not set" if value is None else ""
+            of_setting = ("setting", setting.name, "", setting.unit, run.id, value, "", "", remark)
+            lines.writerow(map(as_cell, of_setting))
+    yield text.getvalue().encode()
+
+
+def _head(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:
+    said = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad; {_aligned(asked)}"
+    yield as_comment(said)
+    for run in found.runs:
+        where = run.not_aligned or f"t is its own time {run.offset_s or 0.0:+.6g} s"
+        yield as_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
+
+
+def _aligned(asked: ComparisonAsked) -> str:
+    match asked.by:
+        case AlignBy.BEGIN:
+            return "aligned by the begin of each run"
+        case AlignBy.STEP:
+            return f"aligned by step {asked.number} of {asked.step}"
+        case AlignBy.EVENT:
+            return f"aligned by event {asked.number} of the kind {asked.event}"

@@ -1,0 +1,430 @@
+"""Touch: learning the bias of the outside force, at rest and over a sweep, and compliance on contact."""
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.control import disturbance_observer
+from backend.errors import Because, RefusalError, require_within
+from backend.realtime import commands
+from backend.realtime.commands import Accepted, Command, Event, ModeChanged, SetReferences
+from backend.realtime.program import (
+    CONTACT_MAX_N,
+    CONTACT_MIN_N,
+    MODES,
+    NEIGHBOUR,
+    SIGMAS,
+    Cause,
+    ContactFelt,
+    Mode,
+    TouchForgotten,
+)
+from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor
+from backend.sample import INDEX
+from backend.schemas.state import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView
+from backend.services.event_log import Journal
+from backend.services.state import PresentState
+from backend.units import in_digits
+from plant.interface import T_s
+
+# Touch rest ----------------------------------------------------------------------------------------
+#
+# Whether joint and estimate of the outside force are at rest, so that something may be learned of
+# it.
+
+
+LEARNED_TICKS = 1000
+"""Samples at rest that a point is learned from: 1 s."""
+
+DRIFT_N = 0.1
+"""What the estimate may move by from one half of them to the other [N]: as much as a count of the joint's encoder."""
+
+_MOVING_RAD, _MOVING_S = 0.01, 0.1
+"""At rest, the joint stays within so much, and its stiffness [N·m/rad]."""
+
+
+def why_not(rows: NDArray[np.float64], since: int) -> str:
+    """Why nothing can be learned from these samples, of one bias from the tick ``since`` on; empty where it can."""
+    if len(rows) < LEARNED_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
+        return "the outside force is not known yet, the motors' zeros come with pretension"
+    if set(rows[:, INDEX["mode"]].astype(int)) != {MODES.index(Mode.RUN)}:
+        return f"the joint has to be held in run for {LEARNED_TICKS / 1000:g} s"
+    if rows[0, INDEX["tick"]] < since:
+        return f"something else was put into force less than {LEARNED_TICKS / 1000:g} s ago"
+    touched = touched_by(rows)
+    if touched:
+        return touched
+    if np.ptp(rows[:, INDEX["q"]]) > _MOVING_RAD or np.ptp(rows[:, INDEX["S"]]) > _MOVING_S:
+        return f"joint and stiffness have to be at rest for {LEARNED_TICKS / 1000:g} s"
+    return ""
+
+
+def touched_by(rows: NDArray[np.float64]) -> str:
+    """Say what of the simulation acts on the joint in these samples; empty for nothing."""
+    if np.any(rows[:, INDEX["F_push"]] != 0.0):
+        return "the joint is pushed"
+    if np.any(np.nan_to_num(rows[:, INDEX["F_wall"]]) != 0.0):  # nan on a rig, where nobody simulates one
+        return "the joint presses on a wall"
+    return ""
+
+
+def drift(rows: NDArray[np.float64]) -> float:
+    """Return by how much the mean of the estimate [N] differs between both halves of the samples."""
+    F = rows[:, INDEX["F_ext_hat"]]
+    half = len(F) // 2
+    return abs(float(F[:half].mean() - F[half:].mean()))
+
+
+# Touch sweep ---------------------------------------------------------------------------------------
+#
+# Learning what the outside force reads with nothing outside, over all of the stiffness by itself.
+#
+# In run, with nobody at the joint: S_ref goes through SWEEP_POINTS, waits at each until joint,
+# stiffness and estimate are at rest, learns there, and is then put back. Whatever else moves the
+# joint ends it; what was learned so far stays.
+
+
+SWEEP_POINTS = 5
+"""From the least to the largest S_ref; on ``lab`` straight lines between them are within 0.01 N of the bias."""
+
+LONGEST_S = 20.0
+"""How long a point may take to come to rest [s]; the slowest λ_S that is usual takes half of it."""
+
+_LOOK_S = 0.1
+_NEAR_S = 0.2
+"""So near to what was asked for [N·m/rad] the stiffness has to come."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class TouchSweep:
+    """Belongs to the service's event loop. ``learn`` learns at the stiffness that is held, of samples since a tick.
+
+    ``problem`` says that the last one died, until another is begun.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        present: PresentState,
+        journal: Journal,
+        command: Callable[[Command], Awaitable[Accepted]],
+        learn: Callable[[int], Awaitable[None]],
+        changed: Callable[[], None],
+    ) -> None:
+        self._supervisor, self._present, self._journal = supervisor, present, journal
+        self._command, self._learn, self._changed = command, learn, changed
+        self._view: SweepView | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._held = (0.0, 0.0)
+        self.problem = ""
+
+    @property
+    def under_way(self) -> bool:
+        """Whether it goes on at present."""
+        return self._view is not None and self._view.under_way
+
+    def view(self) -> SweepView | None:
+        """Return how far it is or how the last one ended, None where there was none."""
+        return self._view
+
+    def forget(self) -> None:
+        """Say no more of the last one, which has ended."""
+        self._view, self.problem = None, ""
+
+    async def begin(self, who: str) -> None:
+        """Go to the first point and on from there. Raises RefusalError where the joint is not held untouched in run."""
+        _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
+        why = self._why_not_now(rows)
+        if why:
+            raise RefusalError(Because.NOT_NOW, f"nothing is learned over S: {why}")
+        bounds = self._present.bounds
+        points = np.linspace(bounds.S_min, bounds.S_max, SWEEP_POINTS).tolist()
+        q_ref, S_ref = (float(rows[-1, INDEX[name]]) for name in ("q_ref", "S_ref"))
+        self._held, self.problem = (q_ref, S_ref), ""
+        self._show(1, points[0])
+        try:
+            accepted = await self._go(points[0], who)
+        except BaseException:
+            self._view = None
+            raise
+        if self.under_way:  # nobody has done something else meanwhile
+            self._task = asyncio.create_task(self._walk(points, accepted.tick, who), name="learning over S")
+
+    async def stop(self, who: str) -> None:
+        """Break off and put S_ref back. Raises RefusalError where there is nothing to stop."""
+        if not self.under_way:
+            raise RefusalError(Because.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
+        self.break_off("it was stopped", who)
+        await self._put_back()
+
+    def break_off(self, why: str, who: str = "") -> None:
+        """End it at once and say why, where it goes on; S_ref stays as it is."""
+        if not self.under_way:
+            return
+        self._end(why, who)
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _walk(self, points: list[float], since: int, who: str) -> None:
+        why = ""
+        try:
+            for number, S_ref in enumerate(points, 1):
+                if number > 1:
+                    self._show(number, S_ref)
+                    since = (await self._go(S_ref, who)).tick
+                await self._rest(S_ref, since)
+                # a reference that ends it meanwhile leaves loop and service of one mind about what is learned
+                await asyncio.shield(self._learn(since))
+        except asyncio.CancelledError:
+            if not self.under_way:  # who ended it has said so
+                raise
+            why = self._died("its task was cancelled")
+        except (RefusalError, LoopDiedError) as error:
+            why = str(error)
+        except Exception as error:
+            _LOG.exception("learning over S died")
+            why = self._died(f"{type(error).__name__}: {error}")
+        try:
+            await self._put_back()
+        finally:  # whatever becomes of that, it is not shown as going on
+            self._end(why)
+
+    def _died(self, cause: str) -> str:
+        self.problem = f"Learning over S died ({cause}): what was learned until then stays. Begin it again."
+        return f"it died ({cause})"
+
+    async def _rest(self, S_ref: float, since: int) -> None:
+        """Wait until there is something to learn from. Raises RefusalError for what acts, or after LONGEST_S."""
+        ring, why = self._supervisor.ring, ""
+        end = ring.count + round(LONGEST_S / T_s)
+        while ring.count < end:
+            await self._supervisor.advance(_LOOK_S)
+            _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
+            touched = touched_by(rows[-round(_LOOK_S / T_s) :])
+            if touched:
+                raise RefusalError(Because.NOT_NOW, touched)
+            why = why_not(rows, since) or _restless(rows, S_ref)
+            if not why:
+                return
+        raise RefusalError(
+            Because.NOT_NOW,
+            f"at {in_digits(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
+        )
+
+    async def _go(self, S_ref: float, who: str = "", why: str = "to learn the outside force") -> Accepted:
+        accepted = await self._command(SetReferences(self._held[0], S_ref))
+        self._journal.note(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref, 4)} N·m/rad, {why}", accepted.tick, who)
+        return accepted
+
+    async def _put_back(self) -> None:
+        """Hold S as it was before, where the joint is still held for it."""
+        if self._present.mode is Mode.RUN and self._supervisor.alive:
+            with suppress(RefusalError, LoopDiedError):
+                await self._go(self._held[1], why="as before learning")
+
+    def _show(self, point: int, S_ref: float) -> None:
+        self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")
+        self._changed()
+
+    def _end(self, why: str, who: str = "") -> None:
+        view = self._view
+        if view is None or not view.under_way:
+            return
+        self._view = view.model_copy(update={"under_way": False, "why": why})
+        at = f"at point {view.point} of {view.points}, {in_digits(view.S_ref)} N·m/rad"
+        text = f"learning over S ended {at}: {why}" if why else f"learned over S at {view.points} points"
+        self._journal.note(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._present.tick, who)
+        self._changed()
+
+    def _why_not_now(self, rows: NDArray[np.float64]) -> str:
+        """Why it cannot begin; ``rows`` is the newest sample."""
+        task = self._present.task
+        if self.under_way:
+            return "that is under way already"
+        if task is not None:
+            return f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
+        if self._present.mode is not Mode.RUN:
+            return f"the joint has to be held in run, and the mode is {self._present.mode}"
+        if self._present.touch().contact_N:
+            return "the joint gives way to contacts: let it hold on first"
+        if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
+            return "the outside force is not known yet, the motors' zeros come with pretension"
+        return touched_by(rows)
+
+
+def _restless(rows: NDArray[np.float64], S_ref: float) -> str:
+    """Why the estimate is not at rest at ``S_ref`` [N·m/rad], though joint and stiffness are; empty where it is."""
+    S, moved = float(rows[:, INDEX["S"]].mean()), drift(rows)
+    if not abs(S - S_ref) <= _NEAR_S:
+        return f"the stiffness stands at {S:.2f} N·m/rad"
+    if not moved <= DRIFT_N:
+        return f"the estimate moves by {moved:.2f} N in half a second, {DRIFT_N:g} N is at rest"
+    return ""
+
+
+# Touching ------------------------------------------------------------------------------------------
+#
+# Touch: what the estimate of the outside force has learned, and whether the joint gives way to a
+# contact.
+#
+# Both hold for one loop process and the zeros of its motors: what is learned is how springs and
+# zeros differ from what was identified. A new loop, or zeros found anew, begins with nothing
+# learned and gives way to nothing.
+
+
+class Touching:
+    """Learns, arms and shows. Belongs to the service's event loop.
+
+    ``changed`` is called when there is news, ``forgotten`` when the loop knows nothing any more.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        present: PresentState,
+        journal: Journal,
+        command: Callable[[Command], Awaitable[Accepted]],
+        changed: Callable[[], None],
+        starting: asyncio.Lock,
+        forgotten: Callable[[], None],
+    ) -> None:
+        self.sweep = TouchSweep(supervisor, present, journal, command, self._learn_on, changed)
+        self._supervisor = supervisor
+        self._journal = journal
+        self._command = command
+        self._changed = changed
+        self._forgotten = forgotten
+        self._turn, self._starting = asyncio.Lock(), starting
+        self._points: list[TouchPoint] = []
+        self._contact_N = 0.0
+        self._felt: ContactView | None = None
+        self._since = 0
+        supervisor.listen(self._hear)
+
+    def view(self) -> TouchView:
+        """Return what is learned and armed, and the contact that the joint gives way to."""
+        sweep = self.sweep.view()
+        return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._felt, sweep=sweep)
+
+    async def order(self, order: TouchOrder, who: str) -> TouchView:
+        """Learn at the stiffness that is held now or over all of it, forget, or give way from another force on.
+
+        An order of nothing returns what is. Raises RefusalError, OutOfRangeError; what was in force stays then.
+        """
+        if order == TouchOrder():
+            return self.view()
+        if order.sweep is not None:
+            return await self._sweep(order, who)
+        if self.sweep.under_way:
+            raise RefusalError(
+                Because.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
+            )
+        async with self._turn:
+            points = [] if order.forget else self._points
+            if order.learn:
+                points = _with(points, self._learned(self._since))
+            contact_N = self._contact_N if order.contact_N is None else order.contact_N
+            if contact_N != 0.0:
+                require_within("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N gives way to nothing")
+                _require_learned(points, contact_N)
+            tick = await self._put(points, contact_N)
+        if order.forget:
+            self.sweep.forget()
+        for text in _said(order, points):
+            self._journal.note(MarkKind.NOTE, text, tick, who)
+        self._changed()
+        return self.view()
+
+    async def _sweep(self, order: TouchOrder, who: str) -> TouchView:
+        if order.learn or order.forget or order.contact_N is not None:
+            raise RefusalError(Because.BAD_VALUE, "learning over S is ordered alone: nothing else was done either")
+        if order.sweep == "stop":
+            await self.sweep.stop(who)
+        else:
+            async with self._starting, self._turn:
+                await self.sweep.begin(who)
+        return self.view()
+
+    async def _learn_on(self, since: int) -> None:
+        """Learn one more point, of samples from the tick ``since`` on."""
+        async with self._turn:
+            await self._put(_with(self._points, self._learned(max(since, self._since))), self._contact_N)
+        self._changed()
+
+    async def _put(self, points: list[TouchPoint], contact_N: float) -> int:
+        """Put in force what is learned and armed; return the tick of it."""
+        bias = tuple((point.S, point.F) for point in points)
+        accepted = await self._command(commands.SetTouch(bias, contact_N))
+        self._points, self._contact_N, self._since = points, contact_N, accepted.tick
+        return accepted.tick
+
+    def _learned(self, since: int) -> TouchPoint:
+        """Return what is estimated at rest now. Raises RefusalError where the joint does not rest."""
+        ring = self._supervisor.ring
+        _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
+        why = why_not(rows, since)
+        if why:
+            raise RefusalError(Because.NOT_NOW, f"nothing was learned: {why}")
+        S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
+        bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
+        return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.bias_at(bias, S), std_N=float(F.std()))
+
+    def _hear(self, event: Event | LoopDied) -> None:
+        match event:
+            case ContactFelt(tick, F_ext_hat, contact_N):
+                self._felt = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)
+            case ModeChanged(after=mode, cause=cause):
+                self.sweep.break_off(f"the mode is {mode} now")
+                self._felt = self._felt if cause is Cause.CONTACT else None
+            case TouchForgotten():
+                self.forget("the zeros were found anew")
+            case LoopDied():
+                self.forget("the control loop died")
+            case _:
+                return
+        self._changed()
+
+    def forget(self, why: str) -> None:
+        """Begin with nothing learned, as a new loop does, and ``why``."""
+        self.sweep.break_off(why)
+        self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
+        self._forgotten()
+
+
+def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
+    others = [point for point in points if abs(point.S - new.S) >= NEIGHBOUR]
+    return sorted([*others, new], key=lambda point: point.S)
+
+
+def _require_learned(points: list[TouchPoint], contact_N: float) -> None:
+    """Raise RefusalError for a threshold that what is not known of the bias could pass by itself."""
+    if not points:
+        raise RefusalError(
+            Because.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"
+        )
+    noise = max(point.std_N for point in points)
+    if not math.isfinite(noise) or contact_N < SIGMAS * noise:
+        raise RefusalError(
+            Because.NOT_NOW,
+            f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {noise:.4g} N (standard "
+            f"deviation), and {SIGMAS:g} times that is the least",
+        )
+
+
+def _said(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
+    """Say what came into force."""
+    said = ["what the outside force reads with nothing outside was forgotten"] if order.forget else []
+    if order.learn:
+        known = ", ".join(f"{in_digits(point.F)} N at {in_digits(point.S)} N·m/rad" for point in points)
+        said.append(f"outside force learned: {known}")
+    if order.contact_N is not None:
+        said.append(
+            f"gives way to contacts from {order.contact_N:g} N on" if order.contact_N else "gives way to no contact"
+        )
+    return said

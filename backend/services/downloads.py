@@ -1,0 +1,258 @@
+"""Downloads and imports of runs: reports, exports and bundles, computed in worker processes."""
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Sequence
+from contextlib import aclosing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from backend.analysis.evaluation import catch_up, left_behind
+from backend.errors import Because, OutOfRangeError, RefusalError
+from backend.experiments import parser
+from backend.experiments.library import stored_plan
+from backend.experiments.parser import ExperimentError
+from backend.experiments.plans import LoopSettings
+from backend.exports import bundle, importer
+from backend.exports.base import ExportError, ImportRefusedError, of_columns, of_run
+from backend.exports.formats import DataFormat, pieces
+from backend.exports.importer import TakenIn
+from backend.models.document import UnreadableDocumentError
+from backend.models.settings import SettingError
+from backend.plain_text import as_line
+from backend.recording.flight import flight_columns
+from backend.recording.reader import AT_HAND_SAMPLES
+from backend.reports.model import Source, load_source
+from backend.reports.rendering import render, render_series
+from backend.reports.series import load_series
+from backend.schemas.comparison import Differences, DifferencesAsked
+from backend.services.comparison import curves_file, differences, samples_of, table_file
+from backend.storage import results, runs
+from backend.storage.database import Database
+from backend.storage.runs import EndState, Run, RunKind
+from backend.units import Angles
+from backend.workers import DRAWING, Offload, piped
+
+# Imports -------------------------------------------------------------------------------------------
+#
+# Files of runs taken in, each checked as strictly as what comes by a request: characters, bounds,
+# the plan itself.
+
+
+_LONGEST_EXPERIMENT = 4 * parser.MAX_CHARACTERS
+"""Characters of an experiment as a run keeps it: its JSON has more of them than the YAML that was sent."""
+
+
+def take_in(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
+    """Store the run of a file, a bundle (.zip) or an export, whole or not at all; ``name`` is what it is called.
+
+    ``folder`` has room for a bundle unpacked. Raises ImportRefusedError, OSError.
+    """
+    called = as_line(name or file.name)
+    if file.suffix.lower() == ".zip":
+        return importer.import_bundle(database, file, who, folder, called, look_over)
+    return importer.import_export(database, file, who, called, look_over)
+
+
+def look_over(run: Run) -> None:
+    """Raise ImportRefusedError for a run whose plan or tuning no request could have ordered."""
+    try:
+        kept = run.set_to
+        if kept.experiment is not None:
+            _require_experiment(kept.experiment)
+        if kept.plan is not None:
+            stored_plan(run.kind, kept.plan)
+        LoopSettings.of(kept.loop.known())
+    except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
+        raise ImportRefusedError(
+            f"its plan: {as_line(error)}; correct the experiment and run it again, or export the run with "
+            f"Sinew {as_line(run.software)}, which recorded it, and read the samples from the file"
+        ) from None
+
+
+def _require_experiment(kept: str) -> None:
+    """Raise ExperimentError for an experiment that would not be accepted if somebody sent it now."""
+    if len(kept) > _LONGEST_EXPERIMENT:
+        raise ExperimentError(f"the experiment has {len(kept)} characters, at most {_LONGEST_EXPERIMENT} are accepted")
+    try:
+        parser.of_document(json.loads(kept), {})
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ExperimentError):
+            raise
+        raise ExperimentError(f"the experiment is not JSON: {error}") from None
+
+
+# Bundling ------------------------------------------------------------------------------------------
+#
+# A run's bundle with its report, made where none was handed out yet.
+
+
+def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[bytes]:
+    """Return the bundle of a run, piece by piece; sessions have no report.
+
+    Raises UnknownRecordError, and ExportError for what no installation would take in.
+    """
+    with database.reading() as session:
+        run = runs.get(session, run_id)
+        try:
+            look_over(run)
+        except ImportRefusedError as error:
+            raise ExportError(f"run {run_id}: {error}") from None
+        kept = results.newest_report(session, run_id, "html")
+    report = None if kept is None else kept.content
+    if report is None:
+        catch_up(database, [run_id])
+        source = load_source(database, run_id)
+        if source.run.kind != RunKind.SESSION and source.run.end_state != EndState.RUNNING:
+            report = render(source, "html")
+    return bundle.write_bundle(database, run_id, report, folder)
+
+
+# Downloads -----------------------------------------------------------------------------------------
+#
+# Reports and exports of runs, made in processes of their own so that the live stream does not
+# stutter.
+
+
+COMPUTING_S = 60.0
+"""A run that ended longer ago [s] and has no result will not get one: its report says so."""
+AT_ONCE = 6
+"""Downloads of samples under way at a time, each with a process of its own."""
+
+_LOG = logging.getLogger(__name__)
+_REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.model"
+
+
+class Downloads:
+    """Makes what is downloaded; ``folder`` has room for what a format has to turn.
+
+    ``evaluate`` gives a run its result, or keeps with the run why it has none, and raises.
+    """
+
+    def __init__(
+        self, database: Database, offload: Offload, folder: Path, evaluate: Callable[[int], Awaitable[None]]
+    ) -> None:
+        self._database = database
+        self._evaluate = evaluate
+        self._offload = offload
+        self._folder = folder
+        self._under_way = 0
+
+    def prepare(self) -> None:
+        """Load what reports need ahead of the first one."""
+        self._offload.prepare(render, *DRAWING, *_REPORTS)
+
+    async def report_html(self, run_id: int, angles: Angles) -> bytes:
+        """Return the report as one self-contained page. Raises UnknownRecordError, RefusalError."""
+        return await self._report(run_id, "html", angles)
+
+    async def report_pdf(self, run_id: int, angles: Angles) -> bytes:
+        """Return the report as PDF. Raises UnknownRecordError, RefusalError."""
+        return await self._report(run_id, "pdf", angles)
+
+    async def series(self, run_ids: Sequence[int], kind: str, angles: Angles) -> bytes:
+        """Return a report of many runs as "html" or "pdf"; it is not kept. Raises UnknownRecordError, RefusalError."""
+        await self._catch_up(run_ids)
+        sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
+        return await self._offload.run(render_series, sources, kind)
+
+    async def data(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
+        """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
+
+        Raises UnknownRecordError, ExportError, RefusalError.
+        """
+        return await self._streamed(_run_pieces, run_id, derived, self._folder, kind)
+
+    async def flight(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
+        """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RefusalError."""
+        return await self._streamed(_flight_pieces, event_id, self._folder, kind)
+
+    async def bundle(self, run_id: int) -> AsyncGenerator[bytes]:
+        """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RefusalError."""
+        return await self._streamed(bundle_pieces, run_id, self._folder)
+
+    async def differences(self, asked: DifferencesAsked) -> Differences:
+        """Return the differences of runs to one. Raises RefusalError, UnknownRecordError, UnknownSignalError."""
+        if await asyncio.to_thread(samples_of, self._database, asked.run) <= AT_HAND_SAMPLES:
+            return await asyncio.to_thread(differences, self._database, asked)
+        return await self._offload.run(differences, self._database, asked)
+
+    async def comparison(self, content: Literal["curves", "table"], asked: DifferencesAsked) -> AsyncGenerator[bytes]:
+        """Return a comparison as text, piece by piece. Raises as ``differences`` does."""
+        return await self._streamed(curves_file if content == "curves" else table_file, asked)
+
+    async def _streamed(self, work: Callable[..., Iterator[bytes]], *asked: object) -> AsyncGenerator[bytes]:
+        if self._under_way >= AT_ONCE:
+            raise RefusalError(
+                Because.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
+            )
+        stream = self._counted(piped(work, self._database, *asked))
+        await anext(stream)
+        return stream
+
+    async def _counted(self, stream: AsyncGenerator[bytes]) -> AsyncGenerator[bytes]:
+        """Yield nothing when the first piece is there: all that can be refused has been by then; then the pieces."""
+        self._under_way += 1
+        try:
+            async with aclosing(stream):
+                first = await anext(stream, b"")
+                yield b""
+                yield first
+                async for piece in stream:
+                    yield piece
+        finally:
+            self._under_way -= 1
+
+    async def _report(self, run_id: int, kind: str, angles: Angles) -> bytes:
+        await self._catch_up([run_id])
+        source = await asyncio.to_thread(self._source, run_id, angles)
+        content = await self._offload.run(render, source, kind)
+        await asyncio.to_thread(self._keep, run_id, kind, content)
+        return content
+
+    async def _catch_up(self, run_ids: Sequence[int]) -> None:
+        for run_id in await asyncio.to_thread(left_behind, self._database, run_ids):
+            try:
+                await self._evaluate(run_id)
+            except RefusalError:  # it is under way
+                raise
+            except Exception as error:
+                _LOG.info("run %d has no result: %s", run_id, error)  # kept with the run: the report says so
+
+    def _source(self, run_id: int, angles: Angles) -> Source:
+        source = load_source(self._database, run_id, angles)
+        if source.run.end_state == EndState.RUNNING:
+            raise RefusalError(Because.NOT_NOW, f"run {run_id} is not over yet: its report follows when it is")
+        if source.result is None and source.run.kind != RunKind.SESSION and _is_awaited(source):
+            raise RefusalError(
+                Because.NOT_NOW, f"the result of run {run_id} is being computed: its report follows in a moment"
+            )
+        return source
+
+    def _keep(self, run_id: int, kind: str, content: bytes) -> None:
+        with self._database.session() as session:
+            newest = results.newest_report(session, run_id, kind)
+            if newest is None or newest.content != content:
+                results.add_report(session, run_id, kind, content)
+
+
+def _is_awaited(source: Source) -> bool:
+    ended = source.run.ended_at
+    return (
+        source.run.evaluation_problem == ""
+        and source.run.end_state != EndState.SERVICE_DIED
+        and ended is not None
+        and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
+    )
+
+
+def _run_pieces(
+    database: Database, run_id: int, derived: Sequence[str], folder: Path, kind: DataFormat
+) -> Iterator[bytes]:
+    return pieces(of_run(database, run_id, derived), kind, folder)
+
+
+def _flight_pieces(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
+    return pieces(of_columns(flight_columns(database, event_id), f"flight record {event_id}"), kind, folder)

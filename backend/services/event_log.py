@@ -1,0 +1,236 @@
+"""The event log: what happened and who asked for it, refused commands included."""
+
+import asyncio
+import logging
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import islice
+from typing import Protocol
+
+from backend.plain_text import as_line
+from backend.schemas.state import EventMessage, MarkKind
+from backend.storage import events
+from backend.storage.database import Database
+from backend.storage.events import EventKind
+from backend.storage.orm import UnfitError
+from backend.supervision import Part
+
+# Journal -------------------------------------------------------------------------------------------
+#
+# What happened and who asked for it: marks on the time axis at once, rows in the database as they
+# can be written.
+
+
+PART = Part("The journal", "Events wait in memory meanwhile.")
+
+BOUND = 10_000
+"""So many events wait in memory while the database takes none: hours of them, at most some MB."""
+
+BATCH = 500
+RETRY_S = 1.0
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """One event; ``lost`` is how many others it stands for, ``tick`` None where no sample is the one."""
+
+    kind: EventKind
+    text: str
+    tick: int | None
+    who: str
+    run: int | None
+    at: datetime
+    lost: int = 0
+
+
+class Journal:
+    """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody.
+
+    What cannot be written waits in memory, in order and with the time at which it happened; ``problem`` says so. Past
+    ``bound`` events, the next ones are lost: how many stands in their place.
+    """
+
+    def __init__(self, database: Database, bound: int = BOUND) -> None:
+        self._database = database
+        self._bound = bound
+        self._waiting: deque[_Entry] = deque()
+        self._under_way = 0  # so many of the first of those are being written at this moment
+        self._arrived = asyncio.Event()
+        self._error = ""
+        self._announce: list[Callable[[EventMessage], None]] = []
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be written at present, "" while all is well."""
+        if not self._error:
+            return ""
+        lost = sum(entry.lost for entry in self._waiting)
+        past = f", {lost} more were lost" if lost else ""
+        kept = sum(not entry.lost for entry in self._waiting)
+        return f"events cannot be stored: {self._error}; {kept} wait in memory{past}"
+
+    def on_mark(self, announce: Callable[[EventMessage], None]) -> None:
+        """Call ``announce`` with every mark."""
+        self._announce.append(announce)
+
+    def note(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
+        """Put a mark at ``tick``; ``who`` is empty when nobody asked for what happened."""
+        mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
+        for announce in self._announce:
+            announce(mark)
+        self._keep(_Entry(EventKind(kind), text, tick, who, run, datetime.now(UTC)))
+
+    def record(self, kind: EventKind, text: str, who: str = "") -> None:
+        """Keep an event that is nothing on the time axis: for the log alone."""
+        self._keep(_Entry(kind, text, None, who, None, datetime.now(UTC)))
+
+    async def run(self) -> None:
+        """Write until cancelled; a transaction that is under way then is waited for."""
+        while True:
+            while self._waiting:
+                if not await self._write_next():
+                    await asyncio.sleep(RETRY_S)
+            self._arrived.clear()
+            await self._arrived.wait()
+
+    def close(self) -> None:
+        """Write what still waits; what the database does not take goes to the log."""
+        while self._waiting:
+            batch = list(islice(self._waiting, BATCH))
+            done = self._write(batch)
+            self._forget(done)
+            if done < len(batch):
+                break
+        for entry in self._waiting:
+            _log.error("event not stored: %s", entry.text)
+
+    def _keep(self, entry: _Entry) -> None:
+        if len(self._waiting) - self._under_way < self._bound:
+            self._waiting.append(entry)
+        else:
+            counts = self._waiting[-1].lost and len(self._waiting) > self._under_way
+            lost = self._waiting.pop().lost + 1 if counts else 1
+            text = f"{lost} events that followed could not be kept"
+            self._waiting.append(_Entry(EventKind.NOTE, text, entry.tick, "", None, entry.at, lost))
+            _log.error("event lost: %s", entry.text)
+        self._arrived.set()
+
+    async def _write_next(self) -> bool:
+        """Write the oldest entries; whether the database has taken them."""
+        batch = list(islice(self._waiting, BATCH))
+        self._under_way = len(batch)
+        writing = asyncio.ensure_future(asyncio.to_thread(self._write, batch))
+        try:
+            await asyncio.shield(writing)
+        finally:
+            done = await writing  # whoever cancels this waits for the transaction that is under way
+            self._under_way = 0
+            self._forget(done)
+        return done == len(batch)
+
+    def _forget(self, count: int) -> None:
+        for _ in range(count):
+            self._waiting.popleft()
+
+    def _write(self, batch: Sequence[_Entry]) -> int:
+        """Write all of ``batch`` in one transaction; return how many of its first entries are dealt with."""
+        try:
+            self._store(batch)
+        except (UnfitError, ValueError) as error:
+            return self._write_singly(batch, error)
+        except Exception as error:
+            if not self._error:
+                _log.error("events cannot be stored: %s", error)
+            self._error = str(error)
+            return 0
+        self._error = ""
+        return len(batch)
+
+    def _write_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
+        """Write what can be written; what never can is logged and left out, so that it does not hold up the rest."""
+        if len(batch) == 1:
+            _log.error("event not stored: %s: %r", error, batch[0].text)
+            return 1
+        for position, entry in enumerate(batch):
+            if not self._write([entry]):
+                return position
+        return len(batch)
+
+    def _store(self, batch: Sequence[_Entry]) -> None:
+        with self._database.session() as session:
+            for entry in batch:
+                who, run, tick, at = entry.who, entry.run, entry.tick, entry.at
+                events.add(session, entry.kind, entry.text, who=who, run_id=run, tick=tick, at=at)
+
+
+# Refusals ------------------------------------------------------------------------------------------
+#
+# Refused commands in the log: who asked for what, and why it was refused; a flood of them is
+# counted.
+
+
+MOST = 10
+"""Different refusals that get an entry of their own in a window; what repeats one of them is counted beside it."""
+
+WINDOW_S, LONGEST_WINDOW_S = 10.0, 600.0
+"""A window [s] doubles as long as one follows the other with something that was only counted: at most some
+thousand entries come of a day of refused commands."""
+
+TEXT_MAX = 500
+"""Longest entry [characters]: the reason may repeat what was asked for."""
+
+
+class Clock(Protocol):
+    """What calls later: an event loop."""
+
+    def __call__(self, delay: float, callback: Callable[[], None], /) -> object:
+        """Call ``callback`` after ``delay`` [s]."""
+        ...
+
+
+class Refusals:
+    """Writes refusals into the journal; ``call_later`` ends a window."""
+
+    def __init__(self, journal: Journal, call_later: Clock) -> None:
+        self._journal, self._call_later = journal, call_later
+        self._window_s = WINDOW_S
+        self._told: set[tuple[str, str]] = set()
+        self._again: Counter[tuple[str, str]] = Counter()
+        self._others = 0
+
+    def note(self, what: str, reason: str, who: str) -> None:
+        """Keep that ``what`` was refused to ``who``; the reason has angles in SI, as all texts of the log."""
+        text = as_line(f"{what} refused: {reason}")
+        entry = (text if len(text) <= TEXT_MAX else f"{text[: TEXT_MAX - 1]}…", who)
+        if entry in self._told:
+            self._again[entry] += 1
+        elif len(self._told) == MOST:
+            self._others += 1
+        else:
+            if not self._told:
+                self._call_later(self._window_s, self.close)
+            self._told.add(entry)
+            self._record(*entry)
+
+    def close(self) -> None:
+        """End the window: tell how often each of its refusals came again, and how many others came."""
+        for (text, who), count in self._again.items():
+            self._record(f"{text} ({_times(count)} more in {self._window_s:g} s)", who)
+        if self._others:
+            commands = "command was" if self._others == 1 else "commands were"
+            self._record(f"{self._others} further {commands} refused in {self._window_s:g} s", "")
+        flooded = bool(self._again or self._others)
+        self._window_s = min(2.0 * self._window_s, LONGEST_WINDOW_S) if flooded else WINDOW_S
+        self._told.clear()
+        self._again.clear()
+        self._others = 0
+
+    def _record(self, text: str, who: str) -> None:
+        self._journal.record(EventKind.REFUSAL, text, who)
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

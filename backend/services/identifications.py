@@ -1,0 +1,295 @@
+"""Stored identifications as the interface shows them."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import asdict
+
+from backend.analysis.identification import curves_of, trend_of, unseen_of
+from backend.models.document import UnreadableDocumentError
+from backend.models.identification import ChannelName, Fitted, Pair, TableReading, grade_of
+from backend.plain_text import as_line
+from backend.schemas.experiment import SettingValue
+from backend.schemas.identification import (
+    ColumnNotRead,
+    IdentificationCurves,
+    IdentificationView,
+    ModelView,
+    MotorEstimate,
+    MotorView,
+    SpringFitView,
+    SpringTableReading,
+    SpringTableView,
+    SpringView,
+    Trend,
+    UnseenView,
+)
+from backend.services.banks import TuningInForce
+from backend.services.runs import message_of
+from backend.storage import identifications, results, runs
+from backend.storage.database import Database
+from backend.storage.identifications import Identification, NewIdentification
+from backend.storage.orm import UnknownRecordError
+from backend.storage.runs import Run, RunKind
+from backend.workers import Offload
+from plant.parameters import SIDES
+
+# Identification views ------------------------------------------------------------------------------
+#
+# From stored identifications to what the interface shows of them; no record is changed here.
+
+
+def identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
+    """Return an identification run with its models, where it has any."""
+    kind = run.kind.removesuffix("_identification")
+    actuator = estimate if kind == "actuator" else None
+    told, problem = _told(run)
+    tension_N = told.get("tension_N")
+    return IdentificationView(
+        id=run.id,
+        run=run.id,
+        kind=kind,
+        status=run.end_state,
+        created=run.started_at,
+        progress=progress,
+        tension_N=tension_N if isinstance(tension_N, int | float) else None,
+        S_nominal=None if actuator is None else actuator.actuator.model.S_nominal,
+        settings=told,
+        estimate=None if estimate is None else estimate.id,
+        usable=estimate is not None and estimate.usable,
+        G_q=None if actuator is None else _model_view(actuator, "G_q"),
+        G_S=None if actuator is None else _model_view(actuator, "G_S"),
+        motors=_motors(estimate) if estimate is not None and kind == "motor" else [],
+        springs=_springs(estimate) if estimate is not None and kind == "spring" else [],
+        message=problem or (message_of(run, None) if estimate is None else estimate.verdict),
+    )
+
+
+def spring_table_view(found: Identification) -> SpringTableView:
+    """Return a spring that was identified from a table."""
+    return SpringTableView(
+        id=found.id,
+        file=as_line(found.table.file),
+        sha256=found.table.sha256,
+        read=None if found.table.read is None else _reading(found.table.read),
+        created=found.created_at,
+        who=found.who,
+        usable=found.usable,
+        spring=_springs(found)[0],
+        message=found.verdict,
+    )
+
+
+def _reading(read: TableReading) -> SpringTableReading:
+    return SpringTableReading.model_validate(
+        {
+            **{name: read.layout[name] for name in SpringTableReading.model_fields if name in read.layout},
+            "x_unit": read.x_unit,
+            "F_unit": read.F_unit,
+            "not_read": [ColumnNotRead(name=name, reason=reason) for name, reason in read.not_read.items()],
+            "notes": list(read.notes),
+        }
+    )
+
+
+def _told(run: Run) -> tuple[dict[str, SettingValue], str]:
+    """Return plan and tuning by name; nothing, and why, where they cannot be read."""
+    try:
+        return dict(run.set_to.told()), ""
+    except UnreadableDocumentError as error:
+        return {}, str(error)
+
+
+def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
+    channel = estimate.actuator.channel(name)
+    model, quality = channel.model, channel.quality
+    return ModelView(
+        structure=model.structure,
+        method=estimate.method if model.method is None else model.method,
+        parameters=model.parameters,
+        std_errors=model.std_errors,
+        fit_percent=quality.fit_percent,
+        gain_geometry=_needed(quality.gain_geometry, estimate, "gain_geometry"),
+        K=model.first_order.K,
+        T=model.first_order.T,
+        K_std=model.first_order.K_std,
+        T_std=model.first_order.T_std,
+        grade=quality.grade,
+        usable=quality.usable,
+        verdict=quality.verdict,
+    )
+
+
+def _motors(estimate: Identification) -> list[MotorView]:
+    views = []
+    for side in SIDES:
+        found = estimate.motors.side(side)
+        model, quality = found.model, found.quality
+        views.append(
+            MotorView(
+                side=side,
+                u_c=_needed(model.parameters.u_c, estimate, "u_c"),
+                u_c_std=_needed(model.std_errors.u_c, estimate, "std_errors.u_c"),
+                fitted=_motor_estimate(model.parameters, estimate),
+                std_errors=_motor_estimate(model.std_errors, estimate),
+                rule_mean=_motor_estimate(model.rule_mean, estimate),
+                rule_spread=_motor_estimate(model.rule_spread, estimate),
+                before=_motor_estimate(model.before, estimate),
+                rms_counts=_needed(quality.rms_counts, estimate, "rms_counts"),
+                refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
+                grade=grade_of(found),
+                verdict=quality.verdict,
+            )
+        )
+    return views
+
+
+def _motor_estimate(found: Fitted | Pair, estimate: Identification) -> MotorEstimate:
+    return MotorEstimate(K_m=_needed(found.K_m, estimate, "K_m"), T_m=_needed(found.T_m, estimate, "T_m"))
+
+
+def _needed(value: float | None, estimate: Identification, name: str) -> float:
+    if value is None:
+        raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no figure for {name}")
+    return value
+
+
+def _springs(estimate: Identification) -> list[SpringView]:
+    return [
+        SpringView(
+            name=name,
+            recommended=found.model.recommended,
+            reason=found.model.reason,
+            pairs=found.quality.pairs,
+            hysteresis_N=found.quality.hysteresis_N,
+            fits=[SpringFitView(**asdict(fit)) for fit in found.model.fits],
+        )
+        for name, found in estimate.springs.items()
+    ]
+
+
+# Stored identifications ----------------------------------------------------------------------------
+#
+# Stored identifications as the page shows them: those of runs, and springs from tables measured
+# elsewhere.
+
+
+_log = logging.getLogger(__name__)
+
+IDENTIFICATIONS = (
+    RunKind.ACTUATOR_IDENTIFICATION,
+    RunKind.MOTOR_IDENTIFICATION,
+    RunKind.SPRING_IDENTIFICATION,
+)
+
+
+class StoredIdentifications:
+    """Reads and writes the database in threads; what takes long is computed in the process for such work.
+
+    ``progress`` tells how far a run is, from 0 to 1.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        progress: Callable[[Run], float],
+        offload: Offload,
+        tuning: Callable[[], TuningInForce],
+    ) -> None:
+        self._database = database
+        self._progress = progress
+        self._offload = offload
+        self._tuning = tuning
+
+    async def unseen(self, run_id: int, of: int) -> UnseenView:
+        """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
+        return UnseenView.model_validate(await self._offload.run(unseen_of, self._database, run_id, of))
+
+    async def trend(self) -> Trend:
+        """Return identified gains and lags over S beside what is predicted."""
+        tuning = self._tuning()
+        computed = self._offload.run(trend_of, self._database, tuning.parameters, tuning.lambdas.lam_motor)
+        return Trend.model_validate(await computed)
+
+    async def identifications(self) -> list[IdentificationView]:
+        """Return all identification runs, newest first."""
+        return await asyncio.to_thread(self._identifications)
+
+    async def identification(self, run_id: int) -> IdentificationView:
+        """Return one identification run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._identification, run_id)
+
+    async def curves(self, run_id: int) -> IdentificationCurves:
+        """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._curves, run_id)
+
+    async def spring_tables(self) -> list[SpringTableView]:
+        """Return springs identified from tables, newest first."""
+        return await asyncio.to_thread(self._spring_tables)
+
+    async def spring_table(self, number: int) -> SpringTableView:
+        """Return one spring identified from a table. Raises UnknownRecordError."""
+        return spring_table_view(await asyncio.to_thread(self._spring_table, number))
+
+    async def spring_table_curves(self, number: int) -> IdentificationCurves:
+        """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
+        found = await asyncio.to_thread(self._spring_table, number)
+        return IdentificationCurves.model_validate(curves_of(found))
+
+    async def add_spring_table(self, new: NewIdentification) -> SpringTableView:
+        """Store a spring that was identified from a measured table."""
+        return spring_table_view(await asyncio.to_thread(self._add, new))
+
+    # In a thread --------------------------------------------------------------------------------------------
+
+    def _identifications(self) -> list[IdentificationView]:
+        with self._database.reading() as session:
+            estimates = {estimate.run_id: estimate for estimate in reversed(identifications.find(session))}
+            found = runs.find(session, kinds=IDENTIFICATIONS, limit=500)
+            return [self._listed(run, estimates.get(run.id)) for run in found]
+
+    def _listed(self, run: Run, estimate: Identification | None) -> IdentificationView:
+        """Return a run as the list shows it: one that cannot be read says so, and the others are there."""
+        try:
+            return identification_view(run, estimate, self._progress(run))
+        except UnreadableDocumentError as error:
+            view = identification_view(run, None, self._progress(run))
+            return view.model_copy(update={"message": str(error)})
+
+    def _identification(self, run_id: int) -> IdentificationView:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            if run.kind not in IDENTIFICATIONS:
+                raise UnknownRecordError(f"run {run_id} is no identification but {run.kind}")
+            estimates = identifications.find(session, run_id=run_id)
+            result = results.newest(session, run_id)
+        view = identification_view(run, estimates[0] if estimates else None, self._progress(run))
+        problem = "" if result is None else result.metrics.problem
+        return view.model_copy(update={"message": problem}) if problem else view
+
+    def _curves(self, run_id: int) -> IdentificationCurves:
+        with self._database.reading() as session:
+            found = identifications.of_run(session, run_id)
+        return IdentificationCurves.model_validate(curves_of(found))
+
+    def _spring_tables(self) -> list[SpringTableView]:
+        with self._database.reading() as session:
+            found = identifications.find(session, kind="spring")
+        shown = []
+        for table in found:
+            try:
+                shown += [spring_table_view(table)] if table.run_id is None else []
+            except UnreadableDocumentError as error:  # the others are there
+                _log.warning("a spring is left out of the list of tables: %s", error)
+        return shown
+
+    def _spring_table(self, number: int) -> Identification:
+        with self._database.reading() as session:
+            found = identifications.get(session, number)
+        if found.kind != "spring" or found.run_id is not None:
+            raise UnknownRecordError(f"identification {number} was not made from a table of a spring")
+        return found
+
+    def _add(self, new: NewIdentification) -> Identification:
+        with self._database.session() as session:
+            return identifications.add(session, new)

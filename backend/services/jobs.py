@@ -1,0 +1,787 @@
+"""Jobs: identifications and experiments that run in this service, one at a time."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+from backend.analysis.evaluation import Evaluation
+from backend.auth.authentication import Person
+from backend.banks.tuning_settings import TuningChoice
+from backend.errors import Because, OutOfRangeError, RefusalError, RefusedValueError
+from backend.execution.runner import (
+    SLICE_S,
+    Doing,
+    Notify,
+    NotReadyError,
+    Order,
+    Station,
+    banks_in,
+    banks_of,
+    choices_of,
+    create_run,
+    evaluated,
+    mode_of,
+    playable,
+    played,
+    require_ready,
+)
+from backend.experiments.forecast import Expected, Stage, Start, expected, forecast, start_from
+from backend.experiments.library import IDENTIFICATIONS, Entry, experiments, values_of
+from backend.experiments.plans import (
+    KIND,
+    ActuatorIdentificationPlan,
+    ComposedPlan,
+    IdentificationPlan,
+    LoopSettings,
+    MotorIdentificationPlan,
+    Plan,
+    SequencePlan,
+    SpringIdentificationPlan,
+)
+from backend.experiments.prediction import PredictedRun, predict, predict_motor, predict_spring
+from backend.faults import Fault
+from backend.models.settings import Setting, SettingError, describe, from_values
+from backend.plain_text import as_line
+from backend.realtime.program import NO_WALL, Mode, RefusedError, require_able
+from backend.realtime.supervisor import LoopAccess
+from backend.schemas.experiment import (
+    CheckedExperiment,
+    DryRunView,
+    ExperimentKind,
+    ExperimentRequest,
+    ExperimentToCheck,
+    Metric,
+    OwnExperiment,
+    SettingView,
+)
+from backend.schemas.identification import (
+    ActuatorRequest,
+    IdentificationKind,
+    IdentificationRequest,
+    MotorRequest,
+    PathPoint,
+    Prediction,
+    SpringRequest,
+)
+from backend.schemas.state import PartView, TaskView
+from backend.schemas.tuning import TuningView
+from backend.services.actuator import Actuator, SafeStop
+from backend.services.background_work import Compute, HasLeft, TextWork
+from backend.services.banks import StoredBanks
+from backend.services.library import Checked, OwnExperiments, view_of
+from backend.services.queue import DryRuns, Queue
+from backend.services.state import PresentState
+from backend.services.tuning_state import Chosen
+from backend.storage.banks import Bank
+from backend.storage.database import Database
+from backend.storage.runs import EndState, Run
+from backend.supervision import Supervision
+from plant.interface import PlantKind, T_s
+from plant.parameters import PlantParameters
+
+# Identification orders -----------------------------------------------------------------------------
+#
+# From what is asked for to plans of identification, and what these would do to the rig.
+
+
+def plans_of(request: IdentificationRequest) -> tuple[IdentificationPlan, ...]:
+    """Return the plans that are asked for, several where tensions are listed. Raises SettingError, OutOfRangeError."""
+    match request:
+        case MotorRequest():
+            return (_motor_plan(request),)
+        case SpringRequest():
+            return (_spring_plan(request),)
+        case ActuatorRequest():
+            return _actuator_plans(request)
+
+
+def prediction_of(
+    request: IdentificationRequest, parameters: PlantParameters, lam_motor: float, start: Start
+) -> Prediction:
+    """Tell what a run would do from ``start``; of several runs, the whole way and the largest figures."""
+    plans = plans_of(request)
+    told = forecast(plans, parameters, start, lam_motor)
+    worth = _worth(request, plans, parameters, lam_motor)
+    try:
+        told.require_within_range(parameters)
+        problem = worth.problem
+        within_range = True
+    except OutOfRangeError as error:
+        problem, within_range = str(error), False
+    return Prediction(
+        duration_s=told.duration_s,
+        q_start=told.q_start,
+        q_low=told.q_low,
+        q_high=told.q_high,
+        F_low=told.F_low,
+        F_high=told.F_high,
+        path=[PathPoint(q=q, S=S) for q, S in zip(told.q_path.tolist(), told.S_path.tolist(), strict=True)],
+        within_range=within_range,
+        figures=worth.figures,
+        q_counts=worth.q_counts,
+        u_peak_V=worth.u_peak_V,
+        F_min_N=worth.F_min_N,
+        enough_motion=not problem,
+        message=problem or f"{told.message}; {worth.message}",
+    )
+
+
+@dataclass(frozen=True)
+class _Worth:
+    """What the run is for: its figures, what it shows, and what ``problem`` makes it not worth starting."""
+
+    figures: list[Metric]
+    message: str
+    problem: str
+    q_counts: float | None = None
+    u_peak_V: float | None = None
+    F_min_N: float | None = None
+
+
+def _worth(
+    request: IdentificationRequest,
+    plans: tuple[IdentificationPlan, ...],
+    parameters: PlantParameters,
+    lam_motor: float,
+) -> _Worth:
+    match request:
+        case MotorRequest():
+            run = predict_motor(_motor_plan(request), parameters)
+            return _Worth(_metrics(run), run.message, "" if run.good else run.message, u_peak_V=request.u_high)
+        case SpringRequest():
+            run = predict_spring(_spring_plan(request), parameters)
+            return _Worth(_metrics(run), run.message, "" if run.good else run.message)
+        case ActuatorRequest():
+            excited = [plan for plan in plans if isinstance(plan, ActuatorIdentificationPlan)]
+            return _actuator_worth(excited, parameters, lam_motor)
+
+
+def _motor_plan(request: MotorRequest) -> MotorIdentificationPlan:
+    return from_values(MotorIdentificationPlan, request.model_dump(exclude={"kind"}))
+
+
+def _spring_plan(request: SpringRequest) -> SpringIdentificationPlan:
+    return from_values(SpringIdentificationPlan, request.model_dump(exclude={"kind"}))
+
+
+def _actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificationPlan, ...]:
+    values = request.model_dump(exclude={"kind", "tensions_N", "tension_N"})
+    if request.tensions_N is None:
+        return (from_values(ActuatorIdentificationPlan, {**values, "tension_N": request.tension_N}),)
+    return tuple(_one_of_several(values, place, tension) for place, tension in enumerate(request.tensions_N))
+
+
+def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> ActuatorIdentificationPlan:
+    try:
+        return from_values(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
+    except OutOfRangeError as error:
+        if error.quantity != "tension_N":
+            raise
+        raise OutOfRangeError(
+            error.quantity,
+            error.value,
+            error.minimum,
+            error.maximum,
+            error.unit,
+            error.remedy,
+            words=f"tension {place + 1}",
+            path=("tensions_N", place),
+        ) from None
+
+
+def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantParameters, lam_motor: float) -> _Worth:
+    predicted = [predict(plan, parameters, lam_motor) for plan in plans]
+    # A run that fails for voltage or slack names that; among good ones the least motion counts.
+    worst = min(predicted, key=lambda item: (item.good, item.q_counts))
+    u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
+    counts = "By the excitation alone, peak to peak"
+    return _Worth(
+        figures=[
+            Metric(name="q_counts", label=counts, value=worst.q_counts, unit="encoder counts"),
+            Metric(name="u_peak_V", label=f"Peak voltage, of {parameters.motor.u_max:g} V", value=u_peak, unit="V"),
+        ],
+        message=worst.message,
+        problem=worst.problem,
+        q_counts=worst.q_counts,
+        u_peak_V=u_peak,
+        F_min_N=F_min,
+    )
+
+
+def _metrics(run: PredictedRun) -> list[Metric]:
+    return [Metric(**asdict(figure)) for figure in run.figures]
+
+
+# Pause ---------------------------------------------------------------------------------------------
+#
+# A pause between two runs of one order: the actuator stands in pretension until the next one is let
+# begin.
+
+
+_TAKEN_AWAY = {
+    Mode.OFF: "the motors were switched off",
+    Mode.STOPPING: "it was stopped softly",
+    Mode.TRIPPED: "a fault or STOP took the motors",
+}
+
+
+class Pause:
+    """Between runs is the only safe point: within one the loop plays a program whole, and its record is of one piece.
+
+    ``wanted`` is what was last asked for of the order under way; ``following`` are its runs that have still to begin.
+    """
+
+    def __init__(self, present: PresentState, changed: Callable[[], None]) -> None:
+        self.wanted = False
+        self.following = 0
+        self._present = present
+        self._changed = changed
+
+    def begin(self, following: int) -> None:
+        """Take note of an order whose first run begins; with none ``following``, that no further one will."""
+        self.wanted, self.following = False, following
+
+    def ask(self, wanted: bool) -> None:
+        """Let the next run of the order wait, or begin. Raises RefusalError where none follows."""
+        task = self._present.task
+        if task is None or self.following == 0:
+            what = "nothing is under way" if task is None else "no run of the same order follows"
+            remedy = "several tensions in turn can be paused between two of them"
+            raise RefusalError(Because.NOT_NOW, f"{what}: {remedy}")
+        self.wanted = wanted
+        self._present.task = task.model_copy(update={"pause_wanted": wanted})
+        self._changed()
+
+    async def over(self, loop: LoopAccess, show: Callable[[], None]) -> None:
+        """Wait as long as a pause is wanted; then the next run begins, and one less follows.
+
+        ``show`` tells meanwhile that the order waits. Raises NotReadyError once the motors were let go, LoopDiedError.
+        """
+        while self.wanted:
+            show()
+            await loop.advance(SLICE_S)
+            await asyncio.sleep(0)  # a loop that is computed takes no time: others have their turn
+            if (why := _TAKEN_AWAY.get(mode := mode_of(loop))) is not None:
+                raise NotReadyError(f"{why} in its pause", mode)
+        self.following -= 1  # at once: a pause behind the last run is not to be asked for while that one is prepared
+
+
+def not_begun(run: int, why: Exception, count: int) -> str:
+    """Say why an order ended after a run, and that ``count`` runs of it were not begun."""
+    runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
+    return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not begun. Order {them} anew."
+
+
+# Results under way ---------------------------------------------------------------------------------
+#
+# Results of the runs of one order, computed while the next one plays.
+
+
+class ResultsUnderWay:
+    """Belongs to the service's event loop. ``problem`` says why ``without``, a complete run, has no result."""
+
+    def __init__(self) -> None:
+        self._under_way: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
+        self.without: int | None = None
+        self.problem = ""
+
+    def __contains__(self, run_id: int) -> bool:
+        return run_id in self._under_way
+
+    def add(self, run_id: int, end_state: EndState, work: asyncio.Task[Evaluation]) -> None:
+        """Take over the work on the result of a run that ended so."""
+        self._under_way[run_id] = end_state, work
+
+    def forget(self) -> None:
+        """Say no more of a run without a result: another one began, or it has one after all."""
+        self.without, self.problem = None, ""
+
+    async def any_missing(self) -> bool:
+        """Wait for the results under way; whether a run that completed came to none."""
+        missing = False
+        for run_id, (end_state, work) in tuple(self._under_way.items()):
+            evaluation = await work
+            del self._under_way[run_id]
+            if evaluation.result is None and end_state is EndState.COMPLETED:
+                self.without, missing = run_id, True
+                self.problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
+        return missing
+
+    async def end(self, *, giving_up: bool) -> None:
+        """Wait for results under way after a run failed, or give them up: each run keeps why."""
+        waiting = [work for _, work in self._under_way.values()]
+        for work in waiting if giving_up else ():
+            work.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+        self._under_way.clear()
+
+
+# Run kinds -----------------------------------------------------------------------------------------
+#
+# What there is to be run, with the settings of each: what a form offers is what the service takes.
+
+
+_MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
+
+
+def experiment_kinds(
+    entries: Iterable[Entry], in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+) -> list[ExperimentKind]:
+    """Return experiments with their settings and those of the loop as ``in_force``.
+
+    λ is offered as far as it is safe with the models of ``tuning``, and the seed is the service's own.
+    """
+    offered = {
+        "lam_q": (tuning.lam_q_min, tuning.lam_q_max),
+        "lam_S": (tuning.lam_S_min, tuning.lam_S_max),
+        "lam_motor": (tuning.lam_motor_min, tuning.lam_motor_max),
+        "seed": (in_force.seed, in_force.seed),
+    }
+    values = asdict(in_force)
+    of_the_loop = [_view(_within(setting, offered), values[setting.name]) for setting in describe(LoopSettings)]
+    moved_by_motors_alone = plant in _MOVED_BY_MOTORS_ALONE
+    return [
+        ExperimentKind(
+            name=entry.name,
+            title=entry.title,
+            description=entry.description,
+            run_kind=entry.run_kind,
+            duration_s=entry.usual.program().duration_s,
+            settings=[*views_of(entry.settings), *of_the_loop],
+            why_not=_beyond(entry) if moved_by_motors_alone else "",
+        )
+        for entry in entries
+    ]
+
+
+def identification_kinds() -> list[IdentificationKind]:
+    """Return what can be identified, with the settings of each."""
+    return [
+        IdentificationKind(
+            kind=kind,
+            title=entry.title,
+            description=entry.description,
+            settings=views_of(describe(entry.plan)),
+        )
+        for kind, entry in IDENTIFICATIONS.items()
+    ]
+
+
+def _beyond(entry: Entry) -> str:
+    """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
+    if entry.name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
+        return ""
+    try:
+        program = entry.usual.program()
+        if program.walls:
+            return NO_WALL
+        for segment in program.segments:
+            require_able(segment, pushes=False, loads_shafts=False)
+    except RefusedError as refused:
+        return str(refused)
+    return ""
+
+
+def _within(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
+    low, high = offered.get(setting.name, (setting.minimum, setting.maximum))
+    return replace(setting, minimum=low, maximum=high)
+
+
+def _view(setting: Setting, default: float | int | str) -> SettingView:
+    return SettingView(
+        name=setting.name,
+        symbol=setting.symbol,
+        meaning=setting.meaning,
+        unit=setting.unit,
+        default=default,
+        minimum=setting.minimum,
+        maximum=setting.maximum,
+        choices=list(setting.choices) or None,
+    )
+
+
+def views_of(settings: Iterable[Setting]) -> list[SettingView]:
+    """Return declared settings as a form shows them."""
+    return [_view(setting, setting.default) for setting in settings]
+
+
+# Run progress --------------------------------------------------------------------------------------
+#
+# How far a run is, as the state shows it: of the time that it is expected to take.
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a program until ``end_s`` after its begin, the ``number``th ``of``; ``doing`` what at a set point."""
+
+    title: str
+    number: int
+    of: int
+    end_s: float
+    doing: Stage | None = None
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """A run of a plan, as it is expected to go: the ``number``th ``of`` those that were ordered together."""
+
+    plan: Plan
+    run: int
+    expected: Expected
+    number: int = 1
+    of: int = 1
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of its program by their times; set points are counted over all that was ordered together."""
+        told = self.expected.timetable
+        if told is None:
+            phases = self.plan.phases()
+            return tuple(Part(one.title, at, len(phases), one.end_s) for at, one in enumerate(phases, start=1))
+        return tuple(
+            Part(
+                title=told.title(one),
+                number=(self.number - 1) * one.of + one.number,
+                of=self.of * one.of,
+                end_s=one.end * T_s,
+                doing=one.stage,
+            )
+            for one in told.stretches
+        )
+
+
+def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notify:
+    """Return what puts into ``present`` how far a run is.
+
+    What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
+    plays, the way to it took as long as it took.
+    """
+    before_s, expected_s, parts = 0.0, ordered.expected.duration_s, ordered.parts
+    plan = ordered.plan
+    title = as_line(plan.experiment.title) if isinstance(plan, ComposedPlan) and plan.kind == KIND else ""
+
+    def show(doing: Doing, elapsed_s: float) -> None:
+        nonlocal before_s, expected_s
+        if doing is Doing.PRETENSION:
+            before_s = elapsed_s
+        if doing is Doing.PROGRAM:
+            expected_s = before_s + ordered.expected.program_s
+        passed_s = {
+            Doing.STARTING: 0.0,
+            Doing.PRETENSION: elapsed_s,
+            Doing.PROGRAM: before_s + elapsed_s,
+            Doing.PAUSED: expected_s,
+            Doing.EVALUATION: expected_s,
+        }[doing]
+        present.task = TaskView(
+            kind=plan.kind,
+            title=title,
+            run=ordered.run,
+            elapsed_s=passed_s,
+            duration_s=expected_s,
+            phase=doing,
+            part=part_at(parts, elapsed_s) if doing is Doing.PROGRAM else None,
+            number=ordered.number,
+            following=pause.following,
+            pause_wanted=pause.wanted,
+        )
+
+    return show
+
+
+def part_at(parts: tuple[Part, ...], t: float) -> PartView | None:
+    """Return the part of a program ``t`` [s] after its start; what is past the end is in the last one."""
+    if not parts:
+        return None
+    part = next((one for one in parts if t < one.end_s), parts[-1])
+    left_s = max(0.0, part.end_s - t)
+    return PartView(title=part.title, number=part.number, of=part.of, doing=part.doing, left_s=left_s, t=t)
+
+
+# Ordered runs --------------------------------------------------------------------------------------
+#
+# Identifications and experiments that run in this service, one at a time.
+
+
+_log = logging.getLogger(__name__)
+
+
+class OrderedRuns:
+    """Starts what takes its time and keeps the state informed of how far it is."""
+
+    def __init__(
+        self,
+        station: Station,
+        actuator: Actuator,
+        banks: StoredBanks,
+        experiments: OwnExperiments,
+        prepare_report: Callable[[], None],
+        seed: int,
+        dry_runs: DryRuns,
+        texts: TextWork,
+        supervision: Supervision,
+        safe_stop: SafeStop,
+    ) -> None:
+        self._station = station
+        self._actuator = actuator
+        self._banks = banks
+        self._experiments = experiments
+        self._prepare_report = prepare_report
+        self._seed = seed
+        self._dry_runs = dry_runs
+        self._texts = texts
+        self._safe_stop = safe_stop
+        self.queue = Queue(self.start_experiment, self.checked, supervision, station.database)
+        self._problem = ""
+        self._results = ResultsUnderWay()
+        self.pause = Pause(actuator.present, actuator.changed)
+        self._running: asyncio.Task[None] | None = None
+        self._closing = False
+
+    @property
+    def problems(self) -> list[str]:
+        """What became of the last run that failed, until another one is started or it has its result after all."""
+        return [problem for problem in (self._problem, self._results.problem) if problem]
+
+    def evaluated(self, run_id: int) -> None:
+        """Take note that a run has been evaluated again: that its result is missing is not so any more."""
+        if run_id == self._results.without:
+            self._results.forget()
+            self._actuator.changed()
+
+    async def experiment_kinds(self, person: Person, has_left: HasLeft) -> list[ExperimentKind]:
+        """Return the experiments there are, with their settings and those of the loop as in force."""
+        present = self._actuator.present
+        settings = self._loop_settings()
+        self._dry_runs.get_ready(present.tuning.parameters, settings)  # who looks at experiments may well try one
+        tuning, plant = present.operators_tuning.view(0.0), present.plant.kind
+        asked = self._experiments, settings, tuning, plant
+        if await asyncio.to_thread(self._experiments.has_own):
+            return await self._texts.run(person, has_left, _experiment_kinds, *asked)
+        return await asyncio.to_thread(_experiment_kinds, *asked)
+
+    async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
+        """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
+        _, plan, wanted = await self._ordered(request)
+        self._require_seed(wanted)
+        async with self._actuator.starting:
+            self._require_free()
+            require_ready(self._station.loop)
+            return await self._start(await self._bank_of(wanted), Order(plan, wanted, who))
+
+    async def checked(self, request: ExperimentRequest) -> ExperimentRequest:
+        """Return an order with all that it leaves to what is in force now, for one that waits for its turn.
+
+        Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
+        """
+        name, plan, wanted = await self._ordered(request)
+        self._require_seed(wanted)
+        tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
+        await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
+        await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
+        return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
+
+    async def check_experiment(self, asked: ExperimentToCheck, person: Person, has_left: HasLeft) -> CheckedExperiment:
+        """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
+
+        Raises ExperimentError.
+        """
+        checked = await self._looked_over(asked.text, person, has_left)
+        if not asked.play:
+            return checked.view({}, "it was looked over only")
+        try:
+            played = await self._play_dry(Order(checked.plan, self._loop_settings(), person.name), person, has_left)
+        except (RefusalError, RefusedValueError) as error:
+            busy = isinstance(error, RefusalError) and error.because is Because.TOO_MANY
+            return checked.view({}, str(error), busy=busy)
+        return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
+
+    async def keep_experiment(self, written: str, person: Person, has_left: HasLeft) -> OwnExperiment:
+        """Keep an own experiment as the next version of its name. Raises ExperimentError."""
+        checked = await self._looked_over(written, person, has_left)
+        kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
+        return view_of(kept, checked.title)
+
+    async def _looked_over(self, written: str, person: Person, has_left: HasLeft) -> Checked:
+        here = self._actuator.present.tuning.parameters, self._loop_settings().tuning
+        return await self._texts.run(person, has_left, self._experiments.checked, written, *here)
+
+    async def dry_run(self, request: ExperimentRequest, person: Person, has_left: HasLeft) -> DryRunView:
+        """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
+        asked = request.name, self._loop_settings(), request.settings
+        if request.name in experiments():
+            _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
+        else:
+            _, plan, wanted = await self._texts.run(person, has_left, self._experiments.plan, *asked)
+        return await self._play_dry(Order(plan, wanted, person.name), person, has_left)
+
+    async def _play_dry(self, order: Order, person: Person, has_left: HasLeft) -> DryRunView:
+        bank = await self._bank_of(order.loop_settings)
+        others = banks_of(order.plan) - {0 if bank is None else bank.id}
+        used = [*([] if bank is None else [bank]), *(await self._banks.existing(others) if others else ())]
+        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, has_left)
+
+    async def start_identification(self, request: IdentificationRequest, who: str) -> int:
+        """Start an identification, or several in turn, and return the first run.
+
+        Raises RefusalError, SettingError, OutOfRangeError.
+        """
+        plans = plans_of(request)
+        async with self._actuator.starting:
+            self._require_free()
+            parameters = self._station.parameters
+            loop, bank = self._loop_settings(), self._actuator.present.tuning.bank
+            start = start_from(self._station.loop.ring.newest())
+            told = await self._texts.order(forecast, plans, parameters, start, loop.lam_motor)
+            told.require_within_range(parameters)
+            return await self._start(bank, *(Order(plan, loop, who) for plan in plans))
+
+    async def predict_identification(
+        self, request: IdentificationRequest, compute: Compute = asyncio.to_thread
+    ) -> Prediction:
+        """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
+        tuning, start = self._actuator.present.tuning, start_from(self._station.loop.ring.newest())
+        told: Prediction = await compute(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
+        return told
+
+    def is_evaluating(self, run_id: int) -> bool:
+        """Whether the result of a run is being computed."""
+        return run_id in self._results
+
+    async def close(self, cause: str = "service ended") -> None:
+        """Give up what is running; its run is closed as ended by ``cause``."""
+        self._closing = True
+        if self._running is not None:
+            self._running.cancel(cause)
+            await asyncio.gather(self._running, return_exceptions=True)
+
+    def _require_free(self) -> None:
+        self._actuator.require_unoccupied()
+        if (task := self._actuator.present.task) is not None:
+            remedy = "wait for its end or stop it"
+            raise RefusalError(Because.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
+        if self._actuator.present.trial() is not None:
+            raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+
+    async def _start(self, bank: Bank | None, *orders: Order) -> int:
+        """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
+        await self._actuator.retuning.lend(orders[0].loop_settings.tuning, bank, orders[0].who)
+        try:
+            run = await asyncio.to_thread(create_run, self._station, orders[0])
+        except BaseException:
+            await self._actuator.retuning.give_back()
+            raise
+        self._problem = ""
+        self._results.forget()
+        self.pause.begin(len(orders) - 1)
+        progress = await self._progress(orders, 0, run)
+        progress(Doing.STARTING, 0.0)
+        self._running = asyncio.create_task(self._perform(orders, run, progress))
+        self._prepare_report()
+        return run.id
+
+    async def _perform(self, orders: Sequence[Order], run: Run, show: Notify) -> None:
+        """Perform orders in turn; ``run`` and ``show`` are those of the first. One that does not complete ends it.
+
+        While the result of one is computed the next one plays: together they take what was announced.
+        """
+        end_state: EndState | None = None
+        playing = True
+        try:
+            for position, order in enumerate(orders):
+                if position > 0:
+                    playing = False
+                    if (following := await self._following(orders[position:], run, show)) is None:
+                        break
+                    run, playing = following, True
+                    show = await self._progress(orders, position, run)
+                    show(Doing.STARTING, 0.0)
+                self._actuator.present.on_the_way = await self._on_the_way(order)
+                over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
+                closed = await played(self._station, order, run, show, over)
+                end_state = EndState(closed.end_state)
+                work = asyncio.create_task(evaluated(self._station, order.plan, closed))
+                self._results.add(run.id, end_state, work)
+                if end_state is not EndState.COMPLETED:
+                    break
+            playing = False
+            self.pause.begin(0)
+            show(Doing.EVALUATION, 0.0)
+            if await self._results.any_missing():
+                end_state = None  # whoever waits for the result, the queue too, waits for a person
+        except Exception as error:
+            _log.exception("run %s failed", run.id)
+            self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
+        finally:
+            if playing and not self._closing:
+                # Nobody watches over the program any more, and its run is closed: it must not play on.
+                self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
+                self._safe_stop.begin(Fault.SERVICE_LOST)
+            if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
+                await self._actuator.retuning.give_back()
+            await self._results.end(giving_up=self._closing)
+            self._actuator.present.task = None
+            self._actuator.changed()
+            self.queue.ended(run.id, end_state)
+
+    async def _following(self, orders: Sequence[Order], run: Run, show: Notify) -> Run | None:
+        """Create the first run of what is left after ``run`` once no pause is wanted; None, and a problem, if it fails.
+
+        Nothing plays then, and ``run`` is complete: neither it nor the joint is concerned.
+        """
+        try:
+            await self.pause.over(self._station.loop, partial(show, Doing.PAUSED, 0.0))
+            return await asyncio.to_thread(create_run, self._station, orders[0])
+        except Exception as error:
+            _log.warning("no run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
+            self._problem = not_begun(run.id, error, len(orders))
+            return None
+
+    async def _on_the_way(self, order: Order) -> list[Chosen]:
+        """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
+        choices = choices_of(order.plan, order.loop_settings.tuning)
+        numbers = {choice.bank for choice in choices}
+        there = {bank.id: bank for bank in await self._banks.existing(numbers)} if choices else {}
+        return [Chosen(choice, there.get(choice.bank)) for choice in choices]
+
+    async def _progress(self, orders: Sequence[Order], position: int, run: Run) -> Notify:
+        """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
+        plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
+        told = await asyncio.to_thread(expected, plan, self._station.parameters, start)
+        ordered = Ordered(plan, run.id, told, position + 1, len(orders))
+        return run_progress(self._actuator.present, ordered, self.pause)
+
+    def _require_seed(self, wanted: LoopSettings) -> None:
+        if wanted.seed != self._seed:
+            remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
+            raise SettingError("seed", wanted.seed, remedy)
+
+    async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
+        return await self._banks.stored_bank(wanted.bank) if wanted.bank else None
+
+    async def _ordered(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
+        """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
+        asked = request.name, self._loop_settings(), request.settings
+        if request.name in experiments():  # no text of a person's: as costly as Sinew's own
+            return await asyncio.to_thread(self._experiments.plan, *asked)
+        return await self._texts.order(self._experiments.plan, *asked)
+
+    def _loop_settings(self) -> LoopSettings:
+        return LoopSettings(**self._actuator.present.operators_tuning.choice.document(), seed=self._seed)
+
+
+def _experiment_kinds(
+    known: OwnExperiments, in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+) -> list[ExperimentKind]:
+    return experiment_kinds(known.all(), in_force, tuning, plant)
+
+
+def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> None:
+    playable(banks_in(database), parameters, plan, tuning)
+
+
+async def _nothing() -> None:
+    """Leave the tuning with a sequence of runs until the last one is over."""

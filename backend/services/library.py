@@ -1,0 +1,389 @@
+"""The libraries of the station: own experiments, preferences, searches, tags."""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from backend.auth.authentication import Person
+from backend.banks.tuning_settings import TuningChoice
+from backend.errors import Because, RefusalError
+from backend.execution.runner import banks_in, playable
+from backend.experiments import library, parser
+from backend.experiments.compiler import Played, played_parts
+from backend.experiments.library import Entry, entry_of, experiments
+from backend.experiments.library import experiment as ready
+from backend.experiments.parser import ExperimentError, line_of
+from backend.experiments.plans import ComposedPlan, LoopSettings, Plan, split_values
+from backend.models.run import with_motion
+from backend.models.settings import SettingError
+from backend.plain_text import STORED, PlainTextError, as_folded, require_line
+from backend.schemas.comparison import ComparisonAsked, RunComparison
+from backend.schemas.experiment import (
+    CheckedExperiment,
+    DryRunView,
+    OwnExperiment,
+    PartPlayed,
+    RecordedExperiment,
+    WrittenExperiment,
+)
+from backend.schemas.preferences import NEW_HERE, Preferences, look_over
+from backend.schemas.run import SEARCH_NAME_MAX, MetricHistory, SavedSearch, SavedSearchList, SearchWords, TagList
+from backend.schemas.state import Role
+from backend.services import comparison
+from backend.services.runs import recorded_experiment
+from backend.storage import experiments as stored
+from backend.storage import formulas, search, settings, tags
+from backend.storage.database import Database
+from backend.storage.experiments import StoredExperiment
+from backend.storage.orm import UnknownRecordError, require_distinct
+from backend.storage.search import ENDS, VERDICTS, parse
+from backend.storage.settings import StoredSetting
+from plant.parameters import PlantParameters
+
+# Own experiments -----------------------------------------------------------------------------------
+#
+# Experiments by name: those that come with Sinew, and own ones, which are kept in versions.
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What can be told of an experiment before it is kept or started; its settings are at their defaults.
+
+    Goes from one process to another, unlike an entry.
+    """
+
+    name: str
+    title: str
+    plan: ComposedPlan
+    duration_s: float
+    segments: int
+    changes_of_tuning: int
+    document: dict[str, Any]
+    parts: list[Played]
+
+    def view(
+        self,
+        figures: Mapping[str, float | None],
+        not_predicted: str = "",
+        *,
+        busy: bool = False,
+        dry_run: DryRunView | None = None,
+    ) -> CheckedExperiment:
+        """Return it as the page shows it, with its figures on the simulator, or why it was not played there."""
+        return CheckedExperiment(
+            name=self.name,
+            title=self.title,
+            duration_s=self.duration_s,
+            segments=self.segments,
+            changes_of_tuning=self.changes_of_tuning,
+            phases=[phase.title for phase in self.plan.phases()],
+            criteria=len(self.plan.experiment.criteria),
+            peak_voltage_V=figures.get("peak_voltage_V"),
+            min_tension_N=figures.get("min_tension_N"),
+            max_tension_N=figures.get("max_tension_N"),
+            not_predicted=not_predicted,
+            busy=busy,
+            document=self.document,
+            parts=[PartPlayed(**{**asdict(part), "path": list(part.path)}) for part in self.parts],
+            dry_run=dry_run,
+        )
+
+
+class OwnExperiments:
+    """Reads, checks and keeps them. Nothing is overwritten: what is kept under a name again is its next version."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def all(self) -> list[Entry]:
+        """Return every experiment that can be ordered, own ones in their newest version, after the ready-made."""
+        with self._database.reading() as session:
+            own = stored.newest(session)
+        return [*experiments().values(), *(entry for kept in own if (entry := _readable(kept)) is not None)]
+
+    def views(self) -> list[OwnExperiment]:
+        """Return the newest version of each own experiment."""
+        with self._database.reading() as session:
+            return [view_of(kept) for kept in stored.newest(session)]
+
+    def versions(self, name: str) -> list[OwnExperiment]:
+        """Return all versions of an own experiment, the newest first; none where there is no such name."""
+        with self._database.reading() as session:
+            return [view_of(kept) for kept in stored.versions(session, name)]
+
+    def has_own(self) -> bool:
+        """Whether any own experiment is kept."""
+        with self._database.reading() as session:
+            return bool(stored.newest(session))
+
+    def plan(self, name: str, in_force: LoopSettings, settings: Mapping[str, Any]) -> tuple[str, Plan, LoopSettings]:
+        """Return what an order asks for, of an own experiment its version; ``in_force`` where nothing else is said.
+
+        Raises SettingError, OutOfRangeError, ExperimentError.
+        """
+        entry = self.entry(name)
+        return entry.name, *split_values(entry.settings, entry.make, {**asdict(in_force), **with_motion(settings)})
+
+    def written(self, name: str) -> WrittenExperiment:
+        """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
+        written = library.text_of(name) if name in library.NAMES else self._stored(name).text
+        return WrittenExperiment(text=written, document=parser.document_of(written, stored=True)[0])
+
+    def as_run(self, run_id: int) -> RecordedExperiment:
+        """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
+        return recorded_experiment(self._database, run_id)
+
+    def entry(self, name: str) -> Entry:
+        """Return the experiment of this name: ready-made, own, or a version of an own one, "name@2".
+
+        Raises SettingError with those there are, ExperimentError for a text that an older Sinew took.
+        """
+        if name in experiments():
+            return ready(name)
+        try:
+            kept = self._stored(name)
+        except UnknownRecordError:
+            known = tuple(entry.name for entry in self.all())
+            why = f"there is no such experiment; known: {', '.join(known)}"
+            raise SettingError("name", name, why, legal=known) from None
+        return _entry_of(kept)
+
+    def keep(self, written: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StoredExperiment:
+        """Keep an experiment that can be played on this plant. Raises ExperimentError."""
+        return self.store(self.checked(written, parameters, tuning), written, who)
+
+    def store(self, checked: Checked, written: str, who: str) -> StoredExperiment:
+        """Keep an experiment that was looked over, as the next version of its name."""
+        with self._database.session() as session:
+            return stored.add(session, checked.name, written, who)
+
+    def checked(self, written: str, parameters: PlantParameters, tuning: TuningChoice) -> Checked:
+        """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
+        experiment, lines = parser.read(written)
+        if as_folded(experiment.name) in map(as_folded, experiments()):
+            why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
+            raise ExperimentError(why, ("name",), line_of(("name",), lines))
+        entry = entry_of(experiment, lines)
+        plan = entry.usual
+        assert isinstance(plan, ComposedPlan)
+        program = playable(banks_in(self._database), parameters, plan, tuning)
+        return Checked(
+            entry.name,
+            entry.title,
+            plan,
+            program.duration_s,
+            len(program.segments),
+            len(program.tunings),
+            parser.document_of(written)[0],
+            played_parts(plan.laid),
+        )
+
+    def _stored(self, name: str) -> StoredExperiment:
+        base, at, number = name.partition("@")
+        if at and not (number.isdecimal() and len(number) < 10):
+            raise UnknownRecordError(f"there is no experiment {name}")
+        with self._database.reading() as session:
+            return stored.get(session, base, int(number) if at else None)
+
+
+def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
+    """Return an own experiment as it is listed; without its ``title`` its text is read."""
+    if title is None:
+        entry = _readable(kept)
+        title = "" if entry is None else entry.title
+    return OwnExperiment(name=kept.name, version=kept.version, title=title, who=kept.who, created=kept.created_at)
+
+
+def _entry_of(kept: StoredExperiment) -> Entry:
+    experiment, lines = parser.read(kept.text, stored=True)
+    return entry_of(experiment, lines, name=f"{kept.name}@{kept.version}")
+
+
+def _readable(kept: StoredExperiment) -> Entry | None:
+    """Return the entry of an own experiment; one that this version of Sinew does not take any more is not offered."""
+    try:
+        return _entry_of(kept)
+    except ExperimentError:
+        return None
+
+
+# Preferences ---------------------------------------------------------------------------------------
+#
+# How each person likes the page, as settings in the database.
+
+
+class StoredPreferences:
+    """Reads and writes settings in threads, so that the event loop never waits for the disk."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def of(self, person: Person) -> Preferences:
+        """Return how ``person`` likes the page; defaults for somebody new."""
+        stored = await asyncio.to_thread(self._newest, _setting_of(person))
+        # what was stored before a preference existed lacks it
+        return NEW_HERE if stored is None else _read(stored)
+
+    async def put(self, person: Person, preferences: Preferences) -> Preferences:
+        """Remember how ``person`` likes the page. Raises RefusalError for a layout that cannot be drawn."""
+        look_over(preferences.layouts, await asyncio.to_thread(self._formulas))
+        await asyncio.to_thread(self._put, person, preferences)
+        return preferences
+
+    def _formulas(self) -> set[str]:
+        with self._database.reading() as session:
+            return formulas.ever(session)
+
+    def _newest(self, name: str) -> StoredSetting | None:
+        with self._database.reading() as session:
+            return settings.newest(session, name)
+
+    def _put(self, person: Person, preferences: Preferences) -> None:
+        with self._database.session() as session:
+            settings.put(session, _setting_of(person), preferences.model_dump(), person.name)
+
+
+def _read(stored: StoredSetting) -> Preferences:
+    return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED)
+
+
+def _setting_of(person: Person) -> str:
+    # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
+    name = person.called or person.name
+    return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
+
+
+# Run library ---------------------------------------------------------------------------------------
+#
+# Many runs: what they can be searched by, saved searches, tags, runs beside each other, a metric
+# over their dates.
+
+
+_SEARCH = "search/"
+
+
+class RunLibrary:
+    """Reads and writes the database in threads. Saved searches are settings: what one was before stays there."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def words(self) -> SearchWords:
+        """Return what runs can be searched by."""
+        return await asyncio.to_thread(self._words)
+
+    async def searches(self) -> SavedSearchList:
+        """Return the saved searches of the station."""
+        return await asyncio.to_thread(self.saved_searches)
+
+    async def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
+        """Save a search under a name. Raises QueryError, RefusalError."""
+        return await asyncio.to_thread(self.keep_search, name, where, who)
+
+    async def forget_search(self, name: str, who: str) -> SavedSearchList:
+        """Take a search off the list. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self.drop_search, name, who)
+
+    async def put_tag(self, run_id: int, tag: str) -> None:
+        """Put a tag on a run. Raises TagError, UnknownRecordError."""
+        await asyncio.to_thread(self.tag, [run_id], [tag], [])
+
+    async def take_tag(self, run_id: int, tag: str) -> None:
+        """Take a tag off a run. Raises TagError, UnknownRecordError."""
+        await asyncio.to_thread(self.tag, [run_id], [], [tag])
+
+    async def rename_tag(self, before: str, after: str) -> TagList:
+        """Call a tag otherwise on all runs of the station. Raises TagError, UnknownRecordError."""
+        await asyncio.to_thread(self.rename, before, after)
+        return TagList(tags=(await self.words()).tags)
+
+    async def comparison(self, asked: ComparisonAsked) -> RunComparison:
+        """Set runs beside each other. Raises RefusalError, UnknownRecordError."""
+        return await asyncio.to_thread(self.compared, asked)
+
+    async def metric_history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
+        """Return a metric of a kind of runs over their dates. Raises QueryError."""
+        return await asyncio.to_thread(self.history, kind, metric, where, everywhere=everywhere)
+
+    # At once, for the command line too ----------------------------------------------------------------------
+
+    def saved_searches(self) -> SavedSearchList:
+        """Return the saved searches of the station."""
+        with self._database.reading() as session:
+            kept = settings.newest_under(session, _SEARCH)
+        found = [
+            SavedSearch(name=one.name.removeprefix(_SEARCH), where=one.value["where"], who=one.who)
+            for one in kept
+            if one.value is not None
+        ]
+        return SavedSearchList(searches=found)
+
+    def where_of(self, name: str) -> str:
+        """Return the text of a saved search. Raises UnknownRecordError."""
+        known = {one.name: one.where for one in self.saved_searches().searches}
+        if name not in known:
+            raise UnknownRecordError(f"there is no saved search {name!r}; there are: {', '.join(known) or 'none'}")
+        return known[name]
+
+    def keep_search(self, name: str, where: str, who: str) -> SavedSearchList:
+        """Save a search that can be asked now under a name. Raises QueryError, RefusalError."""
+        called = name.strip()
+        if not 1 <= len(called) <= SEARCH_NAME_MAX:
+            why = f"{called[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
+            raise RefusalError(Because.BAD_VALUE, f"name of the search: {why}")
+        try:
+            require_line(called)
+        except PlainTextError as error:
+            raise RefusalError(Because.BAD_VALUE, f"name of the search: {error}", code="bad_character") from None
+        require_distinct("a saved search", called, (one.name for one in self.saved_searches().searches))
+        query = parse(where)
+        with self._database.session() as session:
+            search.search(session, query, everywhere=False, limit=1)
+            settings.put(session, f"{_SEARCH}{called}", {"where": where}, who)
+        return self.saved_searches()
+
+    def drop_search(self, name: str, who: str) -> SavedSearchList:
+        """Take a search off the list; what it was stays in the database. Raises UnknownRecordError."""
+        self.where_of(name)
+        with self._database.session() as session:
+            settings.put(session, f"{_SEARCH}{name}", None, who)
+        return self.saved_searches()
+
+    def tag(self, run_ids: Sequence[int], put: Sequence[str], taken: Sequence[str]) -> None:
+        """Put tags on runs and take others off, all or nothing. Raises TagError, UnknownRecordError."""
+        with self._database.session() as session:
+            for run_id in sorted(run_ids):  # in the order in which everybody locks them
+                for one in put:
+                    tags.put(session, run_id, one)
+                for one in taken:
+                    tags.take(session, run_id, one)
+
+    def rename(self, before: str, after: str) -> int:
+        """Call a tag otherwise; return on how many runs. Raises TagError, UnknownRecordError."""
+        with self._database.session() as session:
+            return tags.rename(session, before, after)
+
+    def compared(self, asked: ComparisonAsked) -> RunComparison:
+        """Set runs beside each other. Raises RefusalError, UnknownRecordError."""
+        with self._database.reading() as session:
+            return comparison.compare(session, asked)
+
+    def history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
+        """Return a metric of a kind of runs over their dates. Raises QueryError."""
+        with self._database.reading() as session:
+            return comparison.metric_history(session, kind, metric, where, everywhere=everywhere)
+
+    def _words(self) -> SearchWords:
+        with self._database.reading() as session:
+            known = search.known_words(session)
+        return SearchWords(
+            station=self._database.station,
+            stations=list(known.stations),
+            fields=list(search.FIELDS),
+            kinds=list(known.kinds),
+            ends=list(ENDS),
+            verdicts=list(VERDICTS),
+            tags=list(known.tags),
+            values={source: list(names) for source, names in known.values.items()},
+        )

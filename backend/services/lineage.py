@@ -1,0 +1,555 @@
+"""Lineage and history of runs, and the checklist of the set-up."""
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from backend.banks.tuning_settings import SAVED, saved_for
+from backend.models.document import UnreadableDocumentError, digest_of
+from backend.recording.codec import CodecError, digest_of_recording
+from backend.schemas.run import (
+    Checklist,
+    ChecklistState,
+    ChecklistStep,
+    Lineage,
+    LineageBank,
+    LineageEntry,
+    LineageKind,
+    LineageNode,
+    RunMark,
+    RunMarks,
+)
+from backend.storage import banks, commissioning, events, identifications, origins, recordings, results, runs, settings
+from backend.storage.banks import Bank, name_of_entry
+from backend.storage.database import Database, Session
+from backend.storage.events import Event, EventKind
+from backend.storage.identifications import Identification
+from backend.storage.origins import Origin
+from backend.storage.orm import Document, UnknownRecordError
+from backend.storage.runs import EndState, Run, RunKind, title_of
+from backend.storage.search_index import numbers_of
+from backend.storage.stations import station_of
+from plant.interface import PlantChoice, PlantKind
+from plant.parameters import PlantParameters
+
+# Checklist -----------------------------------------------------------------------------------------
+#
+# How far the set-up has got, and what no longer holds, told from what is stored.
+
+
+NEAR = 0.5
+"""Two identifications closer than this in S [N·m/rad] are of the same point."""
+
+Found = Identification | None
+
+
+def checklist_steps(session: Session, parameters: Document, in_use: int | None) -> list[ChecklistStep]:
+    """Return the steps in order, for the plant's present ``parameters`` and the number of the bank ``in_use``."""
+    imported = origins.numbers_of(session, origins.IDENTIFICATION)
+    estimates = [one for one in identifications.find(session) if one.id not in imported]
+
+    def run_of(estimate: Identification) -> Run | None:
+        return None if estimate.run_id is None else runs.get(session, estimate.run_id)
+
+    motor, spring = _newest(estimates, "motor"), _newest(estimates, "spring")
+    actuator = _newest(estimates, "actuator")
+    bank = banks.get(session, in_use) if in_use is not None else next(iter(banks.find(session)), None)
+    experiment = _newest_run(session, (RunKind.TRACKING, RunKind.COMPLIANCE))
+    return [
+        _pretension(next(iter(runs.find(session, limit=1)), None)),
+        _identified("motor", motor, run_of, parameters, ()),
+        _identified("spring", spring, run_of, parameters, ()),
+        _identified("actuator", actuator, run_of, parameters, (motor, spring)),
+        _bank(bank, in_use, estimates, run_of, parameters),
+        _tuning(session, bank, in_use),
+        _experiment(experiment, in_use),
+        _report(session, experiment),
+    ]
+
+
+def _pretension(run: Run | None) -> ChecklistStep:
+    if run is None:
+        return _step("pretension", ChecklistState.MISSING, "no run yet: wind both tendons up")
+    return _step("pretension", ChecklistState.DONE, f"last used in run {run.id}", run)
+
+
+def _identified(
+    name: str,
+    estimate: Found,
+    run_of: Callable[[Identification], Run | None],
+    parameters: Document,
+    before: tuple[Found, ...],
+) -> ChecklistStep:
+    if estimate is None:
+        return _step(name, ChecklistState.MISSING, "not identified yet")
+    run = run_of(estimate)
+    if not estimate.usable:
+        return _step(name, ChecklistState.UNUSABLE, estimate.verdict, run)
+    if run is not None and _numbers(run.parameters, name) != _numbers(parameters, name):
+        return _step(
+            name, ChecklistState.OUTDATED, f"made with other parameters of the plant ({run.parameters_name})", run
+        )
+    for other in before:
+        if other is not None and other.created_at > estimate.created_at:
+            return _step(name, ChecklistState.OUTDATED, f"older than the identification of the {other.kind}", run)
+    return _step(name, ChecklistState.DONE, estimate.verdict, run)
+
+
+def _numbers(parameters: Document, name: str) -> Document:
+    """Return what an identification rests on: motors and springs are measured whatever the controller knows of them."""
+    if name == "actuator":
+        return parameters
+    return {section: entries for section, entries in parameters.items() if not section.startswith("identified")}
+
+
+def _bank(
+    bank: Bank | None,
+    in_use: int | None,
+    estimates: list[Identification],
+    run_of: Callable[[Identification], Run | None],
+    parameters: Document,
+) -> ChecklistStep:
+    if bank is None:
+        return _step("bank", ChecklistState.MISSING, "none built: the gains follow from geometry")
+    title = f"{bank.name} v{bank.version}"
+    by_id = {estimate.id: estimate for estimate in estimates}
+    sources = [by_id[entry.identification_id] for entry in bank.entries if entry.identification_id in by_id]
+    for source in sources:
+        run = run_of(source)
+        if run is not None and run.parameters != parameters:
+            entry = next(name_of_entry(one) for one in bank.entries if one.identification_id == source.id)
+            detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
+            return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
+        newer = next((one for one in estimates if replaces(one, source)), None)
+        if newer is not None:
+            detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
+            return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
+    if bank.id != in_use:
+        return _step("bank", ChecklistState.MISSING, f"{title} is built but not in use: activate it", at=bank)
+    return _step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
+
+
+def replaces(one: Identification, source: Identification) -> bool:
+    """Return whether ``one`` is a newer usable identification at the point of ``source``."""
+    if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
+        return False
+    try:
+        a, b = one.early_model.S_nominal, source.early_model.S_nominal
+    except UnreadableDocumentError:
+        return False
+    return a is not None and b is not None and abs(a - b) < NEAR
+
+
+def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
+    """Return whether somebody has saved λ for the bank in use."""
+    if bank is None or bank.id != in_use:
+        return _step("tuning", ChecklistState.MISSING, "needs a bank in use")
+    title = f"{bank.name} v{bank.version}"
+    stored = settings.newest(session, saved_for(bank.id))
+    if stored is None:
+        return _step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
+    parts = SAVED.read(stored.value, f"setting “{stored.name}”").known()
+    told = ", ".join(
+        f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
+    )
+    detail = f"{told}, saved for {title} by {stored.who}"
+    return ChecklistStep(name="tuning", state=ChecklistState.DONE, detail=detail, run=None, at=stored.at)
+
+
+def _experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
+    if run is None:
+        return _step("experiment", ChecklistState.MISSING, "none completed yet")
+    if run.bank_id != in_use:
+        return _step("experiment", ChecklistState.OUTDATED, f"run {run.id} was made with another bank", run)
+    return _step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
+
+
+def _report(session: Session, run: Run | None) -> ChecklistStep:
+    if run is None:
+        return _step("report", ChecklistState.MISSING, "needs an experiment")
+    kept = [one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None]
+    if not kept:
+        return _step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open it", run)
+    return _step("report", ChecklistState.DONE, f"made of run {run.id}", run)
+
+
+def _newest(estimates: list[Identification], kind: str) -> Found:
+    """Return the newest usable estimate of a kind, else the newest at all."""
+    of_kind = [estimate for estimate in estimates if estimate.kind == kind]
+    return next((estimate for estimate in of_kind if estimate.usable), next(iter(of_kind), None))
+
+
+def _newest_run(session: Session, kinds: tuple[RunKind, ...]) -> Run | None:
+    found = runs.find(session, kinds=kinds, ended=EndState.COMPLETED, limit=1)
+    return found[0] if found else None
+
+
+def _step(
+    name: str, state: ChecklistState, detail: str, run: Run | None = None, *, at: Bank | None = None
+) -> ChecklistStep:
+    when = at.created_at if at is not None else None if run is None else run.started_at
+    return ChecklistStep(name=name, state=state, detail=detail, run=None if run is None else run.id, at=when)
+
+
+# Lineage -------------------------------------------------------------------------------------------
+#
+# The lineage of a run as boxes: gains, bank, identifications, raw data, parameters, calibration,
+# each with a digest.
+#
+# A digest is that of the content (``documents/digest.py``, ``recording/digest.py``): two boxes with
+# the same digest say the same, in whichever database. What holds no more is marked where it stands.
+
+
+READ_AT_ONCE_BYTES = 30_000_000
+"""Stored recordings up to this size are read through while somebody waits: twenty minutes, in half a second."""
+_REMEMBERED = 500
+_TOLD = 3
+"""Parameters that are named where more of them differ."""
+_CALIBRATED = {PlantChoice(kind).name for kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)}
+
+Digest = tuple[str | None, str]
+"""In hex, or None and why there is none."""
+
+
+class SampleDigests:
+    """Digests of recordings, remembered: samples of a run that is over change no more."""
+
+    def __init__(self, largest_bytes: int) -> None:
+        self._largest_bytes = largest_bytes
+        self._known: OrderedDict[tuple[int, int], str] = OrderedDict()
+
+    def of(self, session: Session, run: Run) -> Digest:
+        """Return the digest of a run's samples."""
+        if run.end_state == EndState.RUNNING:
+            return None, "the run is not over"
+        try:
+            recording = recordings.get(session, run.id)
+            key = run.id, recording.size_bytes
+            if key not in self._known:
+                if recording.size_bytes > self._largest_bytes:
+                    return None, f"too long to be read through here: sinew runs lineage {run.id} does"
+                self._known[key] = digest_of_recording(session, run.id)
+                if len(self._known) > _REMEMBERED:
+                    self._known.popitem(last=False)
+            return self._known[key], ""
+        except (UnknownRecordError, CodecError) as error:
+            return None, str(error)
+
+
+_SYMBOLS = {"lam_q": "λ_q", "lam_S": "λ_S", "lam_motor": "λ_motor"}
+
+
+class LineageGraph:
+    """Makes the boxes of one run; ``parameters`` are those of the plant as it is now."""
+
+    def __init__(self, session: Session, parameters: Document, samples: SampleDigests) -> None:
+        self._session = session
+        self._now = parameters
+        self._samples = samples
+        self._nodes: dict[str, LineageNode] = {}
+        self._station = ""
+
+    def of(self, run: Run, built: Sequence[Bank]) -> list[LineageNode]:
+        """Return the boxes of a run, itself first, and of the banks that were built from it."""
+        self._station = run.station
+        origins = [self._gains(run), self._parameters(run), *self._calibration(run)]
+        found = identifications.find(self._session, run_id=run.id)
+        mine = self._samples.of(self._session, run)
+        own = self._node(LineageKind.RUN, f"run-{run.id}", f"Run {run.id}", title_of(run), mine, origins, run=run.id)
+        for estimate in found:
+            self._identification(estimate, "", [own])
+        for bank in built:
+            made_of = [f"identification-{one.id}" for one in found if one.id in _sources(bank)]
+            self._bank(bank, made_of)
+        return [self._nodes.pop(own), *self._nodes.values()]
+
+    def _node(
+        self,
+        kind: LineageKind,
+        node: str,
+        title: str,
+        detail: str,
+        digest: Digest,
+        origins: Sequence[str],
+        out_of_date: str = "",
+        **pages: int | None,
+    ) -> str:
+        sha256, reason = digest
+        page = {"run": None, "bank": None, "identification": None} | pages
+        self._nodes[node] = LineageNode(
+            id=node,
+            kind=kind,
+            title=title,
+            detail=detail,
+            sha256=sha256,
+            no_sha256=reason,
+            out_of_date=out_of_date,
+            origins=list(dict.fromkeys(origins)),
+            **page,
+        )
+        return node
+
+    def _gains(self, run: Run) -> str:
+        try:
+            loop = run.set_to.loop.known()
+        except UnreadableDocumentError as error:
+            return self._node(LineageKind.GAINS, "gains", "Gains", "", (None, str(error)), [self._parameters(run)])
+        way = origins.banks_on_the_way(self._session, run)
+        used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
+        if run.bank_id is None:
+            made_of, content = [self._parameters(run)], digest_of(run.parameters)
+        else:
+            bank = banks.get(self._session, run.bank_id)
+            made_of, content = [self._whole_bank(bank)], digest_of(_content(bank))
+        made_of += [self._whole_bank(one) for one in used]
+        detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_shown(value)}" for name, value in loop.items())
+        # The number of a bank is another one in each database; its content stands beside.
+        choice = {name: value for name, value in loop.items() if name != "bank"}
+        later = {"on_the_way": sorted(digest_of(_content(one)) for one in used)} if used else {}
+        digest: Digest = digest_of({"loop": choice, "from": content, **later}), ""
+        if origins.BANKS in self._carried(run):
+            digest = None, "its bank was not imported with it: a bundle has it"
+        elif way.computed:
+            digest = None, f"it computes the numbers of its banks: {', '.join(way.computed)}"
+        return self._node(LineageKind.GAINS, "gains", "Gains", detail, digest, made_of)
+
+    def _carried(self, run: Run) -> Document:
+        origin = origins.of_runs(self._session, [run.id]).get(run.id)
+        return {} if origin is None else origin.carried
+
+    def _whole_bank(self, bank: Bank) -> str:
+        """Return the box of a bank, with those of all it came from."""
+        made_of = []
+        for entry in bank.entries:
+            if entry.identification_id is not None:
+                estimate = identifications.get(self._session, entry.identification_id)
+                made_of.append(self._identification(estimate, name_of_entry(entry)))
+        return self._bank(bank, made_of)
+
+    def _bank(self, bank: Bank, made_of: Sequence[str]) -> str:
+        node = f"bank-{bank.id}"
+        if node in self._nodes:
+            return node
+        newest = banks.newest_version(self._session, bank)
+        marks = [f"version {newest} of it is newer"] if newest > bank.version else []
+        marks += ["an entry was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
+        title, entries = f"{bank.name} v{bank.version}", f"{len(bank.entries)} entries"
+        detail = entries if _sources(bank) else f"{entries}, imported"
+        digest = digest_of(_content(bank)), ""
+        return self._node(LineageKind.BANK, node, title, detail, digest, made_of, "; ".join(marks), bank=bank.id)
+
+    def _identification(self, estimate: Identification, name: str, origins: Sequence[str] | None = None) -> str:
+        node = f"identification-{estimate.id}"
+        if node in self._nodes:
+            return node
+        newer = next(
+            (one for one in identifications.of_kind_after(self._session, estimate) if replaces(one, estimate)), None
+        )
+        mark = "" if newer is None else f"identified again in run {newer.run_id}"
+        if not estimate.usable:
+            mark = "; ".join(filter(None, (mark, "it is not usable")))
+        made_of = self._data(estimate) if origins is None else list(origins)
+        content = {
+            "data": estimate.data,
+            "method": estimate.method,
+            "options": estimate.options,
+            "model": estimate.model,
+        }
+        title = f"Identification{': ' + name if name else ''}"
+        detail = f"{estimate.kind}, {estimate.method}"
+        digest = digest_of(content), ""
+        return self._node(
+            LineageKind.IDENTIFICATION, node, title, detail, digest, made_of, mark, identification=estimate.run_id
+        )
+
+    def _data(self, estimate: Identification) -> list[str]:
+        if estimate.run_id is None:
+            name, sha256 = estimate.data.get("file"), estimate.data.get("sha256")
+            kept: Digest = (sha256, "") if isinstance(sha256, str) else (None, "its file was not kept")
+            node = f"file-{estimate.id}"
+            return [self._node(LineageKind.DATA, node, "Imported data", str(name or "not from a run"), kept, [])]
+        run = runs.get(self._session, estimate.run_id)
+        node = f"data-{run.id}"
+        if node not in self._nodes:
+            made_of = [self._parameters(run), *self._calibration(run)]
+            digest, started = self._samples.of(self._session, run), f"{run.started_at:%Y-%m-%d %H:%M} UTC"
+            mark = self._missing(run)
+            self._node(LineageKind.DATA, node, f"Samples of run {run.id}", started, digest, made_of, mark, run=run.id)
+        return [node]
+
+    def _missing(self, run: Run) -> str:
+        try:
+            recording = recordings.get(self._session, run.id)
+        except UnknownRecordError as error:
+            return str(error)
+        return "" if recording.removed_at is None else "the samples were deleted"
+
+    def _parameters(self, run: Run) -> str:
+        digest = digest_of(run.parameters)
+        node = f"parameters-{digest[:16]}"
+        if node not in self._nodes:
+            elsewhere = self._station != station_of(self._session)
+            mark = "" if elsewhere else _difference(run.parameters, self._now)
+            self._node(LineageKind.PARAMETERS, node, f"Parameters {run.parameters_name}", "", (digest, ""), [], mark)
+        return node
+
+    def _calibration(self, run: Run) -> list[str]:
+        """Return the box of what was calibrated when a run on a rig began."""
+        if run.plant not in _CALIBRATED:
+            return []
+        origin = origins.of_runs(self._session, [run.id]).get(run.id)
+        if origin is not None:
+            return self._carried_calibration(origin)
+        kept = commissioning.calibrations(self._session, run.station)
+        then = {one.step: one for one in kept if one.at <= run.started_at}
+        later = sorted({one.step for one in kept if one.at > run.started_at})
+        if not then:
+            none = None, "nothing was calibrated before the run"
+            return [
+                self._node(LineageKind.CALIBRATION, "calibration-none", "Calibration", "from the wiring file", none, [])
+            ]
+        content = [commissioning.told(one) for one in then.values()]
+        detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
+        mark = f"done again since: {', '.join(later)}" if later else ""
+        digest = digest_of(content)
+        node = f"calibration-{digest[:16]}"
+        return [self._node(LineageKind.CALIBRATION, node, "Calibration", detail, (digest, ""), [], mark)]
+
+    def _carried_calibration(self, origin: Origin) -> list[str]:
+        """Return the box of what was calibrated at the rig that made an imported run."""
+        content = origin.carried.get(origins.CALIBRATIONS)
+        digest: Digest = (digest_of(content), "") if content else (None, "nothing came with the run")
+        node = f"calibration-{(digest[0] or 'none')[:16]}"
+        return [self._node(LineageKind.CALIBRATION, node, "Calibration", "of the rig that made it", digest, [])]
+
+
+def _sources(bank: Bank) -> set[int]:
+    return {entry.identification_id for entry in bank.entries if entry.identification_id is not None}
+
+
+def _content(bank: Bank) -> list[dict[str, Any]]:
+    return [{"S_nominal": entry.S_nominal, "model": entry.model} for entry in bank.entries]
+
+
+def _difference(then: Document, now: Document) -> str:
+    """Return in words which numbers of the plant are others now."""
+    if then == now:
+        return ""
+    before, after = dict(numbers_of(then)), dict(numbers_of(now))
+    differing = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
+    if not differing:
+        return "the plant has others now: their sources or texts differ"
+    told = ", ".join(f"{name} {_shown(before.get(name))}, now {_shown(after.get(name))}" for name in differing[:_TOLD])
+    more = f" and {len(differing) - _TOLD} more" if len(differing) > _TOLD else ""
+    return f"the plant has others now: {told}{more}"
+
+
+def _shown(value: float | str | None) -> str:
+    if value is None:
+        return "not there"
+    return f"{value:.6g}" if type(value) is float else str(value)
+
+
+# History -------------------------------------------------------------------------------------------
+#
+# Where a run came from, what happened in it, how far the set-up is: read from the database in
+# threads.
+
+
+_RUNS_SHOWN = 20
+
+
+class History:
+    """``bank_in_use`` tells the number of the active bank; longer recordings than ``largest_bytes`` have no digest."""
+
+    def __init__(
+        self,
+        database: Database,
+        parameters: PlantParameters,
+        bank_in_use: Callable[[], int | None],
+        largest_bytes: int = READ_AT_ONCE_BYTES,
+    ) -> None:
+        self._database = database
+        self.use(parameters)
+        self._bank_in_use = bank_in_use
+        self._samples = SampleDigests(largest_bytes)
+
+    def use(self, parameters: PlantParameters) -> None:
+        """Compare runs with these parameters from now on."""
+        self._parameters = parameters.document()
+
+    async def lineage(self, run_id: int) -> Lineage:
+        """Return what a run came from and what came of it. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self.lineage_of, run_id)
+
+    async def marks(self, run_id: int) -> RunMarks:
+        """Return what happened during a run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._marks, run_id)
+
+    async def checklist(self) -> Checklist:
+        """Return how far the set-up is."""
+        return await asyncio.to_thread(self._checklist)
+
+    def lineage_of(self, run_id: int) -> Lineage:
+        """Return what a run came from and what came of it. Raises UnknownRecordError."""
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            bank = None if run.bank_id is None else banks.get(session, run.bank_id)
+            mine = {estimate.id for estimate in identifications.find(session, run_id=run_id)}
+            built = [one for one in banks.find(session) if mine & {entry.identification_id for entry in one.entries}]
+            return Lineage(
+                run=run.id,
+                software=run.software,
+                parameters=run.parameters_name,
+                parameters_as_now=run.parameters == self._parameters,
+                bank=None if bank is None else _named(bank),
+                entries=[] if bank is None else _entries(session, bank),
+                banks_built=[_named(one) for one in built],
+                runs_with_them=runs.with_banks(session, [one.id for one in built], limit=_RUNS_SHOWN),
+                nodes=LineageGraph(session, self._parameters, self._samples).of(run, built),
+            )
+
+    def _marks(self, run_id: int) -> RunMarks:
+        with self._database.reading() as session:
+            return marks_of(session, run_id)
+
+    def _checklist(self) -> Checklist:
+        with self._database.reading() as session:
+            return Checklist(steps=checklist_steps(session, self._parameters, self._bank_in_use()))
+
+
+def marks_of(session: Session, run_id: int) -> RunMarks:
+    """Return what happened during a run, on its own time axis. Raises UnknownRecordError."""
+    run = runs.get(session, run_id)
+    try:
+        period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
+    except UnknownRecordError:
+        return RunMarks(marks=[])
+    happened = events.between(session, run.started_at, run.ended_at, station=run.station)
+    faults = [event for event in happened if event.kind == EventKind.FAULT]
+
+    def is_doubled(trip: Event) -> bool:
+        """Tell whether an earlier version kept the trip as a fault too, such as "STOP" for "STOP was pressed."."""
+        return any(fault.tick == trip.tick and trip.text.startswith(fault.text) for fault in faults)
+
+    marks = [
+        RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
+        for event in happened
+        # ticks begin anew with each loop process: those of another one do not fit this recording
+        if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
+        if event.kind != EventKind.TRIP or not is_doubled(event)
+    ]
+    return RunMarks(marks=marks)
+
+
+def _named(bank: Bank) -> LineageBank:
+    return LineageBank(id=bank.id, name=bank.name, version=bank.version)
+
+
+def _entries(session: Session, bank: Bank) -> list[LineageEntry]:
+    run_of = {estimate.id: estimate.run_id for estimate in identifications.find(session)}
+    return [
+        LineageEntry(name=name_of_entry(entry), S_nominal=entry.S_nominal, run=run_of.get(entry.identification_id or 0))
+        for entry in bank.entries
+    ]

@@ -1,0 +1,262 @@
+"""The live stream: one frame per period for all clients, and the marks of events."""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from itertools import chain
+from typing import NamedTuple, Protocol, assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend import wire
+from backend.faults import FAULTS, Fault, Limit, explained
+from backend.realtime.commands import (
+    Accepted,
+    Event,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    PlayerMoved,
+    PretensionReached,
+    PushReleased,
+    ReadinessChanged,
+    Refused,
+    RunEnded,
+    Stopped,
+    TuningChanged,
+    WallChanged,
+)
+from backend.realtime.program import MODES, ContactFelt, TouchForgotten
+from backend.realtime.supervisor import LoopDied
+from backend.sample import STORED
+from backend.schemas.state import EventMessage, FieldView, LayoutMessage, MarkKind, StateMessage
+from backend.services.state import wall_in_words
+from backend.supervision import Part
+from plant.interface import T_s
+
+# Event marks ---------------------------------------------------------------------------------------
+#
+# What an event of the loop leaves on the time axis and in the journal.
+
+
+class Mark(NamedTuple):
+    """One mark at ``tick``."""
+
+    kind: MarkKind
+    text: str
+    tick: int
+
+
+def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
+    """Return the mark of an event, None where whoever asked for it leaves one; ``now`` is the newest tick."""
+    match event:
+        case ModeChanged(tick, before, after):
+            return Mark(MarkKind.MODE, f"{before} → {after}", tick)
+        case PretensionReached(tick):
+            return Mark(MarkKind.MODE, "pretension reached", tick)
+        case ContactFelt(tick, F_ext_hat, contact_N):
+            return Mark(MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, from {contact_N:g} N on the joint gives way", tick)
+        case TouchForgotten(tick):
+            return Mark(MarkKind.NOTE, "zeros found anew: the outside force has to be learned again", tick)
+        case PushReleased(tick, why):
+            return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
+        case TuningChanged(tick, 0, lam_q, lam_S):
+            return Mark(MarkKind.TUNING, f"as before the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
+        case TuningChanged(tick, _, lam_q, lam_S):
+            return Mark(MarkKind.TUNING, f"by the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
+        case WallChanged(tick, number, wall) if number:
+            return Mark(MarkKind.NOTE, f"by the program: {wall_in_words(wall)}", tick)
+        case Stopped(fault=Fault.STOP_PRESSED):
+            return None
+        case Stopped(fault=fault, arrived_tick=tick, detail=seen):
+            return Mark(MarkKind.TRIP, explained(fault, seen), tick)
+        case PlantFailing(tick, reason):
+            return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
+        case PlantAnswers(tick):
+            return Mark(MarkKind.NOTE, "the plant answers again", tick)
+        case LoopDied(reason):
+            return Mark(MarkKind.TRIP, f"The control loop died: {reason}", now)
+        case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged() | PlayerMoved():
+            return None
+        case _:
+            assert_never(event)
+
+
+# Live stream ---------------------------------------------------------------------------------------
+#
+# The live stream: one frame is built per tick of the stream and shared by all clients.
+#
+# A client that reads slowly loses frames, never delays another, and is told how many samples it was
+# not sent.
+
+
+PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
+
+RATE_HZ = 30.0
+STATE_PERIOD_S = 0.5
+HISTORY_S = 30.0
+FRAME_SAMPLES = 4096
+QUEUE_FRAMES = 60
+MARKS = 200
+
+
+class Samples(Protocol):
+    """What the stream reads from: the ring of the loop that runs at present."""
+
+    @property
+    def count(self) -> int:
+        """Ticks appended so far."""
+        ...
+
+    def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
+        """Return (first tick, rows, samples overwritten before they could be read)."""
+        ...
+
+
+class Client:
+    """One open websocket: what waits to be sent to it, and what it has missed."""
+
+    def __init__(self) -> None:
+        self._frames: deque[bytes] = deque()
+        self._texts: deque[str] = deque(maxlen=MARKS)
+        self._state: str | None = None
+        self._missed = 0
+        self._wake = asyncio.Event()
+
+    def offer_frame(self, frame: bytes) -> None:
+        """Queue a frame; when the queue is full it is not sent, and its samples are counted as missed."""
+        if len(self._frames) >= QUEUE_FRAMES:
+            self._missed += wire.count_of(frame)
+            return
+        self._frames.append(wire.with_missed(frame, self._missed) if self._missed else frame)
+        self._missed = 0
+        self._wake.set()
+
+    def offer_state(self, state: str) -> None:
+        """Replace the state that waits to be sent: the newest wins."""
+        self._state = state
+        self._wake.set()
+
+    def offer_text(self, text: str) -> None:
+        """Queue a message that must arrive in order: an event mark, a pong."""
+        self._texts.append(text)
+        self._wake.set()
+
+    async def next(self) -> str | bytes:
+        """Wait for what is to be sent next."""
+        while True:
+            if self._texts:
+                return self._texts.popleft()
+            if self._state is not None:
+                state, self._state = self._state, None
+                return state
+            if self._frames:
+                return self._frames.popleft()
+            self._wake.clear()
+            await self._wake.wait()
+
+
+class LiveStream:
+    """Reads the ring at 30 Hz and hands each frame to all clients.
+
+    ``samples`` returns the ring in use (another one after the loop process was started anew), ``state`` the state to
+    tell. ``announce`` marks an event; ``state_changed`` sends the state with the next frame instead of at its turn.
+    """
+
+    def __init__(self, samples: Callable[[], Samples], state: Callable[[], StateMessage]) -> None:
+        self._samples = samples
+        self._state = state
+        self._clients: set[Client] = set()
+        self._marks: deque[str] = deque(maxlen=MARKS)
+        self._ring = samples()
+        self._position = self._ring.count
+        self._state_due = 0.0
+
+    @property
+    def clients(self) -> int:
+        """How many websockets are open."""
+        return len(self._clients)
+
+    def announce(self, mark: EventMessage) -> None:
+        """Put a mark on the time axis of all clients and of those who come later."""
+        text = mark.model_dump_json()
+        self._marks.append(text)
+        for client in self._clients:
+            client.offer_text(text)
+
+    def state_changed(self) -> None:
+        """Send the state with the next frame."""
+        self._state_due = 0.0
+
+    async def run(self) -> None:
+        """Stream until cancelled."""
+        clock = asyncio.get_running_loop().time
+        due = clock()
+        while True:
+            due = max(due + 1.0 / RATE_HZ, clock())
+            await asyncio.sleep(due - clock())
+            self.step(clock())
+
+    def step(self, now_s: float) -> None:
+        """Hand what is new to every client."""
+        if self._samples() is not self._ring:
+            self._restart()
+        if now_s >= self._state_due:
+            self._state_due = now_s + STATE_PERIOD_S
+            self._broadcast_state()
+        for frame in self._new_frames():
+            for client in self._clients:
+                client.offer_frame(frame)
+
+    @contextmanager
+    def attending(self) -> Iterator[tuple["Client", Iterable[str | bytes]]]:
+        """Count one more client; beside it comes what it is sent first: how to read all, state, the seconds before."""
+        client = Client()
+        greeting = [layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
+        history = _frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)
+        self._clients.add(client)
+        try:
+            yield client, chain(greeting, history)
+        finally:
+            self._clients.discard(client)
+
+    def _restart(self) -> None:
+        self._ring = self._samples()
+        self._position = 0
+        self._marks.clear()
+        again = layout().model_dump_json()
+        for client in self._clients:
+            client.offer_text(again)
+
+    def _broadcast_state(self) -> None:
+        if self._clients:
+            state = self._state().model_dump_json()
+            for client in self._clients:
+                client.offer_state(state)
+
+    def _new_frames(self) -> Iterator[bytes]:
+        end = self._ring.count
+        yield from _frames(self._ring, self._position, end)
+        self._position = end
+
+
+def layout() -> LayoutMessage:
+    """Return the message that tells how to read all others."""
+    return LayoutMessage(
+        fields=[FieldView(name=f.name, symbol=f.symbol, unit=f.unit, meaning=f.meaning) for f in STORED],
+        period_s=T_s,
+        modes=[str(mode) for mode in MODES],
+        faults=[str(fault) for fault in FAULTS],
+        limits={str(limit.name): limit.value for limit in Limit},
+    )
+
+
+def _frames(ring: Samples, since: int, end: int) -> Iterator[bytes]:
+    while since < end:
+        first, rows, missed = ring.read(since, min(FRAME_SAMPLES, end - since))
+        if len(rows) == 0:
+            return
+        yield wire.pack(first, rows, missed)
+        since = first + len(rows)

@@ -1,0 +1,236 @@
+"""Maintenance: machine, disk, database, backups, room for recordings."""
+
+import asyncio
+import logging
+import os
+import platform
+import shutil
+import threading
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+
+from backend import __version__
+from backend.realtime.supervisor import Supervisor
+from backend.realtime.timing import LATENESS_EDGES_S, lateness_histogram
+from backend.recording.retention import Overview, Rule, overview, remove
+from backend.schemas.state import (
+    BackupView,
+    DatabaseCheck,
+    DatabaseView,
+    GrantedView,
+    HeldView,
+    LatenessClass,
+    RecordingsView,
+    SystemView,
+)
+from backend.storage import events
+from backend.storage.database import Database, backup, check, is_small, next_copy, require_whole, revision
+from backend.storage.events import EventKind
+from backend.storage.orm import DamagedError, StorageError
+from backend.supervision import Part
+
+# Maintenance ---------------------------------------------------------------------------------------
+#
+# The System page's view of machine and database, and copies of the database while it is in use.
+
+
+_PACKAGES = ("numpy", "scipy", "numba", "fastapi", "sqlalchemy", "viser")
+
+
+class Maintenance:
+    """Looks after the database of one data folder; the work is done in threads."""
+
+    def __init__(self, database: Database, data: Path, supervisor: Supervisor) -> None:
+        self._database = database
+        self._data = data
+        self._supervisor = supervisor
+
+    async def view(self) -> SystemView:
+        """Return what the System page shows beside the state."""
+        return await asyncio.to_thread(self._view)
+
+    async def check(self) -> DatabaseCheck:
+        """Check the whole database."""
+        return DatabaseCheck(problems=await asyncio.to_thread(check, self._database.engine))
+
+    async def backup(self, who: str) -> BackupView:
+        """Copy the database to the data folder. Raises BackupError."""
+        return await asyncio.to_thread(self._backup, who)
+
+    def _backup(self, who: str) -> BackupView:
+        target = next_copy(self._data)
+        backup(self._database.engine, target)
+        # a database that takes nothing more is one to make copies of: the copy counts
+        with suppress(StorageError), self._database.session() as session:
+            events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
+        return _backup_view(target)
+
+    def _view(self) -> SystemView:
+        granted, ring = self._supervisor.granted, self._supervisor.ring
+        edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
+        copies = sorted(next_copy(self._data).parent.glob("*.db"), reverse=True)
+        return SystemView(
+            granted=None
+            if granted is None
+            else GrantedView(
+                priority=granted.priority,
+                memory_locked=granted.memory_locked,
+                timer_slack_ns=granted.timer_slack_ns,
+                refusals=list(granted.refusals),
+            ),
+            lateness=[
+                LatenessClass(from_us=low, to_us=high if high < float("inf") else None, ticks=ticks)
+                for (low, high), ticks in zip(pairwise(edges_us), lateness_histogram(ring), strict=True)
+            ],
+            versions=_versions(),
+            database=self._database_view(),
+            backups=[_backup_view(copy) for copy in copies],
+        )
+
+    def _database_view(self) -> DatabaseView:
+        engine = self._database.engine
+        file = engine.url.database if engine.dialect.name == "sqlite" else None
+        return DatabaseView(
+            kind=engine.dialect.name,
+            schema_revision=revision(engine),
+            size_bytes=_size_with_log(Path(file)) if file else None,
+            disk_free_bytes=shutil.disk_usage(self._data).free,
+        )
+
+
+@cache
+def _versions() -> dict[str, str]:
+    own = {"Sinew": __version__, "Python": platform.python_version(), "Linux": platform.release()}
+    return own | {name: version(name) for name in _PACKAGES}
+
+
+def _size_with_log(file: Path) -> int:
+    """Size of an SQLite file with what still stands in its write-ahead log."""
+    log = file.with_name(f"{file.name}-wal")
+    return file.stat().st_size + (log.stat().st_size if log.is_file() else 0)
+
+
+def _backup_view(copy: Path) -> BackupView:
+    known = copy.stat()
+    return BackupView(name=copy.name, at=datetime.fromtimestamp(known.st_mtime, UTC), size_bytes=known.st_size)
+
+
+# Retention -----------------------------------------------------------------------------------------
+#
+# How much room recordings take, looked at now and then, and deleting the samples that a person
+# names.
+
+
+PART = Part("The look at the room that recordings take", "Recordings may pass their limit unseen.")
+
+LOOK_S = 600.0
+"""How often the sizes are added up [s]: a recording grows by 80 MB an hour."""
+
+
+class Retention:
+    """Looks after the room that recordings take; ``problem`` says when it is too much. Deletes nothing by itself."""
+
+    def __init__(self, database: Database, rule: Rule) -> None:
+        self.problem = ""
+        self._database = database
+        self._rule = rule
+
+    async def run(self) -> None:
+        """Look from time to time until cancelled."""
+        while True:
+            try:
+                await self.view()
+            except StorageError as error:
+                self.problem = f"the size of the recordings is not known: {error}"
+            await asyncio.sleep(LOOK_S)
+
+    async def view(self) -> RecordingsView:
+        """Return what recordings take and which may go. Raises StorageError."""
+        return self._seen(await asyncio.to_thread(overview, self._database, self._rule))
+
+    async def remove(self, run_ids: list[int], who: str) -> RecordingsView:
+        """Delete the samples of exactly these runs. Raises NotRemovableError, StorageError."""
+        return self._seen(await asyncio.to_thread(remove, self._database, self._rule, run_ids, who))
+
+    def _seen(self, found: Overview) -> RecordingsView:
+        self.problem = found.says
+        return RecordingsView(
+            total_bytes=found.total_bytes,
+            limit_bytes=found.rule.max_bytes,
+            in_use_bytes=found.in_use_bytes,
+            keep_days=found.rule.keep_days,
+            may_go=[
+                HeldView(
+                    run=run.run_id,
+                    kind=run.kind,
+                    who=run.who,
+                    note=run.note,
+                    started=run.started_at,
+                    size_bytes=run.size_bytes,
+                )
+                for run in found.may_go
+            ],
+            says=found.says,
+        )
+
+
+# Soundness -----------------------------------------------------------------------------------------
+#
+# Whether the database of this service is whole and in its place; looked at from the start on.
+
+
+NICENESS = 10
+_log = logging.getLogger(__name__)
+
+
+class Soundness:
+    """Looks after the database of one data folder. ``problem`` says what is wrong with its pages."""
+
+    def __init__(self, database: Database, data: Path) -> None:
+        self.problem = ""
+        self._database = database
+        self._data = data
+        self._is_due = database.file is not None
+        self._thread: threading.Thread | None = None
+
+    def before_start(self) -> None:
+        """Check all of a small database. Raises DamagedError, with the way back."""
+        if self._database.file is not None and is_small(self._database.file):
+            require_whole(self._database, self._data)
+            self._is_due = False
+
+    def start(self) -> None:
+        """Check all of a large database while the service works."""
+        if self._is_due:
+            # A thread of its own, as its niceness stays with it; nobody waits for it when the service ends.
+            self._thread = threading.Thread(target=self._look, name="database check", daemon=True)
+            self._thread.start()
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for the check of a large database."""
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def displaced(self) -> str:
+        """Return why what is written is not kept where anybody finds it, "" while all is well."""
+        try:
+            self._database.require_in_place()
+        except StorageError as error:
+            return str(error)
+        return ""
+
+    def _look(self) -> None:
+        with suppress(PermissionError):  # of this thread alone: the recorder comes first
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        try:
+            require_whole(self._database, self._data)
+        except DamagedError as error:
+            self.problem = f"{error}. Stop the service first"
+            _log.error(self.problem)
+        except Exception as error:
+            self.problem = f"the database could not be checked: {error}"
+            _log.exception("the check of the database failed")

@@ -1,0 +1,346 @@
+"""Applied parameters: identified motors and springs in versions over the parameter file."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from itertools import zip_longest
+from typing import Any, NamedTuple
+
+from backend.banks import tuning_settings
+from backend.errors import Because, RefusalError
+from backend.models.document import digest_of
+from backend.models.run import APPLIED, AppliedParameters
+from backend.realtime.program import Mode
+from backend.realtime.supervisor import Supervisor
+from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView
+from backend.schemas.tuning import ParameterVersion as TuningParameterVersion
+from backend.services.actuator import Actuator
+from backend.services.tuning_state import KeptTuning, TuningInUse
+from backend.storage import identifications, settings
+from backend.storage.database import Database, Session
+from backend.storage.identifications import Identification
+from backend.tuning.gains import TuningError
+from plant.parameters import SIDES, ParameterError, PlantParameters, Side, load_parameters
+
+# Applied parameters --------------------------------------------------------------------------------
+#
+# Identified motors and springs put in force: versions over the parameter file, each kept, the
+# newest counts.
+#
+# What is applied is what the controller knows of the plant. What a simulated plant really is stays
+# as its file says.
+
+
+NAME = "identified in force"
+
+
+class NotApplicableError(ValueError):
+    """An identification that cannot be applied to the parameters; the message says why."""
+
+
+@dataclass(frozen=True)
+class ParameterVersion:
+    """A set of parameters that came into force; number 0 is the file as it is, which nobody applied."""
+
+    number: int
+    parameters: PlantParameters
+    applied: AppliedParameters | None = None
+    who: str = ""
+    at: datetime | None = None
+
+    @property
+    def digest(self) -> str:
+        """The same for the same numbers with the same sources, as lineage shows it."""
+        return digest_of(self.parameters.document())
+
+
+@dataclass(frozen=True)
+class Change:
+    """An entry of what the controller knows of one side; None where one of the two has no such entry."""
+
+    name: str
+    side: Side
+    unit: str
+    before: float | None
+    after: float | None
+
+
+def parameter_versions(database: Database, base: PlantParameters) -> list[ParameterVersion]:
+    """Return all versions over this file's numbers, newest first, the file itself last.
+
+    Raises UnreadableDocumentError, ParameterError.
+    """
+    with database.reading() as session:
+        stored = [(APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, NAME)]
+    mine = tuning_settings.tuning_digest(base)
+    made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
+    found = [
+        ParameterVersion(number, _over(base, applied), applied, one.who, one.at)
+        for number, (applied, one) in enumerate(made, start=1)
+    ]
+    return [*reversed(found), ParameterVersion(0, base)]
+
+
+def active_parameters(database: Database, base: PlantParameters) -> PlantParameters:
+    """Return the parameters of the file with what was applied last. Raises UnreadableDocumentError, ParameterError."""
+    return parameter_versions(database, base)[0].parameters
+
+
+def last_applied_by(database: Database) -> str:
+    """Return who applied something last, to whatever file; empty for nobody."""
+    with database.reading() as session:
+        last = settings.newest(session, NAME)
+    return "" if last is None else last.who
+
+
+def proposal(base: PlantParameters, now: PlantParameters, found: Identification) -> AppliedParameters:
+    """Return what applying an identification would put in force, over what is ``now``.
+
+    Raises NotApplicableError, and ParameterError for a value outside its bounds.
+    """
+    named = f"run {found.run_id}" if found.run_id is not None else f"estimate {found.id}"
+    if found.kind not in ("motor", "spring"):
+        raise NotApplicableError(f"{named} is an {found.kind} identification: build a bank from it")
+    if not found.usable:
+        raise NotApplicableError(f"{named} is not usable: {found.verdict}")
+    source = f"{found.kind} identification of {named}"
+    sections = identified_sections(now)
+    for side in SIDES:
+        entries = dict(_motor(found, side) if found.kind == "motor" else _spring(found, side))
+        own = sections.setdefault(f"identified_{side}", {})
+        if "k" in entries:
+            own.pop("points", None)
+        own |= {name: {"value": value, "unit": unit, "source": source} for name, (value, unit) in entries.items()}
+    document = {
+        "base": tuning_settings.tuning_digest(base),
+        "identified": sections,
+        "estimate": found.id,
+        "run": found.run_id or 0,
+    }
+    applied = APPLIED.read(document, source)
+    if not differences(now, _over(base, applied)):
+        raise NotApplicableError(f"{named} says what is in force already: nothing would change")
+    return applied
+
+
+def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
+    """Return what puts the former version in force again. Raises NotApplicableError where there is none."""
+    found = parameter_versions(database, base)
+    if len(found) == 1:
+        raise NotApplicableError("nothing was applied to the parameter file: there is nothing to undo")
+    former = found[1].applied
+    sections = {} if former is None else former.identified
+    return AppliedParameters(
+        base=tuning_settings.tuning_digest(base),
+        identified=sections,
+        estimate=0 if former is None else former.estimate,
+        run=0 if former is None else former.run,
+        undone=True,
+    )
+
+
+def store_parameters(session: Session, applied: AppliedParameters, who: str) -> None:
+    """Store a new version: it is the one in force from now on."""
+    settings.put(session, NAME, APPLIED.write(applied), who)
+
+
+def sections_of(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return what is put over the file, as its document says it."""
+    return {section: {name: asdict(one) for name, one in held.items()} for section, held in applied.identified.items()}
+
+
+def identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the sections of what the controller knows."""
+    held = parameters.document().items()
+    return {section: entries for section, entries in held if section.startswith("identified")}
+
+
+def differences(before: PlantParameters, after: PlantParameters) -> list[Change]:
+    """Return the entries that differ, side by side."""
+    return [change for side in SIDES for change in _compared(before, after, side) if change.before != change.after]
+
+
+def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[Change]:
+    was, now = before.identified_of(side), after.identified_of(side)
+    yield Change("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
+    yield Change("T_m", side, "s", was.T_m, now.T_m)
+    for power, (old, new) in enumerate(zip_longest(was.k, now.k)):
+        yield Change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
+
+
+def _over(base: PlantParameters, applied: AppliedParameters) -> PlantParameters:
+    return base.with_identified(sections_of(applied))
+
+
+def _motor(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
+    known = found.motors.side(side).model.parameters
+    if known.K_m is None or known.T_m is None:
+        raise NotApplicableError(f"run {found.run_id} has no K_m and T_m of motor {side}: evaluate it again")
+    yield "K_m", (known.K_m, "rad/(V·s)")
+    yield "T_m", (known.T_m, "s")
+
+
+def _spring(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
+    """Give each spring its own polynomial, and both that of a table."""
+    spring = found.springs.get(side) or found.springs.get("table")
+    if spring is None:
+        raise NotApplicableError(f"estimate {found.id} has no spring {side}")
+    yield "k", (list(next(fit.k for fit in spring.model.fits if fit.order == spring.model.recommended)), "N/m^i")
+
+
+# Applied -------------------------------------------------------------------------------------------
+#
+# Applying identified motors and springs: the controller goes by them from then on, what is
+# simulated stays as it is.
+#
+# Only while the actuator is off: the loop is started anew with what is in force then. Whoever
+# undoes says which version, so that two who undo at once do not undo each other.
+
+
+class _Wanted(NamedTuple):
+    """What is to come into force, and a tuning that is safe on it in place of the one ``before``."""
+
+    applied: AppliedParameters
+    parameters: PlantParameters
+    before: TuningInUse
+    tuning: TuningInUse
+
+
+class Applied:
+    """Versions over ``base``, the parameter file. ``use`` hands what came into force to whoever goes by it."""
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        supervisor: Supervisor,
+        database: Database,
+        kept: KeptTuning,
+        base: PlantParameters,
+        use: Callable[[PlantParameters], None],
+    ) -> None:
+        self._actuator, self._supervisor, self._database = actuator, supervisor, database
+        self._kept, self._base, self._use = kept, base, use
+
+    async def view(self, estimate: int | None = None) -> ParametersView:
+        """Return what is in force and was, and what applying an estimate would change. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._view, estimate)
+
+    async def apply(self, estimate: int, who: str) -> ParametersView:
+        """Put in force what was identified. Raises RefusalError, UnknownRecordError; nothing changes then."""
+        async with self._actuator.starting:
+            await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._proposal(estimate)), who)
+        return await self.view()
+
+    async def undo(self, version: int, who: str) -> ParametersView:
+        """Put what was before ``version``, the newest, in force again. Raises RefusalError; nothing changes then.
+
+        That is the way back from parameters that no loop starts with: so it does for a loop that is not there, too.
+        """
+        async with self._actuator.starting:
+            await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._undoing(version)), who)
+        return await self.view()
+
+    def _wanted(self, propose: Callable[[], AppliedParameters]) -> _Wanted:
+        try:
+            if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop that starts reads it anew
+                raise RefusalError(Because.NOT_NOW, "the parameter file has changed: start the service anew first")
+            applied, before = propose(), self._actuator.present.operators_tuning
+            parameters = self._base.with_identified(sections_of(applied))
+            return _Wanted(applied, parameters, before, self._kept.carried_over(before, parameters))
+        except (NotApplicableError, ParameterError, TuningError) as error:
+            raise RefusalError(Because.BAD_VALUE, f"it cannot be applied: {error}") from None
+
+    async def _take_up(self, wanted: _Wanted, who: str) -> None:
+        applied, parameters, before, tuning = wanted
+
+        def take() -> None:
+            self._require_idle(before)
+            if not (applied.undone or self._supervisor.alive):
+                raise RefusalError(Because.UNAVAILABLE, "the control loop is not running: reset starts it again")
+            with self._database.session() as session:
+                store_parameters(session, applied, who)
+            self._kept.put(tuning, who)
+            present = self._actuator.present
+            present.use(parameters, tuning)
+            present.earlier, present.undone = self._kept.earlier(tuning), False
+            identified = sections_of(applied)
+            self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
+            self._use(parameters)
+
+        self._require_idle(before)  # before it waits for its turn, too: there is nothing to wait for
+        undone = "the former parameters, as the last identification was undone"
+        run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
+        moved = ", ".join(tuning.choice.differences(before.choice))
+        told = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
+        await self._actuator.take_up(take, told, who)
+
+    def _require_idle(self, tuning: TuningInUse) -> None:
+        """Raise RefusalError unless the actuator is off, nothing is under way and this tuning is in force."""
+        present = self._actuator.present
+        self._actuator.require_unoccupied()
+        if present.task is not None or present.own_tuning is not None:
+            raise RefusalError(Because.NOT_NOW, "a run is under way: parameters change when it is over")
+        if present.trial() is not None:
+            raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+        if present.mode is not Mode.OFF:
+            raise RefusalError(
+                Because.NOT_NOW, f"parameters are applied in off only; the mode is {present.mode}: switch it off first"
+            )
+        if present.tuning is not tuning:
+            raise RefusalError(Because.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again")
+
+    def _undoing(self, version: int) -> AppliedParameters:
+        newest = parameter_versions(self._database, self._base)[0].number
+        if newest not in (0, version):
+            raise NotApplicableError(f"version {newest} is in force by now, not {version}: look at what it changed")
+        return undoing(self._database, self._base)
+
+    def _proposal(self, estimate: int) -> AppliedParameters:
+        with self._database.reading() as session:
+            found = identifications.get(session, estimate)
+        now = active_parameters(self._database, self._base)
+        return proposal(self._base, now, found)
+
+    def _view(self, estimate: int | None) -> ParametersView:
+        try:
+            found = parameter_versions(self._database, self._base)
+        except ParameterError as error:
+            raise RefusalError(Because.NOT_NOW, f"a version that was applied is not taken any more: {error}") from None
+        before = [*found[1:], found[-1]]
+        return ParametersView(
+            name=self._base.name,
+            versions=[_version_view(one, former) for one, former in zip(found, before, strict=True)],
+            proposal=None if estimate is None else self._proposal_view(estimate, found[0].parameters),
+        )
+
+    def _proposal_view(self, estimate: int, now: PlantParameters) -> ParameterProposal:
+        try:
+            then = self._base.with_identified(sections_of(self._proposal(estimate)))
+        except (NotApplicableError, ParameterError) as error:
+            return ParameterProposal(estimate=estimate, problem=str(error), digest="", changes=[])
+        digest = ParameterVersion(0, then).digest
+        return ParameterProposal(
+            estimate=estimate, problem="", digest=digest, changes=[_change(one) for one in differences(now, then)]
+        )
+
+
+def _version_view(one: ParameterVersion, former: ParameterVersion) -> TuningParameterVersion:
+    applied = one.applied
+    return TuningParameterVersion(
+        number=one.number,
+        digest=one.digest,
+        who=one.who,
+        at=one.at,
+        estimate=None if applied is None else applied.estimate or None,
+        run=None if applied is None else applied.run or None,
+        undone=applied is not None and applied.undone,
+        changes=[_change(change) for change in differences(former.parameters, one.parameters)],
+    )
+
+
+def _change(one: Change) -> ParameterChange:
+    percent = 100.0 * (one.after / one.before - 1.0) if one.before and one.after is not None else None
+    return ParameterChange(
+        name=one.name, side=one.side, unit=one.unit, before=one.before, after=one.after, percent=percent
+    )

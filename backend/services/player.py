@@ -1,0 +1,176 @@
+"""The player of a recording in place of a plant."""
+
+import math
+import re
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backend.errors import Because, RefusalError, require_within
+from backend.exports import writers
+from backend.exports.base import Facts, ImportRefusedError
+from backend.faults import EXPLAINED, FAULTS
+from backend.realtime.commands import SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
+from backend.realtime.program import MODES
+from backend.schemas.run import PlayedRecording, PlayerOrder, PlayerView, RunMark
+from backend.services.lineage import marks_of
+from backend.storage import runs
+from backend.storage.database import Database
+from backend.storage.events import EventKind
+from backend.storage.orm import UnknownRecordError
+from plant.interface import T_s
+from plant.replay import Recording, Signal, load_recording
+
+# Played recording ----------------------------------------------------------------------------------
+#
+# What a file says of the recording in it: which run it is, and what happened in it.
+
+
+_RUN = re.compile(r"run (\d{1,15})")
+
+
+def played_recording(path: str | Path, database: Database) -> PlayedRecording:
+    """Return what a recording is and what happened in it.
+
+    That is told by the log where its run is stored here, else by its columns. Raises PlantError for another file.
+    """
+    recording = load_recording(path)
+    facts = _facts(Path(path))
+    named = None if facts is None else _RUN.fullmatch(facts.of)
+    number = None if named is None else int(named[1])
+    stored = None if facts is None or number is None else _stored_marks(database, number, facts)
+    return PlayedRecording(
+        title=facts.of if facts is not None and facts.of else Path(path).name,
+        run=number,
+        duration_s=(len(recording) - 1) * T_s,
+        marks=_marks_in(recording) if stored is None else stored,
+    )
+
+
+def _facts(path: Path) -> Facts | None:
+    try:
+        return writers.read_parquet(path)[0] if path.suffix == ".parquet" else writers.read_csv(path)[0]
+    except (ImportRefusedError, UnicodeDecodeError):
+        return None  # a file that another program wrote, or one cut to a part: it says of itself nothing that holds
+
+
+def _stored_marks(database: Database, number: int, facts: Facts) -> list[RunMark] | None:
+    """Return what the log tells of the run; None where the run of that number here is another one."""
+    try:
+        with database.reading() as session:
+            if runs.get(session, number).started_at.isoformat() != facts.started_at:
+                return None
+            return marks_of(session, number).marks
+    except UnknownRecordError:
+        return None
+
+
+def _marks_in(recording: Recording) -> list[RunMark]:
+    columns = recording.columns
+    marks = []
+    if "mode" in columns:
+        modes = columns["mode"]
+        for at in _changes(modes):
+            before, after = _named(MODES, modes[at - 1]), _named(MODES, modes[at])
+            marks.append(_mark(at, EventKind.MODE, f"{before} → {after}"))
+    for at in _changes(columns["fault"]):
+        number = columns["fault"][at]
+        if 0.0 < number < len(FAULTS):
+            marks.append(_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[int(number)]].message))
+    return sorted(marks, key=lambda mark: mark.t)
+
+
+def _changes(codes: Signal) -> list[int]:
+    """Return the places of samples with another code than the one before them."""
+    found: list[int] = (np.flatnonzero(np.diff(codes) != 0.0) + 1).tolist()
+    return found
+
+
+def _named(names: tuple[Any, ...], code: float) -> str:
+    known = np.isfinite(code) and 0 <= code < len(names)
+    return str(names[int(code)]) if known else f"mode {code:g}"
+
+
+def _mark(at: int, kind: EventKind, text: str) -> RunMark:
+    return RunMark(t=at * T_s, kind=kind, text=text, who="")
+
+
+# Player --------------------------------------------------------------------------------------------
+#
+# The player of a recording: where it stands, by what the loop told of it last, and what it is asked
+# for.
+
+
+NO_COMMANDS = (
+    "a recording is played: nothing real moves, so it takes no commands; the player on Operate has play, pause, speed "
+    "and position"
+)
+
+
+class Player:
+    """Plays ``recording`` by what ``command`` has the loop do; None where what is driven is no recording."""
+
+    def __init__(
+        self,
+        recording: PlayedRecording | None,
+        command: Callable[[Command], Awaitable[Accepted]],
+        changed: Callable[[], None],
+    ) -> None:
+        self._recording, self._command, self._changed = recording, command, changed
+        self._told: PlayerMoved | None = None
+
+    @property
+    def plays(self) -> bool:
+        """Whether a recording is in the place of a plant."""
+        return self._recording is not None
+
+    @property
+    def recording(self) -> PlayedRecording:
+        """What is played. Raises RefusalError where nothing is."""
+        if self._recording is None:
+            message = "no recording is played: sinew serve --plant replay --recording FILE plays one"
+            raise RefusalError(Because.NOT_NOW, message, code="no_recording")
+        return self._recording
+
+    def hear(self, event: PlayerMoved) -> None:
+        """Take in where the player is from a tick on."""
+        self._told = event
+        self._changed()
+
+    def view(self, tick: int) -> PlayerView | None:
+        """Return where it stands in ``tick``; None where nothing is played, or the loop has not told yet."""
+        told, recording = self._told, self._recording
+        if told is None or recording is None:
+            return None
+        gone = max(0, tick - told.tick) * told.speed if told.playing else 0.0
+        last = told.samples - 1
+        sample = min(told.sample + gone, last)
+        return PlayerView(
+            title=recording.title,
+            t=math.floor(sample) * T_s,
+            tick=tick,
+            duration_s=last * T_s,
+            playing=told.playing and sample < last,
+            ended=sample >= last,
+            speed=told.speed,
+            speed_min=SPEED_MIN,
+            speed_max=SPEED_MAX,
+        )
+
+    async def order(self, order: PlayerOrder) -> None:
+        """Play, pause, set the speed, go to a time. Raises RefusalError, OutOfRangeError."""
+        duration_s = self.recording.duration_s
+        sample = None
+        if order.speed is not None:
+            require_within("speed", order.speed, SPEED_MIN, SPEED_MAX, "", words="speed of the player")
+        if order.t is not None:
+            require_within("t", order.t, 0.0, duration_s, "s", words="time in the recording")
+            sample = round(order.t / T_s)
+        await self._command(PlayRecording(order.playing, order.speed, sample))
+
+    def require_none(self) -> None:
+        """Raise RefusalError while a recording is played: it takes no other commands."""
+        if self.plays:
+            raise RefusalError(Because.NOT_NOW, NO_COMMANDS, code="recording_played")

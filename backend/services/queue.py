@@ -1,0 +1,287 @@
+"""The queue of experiments, and dry runs beside the service."""
+
+import asyncio
+import logging
+import shutil
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import mkdtemp
+
+from backend.auth.authentication import Person
+from backend.errors import Because, RefusalError, require_within
+from backend.execution.runner import Doing, Order
+from backend.execution.simulation import dry_run, get_ready, progress_in
+from backend.experiments.library import values_of
+from backend.experiments.plans import LoopSettings
+from backend.schemas.experiment import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
+from backend.services.background_work import HasLeft, WorkPlaces, unless_left
+from backend.services.runs import dry_run_view
+from backend.services.tuning_state import KeptFigures
+from backend.storage import queue
+from backend.storage.banks import Bank
+from backend.storage.database import Database
+from backend.storage.orm import StorageError
+from backend.storage.runs import EndState
+from backend.supervision import Part, Supervision
+from backend.workers import Offload
+from plant.parameters import PlantParameters
+
+# Dry runs ------------------------------------------------------------------------------------------
+#
+# Experiments played on a simulator beside the service: one after the other, in a process of their
+# own.
+#
+# Who asks for many of them waits for oneself only: reports, exports and evaluations have other
+# processes.
+
+
+SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
+POINTS = 1200
+
+LONGEST_S = 600.0
+"""Longest program that is played dry [s]. What is longer is played with ``sinew experiment``."""
+
+PLACES = 4
+"""Dry runs under way or waiting."""
+
+VIEWERS_PLACES = 2
+"""So many of them for viewers, so that an operator always finds one."""
+
+
+class DryRuns:
+    """One dry run per person, PLACES in all. Belongs to the service's event loop."""
+
+    def __init__(self, offload: Offload) -> None:
+        self._offload = offload
+        self.places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
+        self._under_way: dict[Person, tuple[Path, float]] = {}
+
+    def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
+        """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
+        self._offload.begin(_get_ready, parameters, settings)
+
+    async def progress(self, person: Person) -> DryRunProgress:
+        """Return how far the dry run of a person is."""
+        if person not in self._under_way:
+            return DryRunProgress(under_way=False, doing=Doing.STARTING, played_s=0.0, duration_s=0.0)
+        folder, duration_s = self._under_way[person]
+        doing, elapsed_s = await asyncio.to_thread(progress_in, folder)
+        played_s = {Doing.PROGRAM: min(elapsed_s, duration_s), Doing.EVALUATION: duration_s}.get(doing, 0.0)
+        return DryRunProgress(under_way=True, doing=doing, played_s=played_s, duration_s=duration_s)
+
+    async def play(
+        self,
+        parameters: PlantParameters,
+        order: Order,
+        used: Sequence[Bank],
+        person: Person,
+        has_left: HasLeft,
+    ) -> DryRunView:
+        """Play an order with the banks that it uses, until whoever asked has left.
+
+        Raises OutOfRangeError when it takes too long, RefusalError where there is no place, WorkerDiedError.
+        """
+        duration_s = order.plan.program().duration_s
+        remedy = "play it with `sinew experiment` on the command line"
+        require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
+        with self.places.held(person):
+            folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
+            self._under_way[person] = Path(folder), duration_s
+            try:
+                played = await unless_left(
+                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), has_left
+                )
+            finally:
+                self._under_way.pop(person, None)
+                # Here, not in the process: one that is killed clears up nothing.
+                shutil.rmtree(folder, ignore_errors=True)
+        settings = {**values_of(order.plan), **asdict(order.loop_settings)}
+        return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
+
+
+def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
+    """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
+    KeptFigures().restore()
+    get_ready(parameters, settings)
+
+
+# Experiment queue ----------------------------------------------------------------------------------
+#
+# Experiments that wait for their turn: one after the other, until one does not complete.
+
+
+_log = logging.getLogger(__name__)
+
+LONGEST = 50
+_PART = Part("The step to the next experiment of the queue", "Look at the queue: it goes on, or says why it is held.")
+
+Start = Callable[[ExperimentRequest, str], Awaitable[int]]
+Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
+
+
+class Queue:
+    """Belongs to the service's event loop. ``start`` starts one experiment.
+
+    ``check`` raises for one that cannot be, and returns it with all its settings: what is shown of one that waits is
+    what it will run with, whatever is in force by then. What waits is in ``database`` too, and is there again, held,
+    after a restart of the service: nothing starts by itself then.
+    """
+
+    def __init__(self, start: Start, check: Check, supervision: Supervision, database: Database) -> None:
+        self._supervision = supervision
+        self._database = database
+        self._changing = asyncio.Lock()
+        self._start = start
+        self._check = check
+        self._items: list[QueuedView] = []
+        self._running = False
+        self._problem = ""
+        self._refused: int | None = None
+        self._run: int | None = None
+        self._restore()
+
+    def view(self) -> QueueView:
+        """Return what waits and whether the queue goes on by itself."""
+        return QueueView(items=list(self._items), running=self._running, run=self._run, problem=self._problem)
+
+    async def add(self, request: ExperimentRequest, who: str) -> QueueView:
+        """Put an experiment at the end; nothing starts yet.
+
+        Raises what a start with these settings would raise, and StorageError where it cannot be kept.
+        """
+        self._require_room()
+        whole = await self._check(request)
+        async with self._changing:
+            self._require_room()  # others may have been added meanwhile
+            kept = await asyncio.to_thread(self._store, whole, who)
+            if not self._items:
+                self._tell("")  # what once held the queue, with nothing left in it, says nothing about this one
+            self._items.append(QueuedView(id=kept.id, name=whole.name, settings=whole.settings, who=who))
+        return self.view()
+
+    async def remove(self, item_id: int) -> QueueView:
+        """Take an experiment out. Raises RefusalError when it does not wait any more, StorageError."""
+        async with self._changing:
+            self._waiting(item_id)
+            await asyncio.to_thread(self._delete, item_id)
+            self._items = [item for item in self._items if item.id != item_id]
+            if not self._items or item_id == self._refused:
+                self._tell("")
+        return self.view()
+
+    async def move(self, item_id: int, place: int) -> QueueView:
+        """Let an experiment wait at a place, counted from 0.
+
+        Raises RefusalError when it does not wait any more, OutOfRangeError, StorageError.
+        """
+        async with self._changing:
+            moved = self._waiting(item_id)
+            words = "place in the queue"
+            require_within("place", place, 0, len(self._items) - 1, "1", words=words)
+            order = [item.id for item in self._items if item.id != item_id]
+            order.insert(place, item_id)
+            await asyncio.to_thread(self._arrange, order)
+            others = [item for item in self._items if item.id != item_id]  # one may have started meanwhile
+            if len(others) < len(self._items):
+                self._items = [*others[:place], moved, *others[place:]]
+        return self.view()
+
+    def _waiting(self, item_id: int) -> QueuedView:
+        found = next((item for item in self._items if item.id == item_id), None)
+        if found is None:
+            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+        return found
+
+    def _require_room(self) -> None:
+        if len(self._items) >= LONGEST:
+            raise RefusalError(Because.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first")
+
+    async def run(self) -> QueueView:
+        """Start the first one and go on until the queue is empty, held, or an experiment does not complete."""
+        if not self._items:
+            raise RefusalError(Because.NOT_NOW, "the queue is empty: add an experiment first")
+        if not self._running:
+            self._tell("")
+            await self._begin()
+            self._running = True
+        return self.view()
+
+    def hold(self) -> QueueView:
+        """Start no further experiment; the one that runs goes on."""
+        self._running = False
+        return self.view()
+
+    def ended(self, run_id: int, end_state: EndState | None) -> None:
+        """Go on after an experiment; None when it failed without an end state."""
+        if run_id != self._run:
+            return
+        self._run = None
+        if end_state is not EndState.COMPLETED:
+            how = "failed" if end_state is None else f"ended as {end_state.replace('_', ' ')}"
+            self._hold(f"run {run_id} {how}")
+        elif not self._items:
+            self._running = False
+        elif self._running:
+            self._supervision.keep_task(_PART, self._go_on)
+
+    def _tell(self, problem: str, refused: int | None = None) -> None:
+        """Say why the queue is held: until it runs, is empty, or what was ``refused`` does not wait any more."""
+        self._problem, self._refused = problem, refused
+
+    async def _go_on(self) -> None:
+        if not (self._running and self._items):  # a person was quicker: held, or nothing waits any more
+            self._running = False
+            return
+        following = self._items[0]
+        try:
+            await self._begin()
+        except Exception as error:
+            # Whatever refuses the next one is for a person to read; those that wait stay.
+            _log.warning("the queue is held: %s", error)
+            if following in self._items:
+                self._hold(f"the next one was refused: {error}", following.id)
+            else:
+                self._hold(f"the one that a person has taken out meanwhile was refused: {error}")
+
+    def _hold(self, cause: str, refused: int | None = None) -> None:
+        """Stop here, and say how to go on; ``refused`` is the experiment that the cause lies with."""
+        count = len(self._items)
+        remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
+        self._tell(f"held because {cause}; {remedy}", refused)
+        self._running = False
+
+    async def _begin(self) -> None:
+        item = self._items[0]
+        self._run = await self._start(ExperimentRequest(name=item.name, settings=item.settings), item.who)
+        self._items = [waiting for waiting in self._items if waiting.id != item.id]
+        try:
+            await asyncio.to_thread(self._delete, item.id)
+        except StorageError as error:  # it plays: that it may wait again after a restart is no reason to stop it
+            _log.warning("run %s has started, and its place in the queue could not be cleared: %s", self._run, error)
+
+    def _restore(self) -> None:
+        """Take what waited when the service ended, and hold it: a person says when it goes on."""
+        try:
+            with self._database.reading() as session:
+                kept = queue.waiting(session)
+        except StorageError as error:
+            _log.warning("what waited in the queue cannot be read: %s", error)
+            self._tell(f"held because what waited in it cannot be read: {error}")
+            return
+        self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in kept]
+        if kept:
+            _log.warning("%d experiments wait in the queue from before; none starts by itself", len(kept))
+            self._hold("the service was started again")
+
+    def _store(self, whole: ExperimentRequest, who: str) -> queue.StoredQueued:
+        with self._database.session() as session:
+            return queue.add(session, whole.name, dict(whole.settings), who)
+
+    def _delete(self, item_id: int) -> None:
+        with self._database.session() as session:
+            queue.remove(session, item_id)
+
+    def _arrange(self, order: list[int]) -> None:
+        with self._database.session() as session:
+            queue.arrange(session, order)

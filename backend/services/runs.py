@@ -1,0 +1,887 @@
+"""Stored runs: samples, results, flight records, log, replay, experiments made of recordings."""
+
+import asyncio
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend import wire
+from backend.analysis.evaluation import evaluate_again, require_evaluable, used_settings
+from backend.banks.builder import MODEL_NAMES, point_of
+from backend.banks.tuning_settings import changes_told
+from backend.errors import Because, RefusalError
+from backend.experiments.forecast import timetable
+from backend.experiments.library import LEAST, Change, Column, Followed, commanded, followed, stored_plan
+from backend.experiments.plans import LAWS, ComposedPlan, IdentificationPlan, profile
+from backend.experiments.schema import FORMAT
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import LAMBDA, KeptLoop, KeptWall, headline_of, outcome_of, standing
+from backend.models.run import Criterion as Judged
+from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law, Mode
+from backend.recording import reader
+from backend.recording.flight import flight_columns
+from backend.recording.reader import AT_HAND_SAMPLES, SampleEnvelope, read_envelope, read_samples
+from backend.reports.provenance import verdict_of
+from backend.sample import FIELDS, INDEX, NAMES, STORED_NAMES
+from backend.schemas.experiment import (
+    Criterion,
+    DryRunView,
+    ExperimentView,
+    MeasuredMetric,
+    RecordedExperiment,
+    SettingValue,
+)
+from backend.schemas.run import (
+    Envelope,
+    Evaluation,
+    FlightList,
+    FlightView,
+    Headline,
+    Planned,
+    PlannedLine,
+    PlannedPart,
+    Remark,
+    RunList,
+    RunMark,
+    RunView,
+    SamplesView,
+    Timeline,
+    TimelineEntry,
+    UsedSetting,
+)
+from backend.schemas.state import TaskView
+from backend.schemas.tuning import BankEntryView, BankView
+from backend.services.lineage import marks_of
+from backend.storage import banks, flights, identifications, origins, recordings, results, runs, tags, timeline
+from backend.storage import search as run_search
+from backend.storage.banks import Bank
+from backend.storage.database import Database, Session
+from backend.storage.events import EventKind
+from backend.storage.flights import Flight
+from backend.storage.orm import UnknownRecordError
+from backend.storage.recordings import Extent, Recording
+from backend.storage.results import Result
+from backend.storage.runs import EndState, Run, RunKind, experiment_of, title_of
+from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse
+from backend.storage.timeline import Asked as TimelineAsked
+from backend.storage.timeline import Happening
+from backend.workers import Offload
+from plant.dynamics import Obstacle
+from plant.interface import T_s
+from plant.parameters import ParameterError, parameters_of
+
+# Evaluations ---------------------------------------------------------------------------------------
+#
+# Runs evaluated again, because they have no result, or because somebody wants it computed anew.
+
+
+class Evaluations:
+    """One evaluation of a run at a time. ``task`` tells what the service is doing at present.
+
+    ``done`` hears of each run that has its result.
+    """
+
+    def __init__(self, database: Database, offload: Offload, task: Callable[[], TaskView | None]) -> None:
+        self.done: Callable[[int], None] = lambda _run_id: None
+        self._database = database
+        self._offload = offload
+        self._task = task
+        self._under_way: set[int] = set()
+
+    def includes(self, run_id: int) -> bool:
+        """Whether a run is being evaluated again."""
+        return run_id in self._under_way
+
+    async def again(self, run_id: int) -> None:
+        """Compute and store the result of a run; what keeps it from that is kept with the run, and raised.
+
+        Raises UnknownRecordError, NotEvaluableError, WorkerDiedError, RefusalError while it is being evaluated.
+        """
+        require_evaluable(await asyncio.to_thread(self._run, run_id))
+        task = self._task()
+        if self.includes(run_id) or (task is not None and task.run == run_id):
+            raise RefusalError(Because.NOT_NOW, f"run {run_id} is being evaluated: its result follows in a moment")
+        self._under_way.add(run_id)
+        try:
+            await self._offload.run(evaluate_again, self._database, run_id)
+        except Exception as error:
+            await asyncio.to_thread(self._keep_problem, run_id, f"{type(error).__name__}: {error}")
+            raise
+        finally:
+            self._under_way.discard(run_id)
+        self.done(run_id)
+
+    def _run(self, run_id: int) -> Run:
+        with self._database.reading() as session:
+            return runs.get(session, run_id)
+
+    def _keep_problem(self, run_id: int, problem: str) -> None:
+        with self._database.session() as session:
+            runs.set_evaluation_problem(session, run_id, problem)
+
+
+# Planned -------------------------------------------------------------------------------------------
+#
+# What a stored run was going to play, from begin to end.
+
+
+NOTHING = Planned(t=[], lines=[], parts=[])
+_UNITS = {field.name: field.unit for field in FIELDS}
+
+
+def planned(database: Database, run_id: int) -> Planned:
+    """Return what a run was to play; its plan may be an imported text, so that it is read beside the service.
+
+    Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError.
+    """
+    with database.reading() as session:
+        run = runs.get(session, run_id)
+        try:
+            kept = run.set_to.plan
+        except UnreadableDocumentError:
+            return NOTHING
+        if kept is None:
+            return NOTHING
+        plan = stored_plan(run.kind, kept)
+        followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
+        began = _at_first(session, run_id, *followed)
+    if isinstance(plan, IdentificationPlan):
+        try:
+            told = timetable(plan, parameters_of(run.parameters_name, run.parameters), began)
+        except ParameterError:
+            return NOTHING
+        parts = [
+            PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
+            for one in told.stretches
+        ]
+        return Planned(t=told.t.tolist(), lines=_lines(told.signals), parts=parts)
+    program = plan.program()
+    if not program.segments:
+        return NOTHING
+    first = program.segments[0]
+    found = profile(program, *(began or (first.q_ref, first.S_ref)))
+    pushed = {"F_push": found.F_push} if found.F_push.any() else {}
+    return Planned(
+        t=found.t.tolist(),
+        lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref, **pushed}),
+        parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
+    )
+
+
+def _lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
+    return [
+        PlannedLine(
+            name=name,
+            unit=_UNITS[name],
+            values=[value if math.isfinite(value) else None for value in values.tolist()],
+        )
+        for name, values in signals.items()
+    ]
+
+
+def _at_first(session: Session, run_id: int, one: str, other: str) -> tuple[float, float] | None:
+    """Return the references that a run began with; None while nothing of it is recorded, or there were none."""
+    try:
+        samples = read_samples(session, run_id, (one, other), 0.0, T_s)
+    except UnknownRecordError:
+        return None
+    if not len(samples.t):
+        return None
+    values = float(samples.columns[one][0]), float(samples.columns[other][0])
+    return values if math.isfinite(sum(values)) else None
+
+
+# Recorded experiment -------------------------------------------------------------------------------
+#
+# Makes an experiment of a run: references, pushes, walls and changes of the tuning as they were
+# recorded.
+
+
+_COLUMNS = ("q_ref", "S_ref", "F_push", "lam_q", "lam_S")
+_LAM = ("lam_q", "lam_S")
+_DECIMALS = 6
+_TOLD_AS_PARTS = ("push", "wall ", "no wall", "by the program: wall", "by the program: no wall")
+"""How the events begin that come back as parts of the samples and of the kept walls."""
+
+
+def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
+    """Return a run as an experiment of its own, and what of the run it does not repeat.
+
+    Raises UnknownRecordError, ExperimentError where there are no references to follow.
+    """
+    with database.reading() as session:
+        samples = read_samples(session, run_id, _COLUMNS)
+        run = runs.get(session, run_id)
+        marks = marks_of(session, run_id).marks
+        bank = _bank(session, run)
+    columns = {name: column.astype(float) for name, column in samples.columns.items()}
+    first, end = commanded(columns["q_ref"], columns["S_ref"])
+    cut = {name: column[first:end] for name, column in columns.items()}
+    t = samples.t[first:end]
+    made = _Made(t, cut, run, marks, bank)
+    found = followed(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.changes())
+    made.leave_out_pushes(found, cut["F_push"])
+    document = {
+        "format": FORMAT,
+        "name": f"as_run_{run_id}",
+        "title": f"As run {run_id}",
+        "description": _described(run_id, found),
+        **({} if made.law is Law.CASCADE else {"law": str(made.law)}),
+        "phases": [{"name": "recorded", "title": "Recorded", "parts": found.parts}],
+    }
+    text = json.dumps(document, ensure_ascii=False, indent=1)
+    return RecordedExperiment(text=text, document=document, left_out=made.left_out)
+
+
+def _described(run_id: int, found: Followed) -> str:
+    off = f"{found.off_q_rad:.2g} rad and {found.off_S:.2g} N·m/rad"
+    pushed = f", pushes within {found.off_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
+    late = f" Pushes, walls and the tuning come up to {found.late_ticks} ms late." if found.late_ticks else ""
+    return (
+        f"The references of run {run_id} as they were commanded, followed within {off} at every sample{pushed}. "
+        f"It begins with the tuning of the run.{late}"
+    )
+
+
+def _bank(session: Session, run: Run) -> int | None:
+    """Return the number of the bank that a run began with, 0 for geometry; None where this station has none of it."""
+    if run.set_to.loop.bank in (None, 0):
+        return run.set_to.loop.bank
+    try:
+        return None if run.bank_id is None else banks.own(session, run.bank_id).id
+    except UnknownRecordError:
+        return None
+
+
+class _Made:
+    """What becomes of a run besides its references; ``left_out`` collects what cannot be repeated."""
+
+    def __init__(
+        self,
+        t: np.ndarray[Any, np.dtype[np.float64]],
+        columns: Mapping[str, Column],
+        run: Run,
+        marks: Sequence[RunMark],
+        bank: int | None,
+    ) -> None:
+        self._t, self._columns, self._run, self._marks, self._bank = t, columns, run, marks, bank
+        self.left_out: list[str] = []
+        self.law = _law(run)
+        missing = round((t[-1] - t[0]) / T_s) + 1 - len(t)
+        if missing > 0:
+            self.left_out.append(f"{missing} samples are missing: their time is left out")
+
+    def changes(self) -> list[Change]:
+        """Return tunings and walls in order of their ticks."""
+        tunings = self._within(self._tunings(), MAX_TUNINGS, "changes of the tuning")
+        walls = self._within(self._walls(), MAX_WALLS, "changes of the wall")
+        self._leave_out_marks()
+        self._leave_out_program()
+        return sorted([*tunings, *walls], key=lambda change: change.tick)
+
+    def leave_out_pushes(self, found: Followed, F_push: Column) -> None:
+        """Tell which pushes the experiment lacks."""
+        for begin, end in found.unpushed:
+            force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
+            why = "the references move meanwhile, and a push holds them"
+            self.left_out.append(f"push of {force:.3g} N from {begins:.3f} s to {ends:.3f} s: {why}")
+
+    def _within(self, changes: list[Change], most: int, what: str) -> list[Change]:
+        if len(changes) > most:
+            self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: {most} are the most")
+        return changes[:most]
+
+    def _tunings(self) -> list[Change]:
+        """Return the tuning of the beginning, and every change: λ by the samples, the rest by what was noted."""
+        parts: dict[int, dict[str, Any]] = {0: self._first_tuning()}
+        for name in _LAM:
+            column = np.round(self._columns[name], _DECIMALS)
+            for change in np.flatnonzero(np.diff(column)) + 1:
+                parts.setdefault(int(change), {})[name] = float(column[change])
+        for mark in self._marks:
+            changed = changes_told(mark.text) if mark.kind == EventKind.TUNING else None
+            tick = self._tick(mark.t)
+            if changed is None or tick is None:
+                continue
+            others = {name: value for name, value in changed.items() if name not in _LAM}
+            for name in ("k_ext", "bank"):
+                if name in others and others.pop(name):
+                    self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
+            if others:
+                parts.setdefault(tick, {}).update(others)
+        return [Change(tick, {"do": "tuning", **parts[tick]}) for tick in sorted(parts) if parts[tick]]
+
+    def _first_tuning(self) -> dict[str, Any]:
+        loop: KeptLoop = self._run.set_to.loop
+        known = {name: value for name, value in loop.known().items() if name != "seed"}
+        if loop.motion == LAMBDA:
+            known.pop("u_plan", None)
+        if known.pop("k_ext", 0.0):
+            self.left_out.append("pushes were rejected by k_ext: what was learned before the run is not recorded")
+        if known.pop("bank", 0) and self._bank is None:
+            self.left_out.append(f"bank {loop.bank} is not of this station: the bank in force is used")
+        if self._bank is not None:
+            known["bank"] = self._bank
+        first = {name: round(float(self._columns[name][0]), _DECIMALS) for name in _LAM}
+        return {**known, **{name: value for name, value in first.items() if np.isfinite(value)}}
+
+    def _walls(self) -> list[Change]:
+        """Return the changes of the wall; one that would stand where the joint is asked to be is left out."""
+        due: dict[int, KeptWall] = {}
+        for kept in self._run.set_to.walls or ():
+            tick = int(np.searchsorted(self._t, kept.t - 0.5 * T_s))
+            if tick < len(self._t):
+                due[max(tick, LEAST)] = kept  # the first part brings the joint to where it begins
+        found: list[Change] = []
+        stands = False
+        for tick, kept in sorted(due.items()):
+            wall = kept.obstacle
+            q_ref = float(self._columns["q_ref"][min(tick, len(self._t)) - 1])
+            if wall is not None and kept.side * (q_ref - kept.q_wall) >= 0.0:
+                self.left_out.append(
+                    f"wall at {kept.q_wall:.4g} rad from {self._t[tick]:.3f} s: q_ref is beyond it, at {q_ref:.4g} rad"
+                )
+                wall = None
+            if wall is not None:
+                side = "above" if wall.side > 0.0 else "below"
+                part = {"do": "wall", "q_wall": wall.q_wall, "side": side, "k_wall": wall.k_wall, "c_wall": wall.c_wall}
+                found.append(Change(tick, part))
+            elif stands:
+                found.append(Change(tick, {"do": "no_wall"}))
+            stands = wall is not None
+        return found
+
+    def _leave_out_marks(self) -> None:
+        """Tell what was noted and comes back by no part."""
+        for mark in self._marks:
+            if mark.kind in (EventKind.MODE, EventKind.REFERENCES) or self._tick(mark.t) is None:
+                continue
+            told = mark.kind == EventKind.NOTE and mark.text.startswith(_TOLD_AS_PARTS)
+            told |= mark.kind == EventKind.TUNING and (
+                changes_told(mark.text) is not None or mark.text.startswith("by the program")
+            )
+            if not told:
+                self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
+
+    def _leave_out_program(self) -> None:
+        """Tell what the program of the run did and nothing records."""
+        kept = self._run.set_to.plan
+        if kept is None or self._run.set_to.experiment is None:
+            return
+        try:
+            plan = stored_plan(self._run.kind, kept)
+        except (ValueError, UnreadableDocumentError):
+            self.left_out.append("what its program did besides: this version does not read it")
+            return
+        if not isinstance(plan, ComposedPlan):
+            return
+        laid = plan.laid
+        if any(segment.load_A or segment.load_B for segment in laid.segments):
+            self.left_out.append("loads of the motors' shafts: they are not recorded")
+        if laid.touches:
+            self.left_out.append("what the run learned of the outside force, and giving way to a contact")
+        others = {name for change in laid.changes for name in change if name not in _LAM}
+        if others:
+            self.left_out.append(f"changes of {', '.join(sorted(others))} by the program: only λ is recorded")
+
+    def _tick(self, t: float) -> int | None:
+        """Return the place of a time among the references, None for one outside of them."""
+        if not self._t[0] - 0.5 * T_s <= t <= self._t[-1] + 0.5 * T_s:
+            return None
+        return min(int(np.searchsorted(self._t, t - 0.5 * T_s)), len(self._t) - 1)
+
+
+def _law(run: Run) -> Law:
+    """Return the law under which an experiment plays what a run did."""
+    if run.set_to.mode == Mode.COMPLIANCE:
+        return Law.COMPLIANCE
+    law = run.set_to.law
+    return Law(law) if law in LAWS else Law.CASCADE
+
+
+# Replay --------------------------------------------------------------------------------------------
+#
+# The moment of a recording that the replay's 3D view shows. One view for all: whoever moved it last
+# is seen.
+
+
+_NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
+
+
+class Replay:
+    """Holds one row of a recording in the shape of a newest sample, and the wall that stood then."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._shown: tuple[NDArray[np.float64] | None, Obstacle | None] = None, None
+
+    def row(self) -> NDArray[np.float64] | None:
+        """Return the moment shown, one value per field of a sample; None before the first."""
+        return self._shown[0]
+
+    def wall(self) -> Obstacle | None:
+        """Return the wall that stood in the joint's way at the moment shown; None for none, and for none known."""
+        return self._shown[1]
+
+    async def show(self, run_id: int, t: float) -> None:
+        """Show the sample at ``t`` [s] of a run. Raises UnknownRecordError; stays where it is past the run's end."""
+        shown = await asyncio.to_thread(self._read, run_id, t)
+        if shown is not None:
+            self._shown = shown
+
+    async def show_flight(self, event_id: int, t: float) -> None:
+        """Show the sample of a flight record nearest to ``t`` [s] from its trip. Raises UnknownRecordError."""
+        columns = await asyncio.to_thread(flight_columns, self._database, event_id)
+        if columns["t"].size:
+            nearest = int(np.argmin(np.abs(columns["t"] - t)))
+            self._shown = _row({name: columns[name][nearest] for name in _NEEDED if name in columns}), None
+
+    def _read(self, run_id: int, t: float) -> tuple[NDArray[np.float64], Obstacle | None] | None:
+        with self._database.reading() as session:
+            samples = read_samples(session, run_id, _NEEDED, t, t + T_s)
+            walls = runs.get(session, run_id).set_to.walls or ()
+        if not len(samples.t):
+            return None
+        row = _row({name: column[0] for name, column in samples.columns.items()})
+        return row, standing(walls, float(samples.t[0]) + 0.5 * T_s)
+
+
+def _row(values: Mapping[str, float]) -> NDArray[np.float64]:
+    row = np.full(len(NAMES), np.nan)
+    for name, value in values.items():
+        row[INDEX[name]] = value
+    return row
+
+
+# Timeline ------------------------------------------------------------------------------------------
+#
+# Everything that happened, read from the database in threads.
+
+
+class StoredTimeline:
+    """Looks in the database of one station."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def page(self, asked: TimelineAsked, limit: int) -> Timeline:
+        """Return the newest of what is asked for."""
+        return await asyncio.to_thread(self._page, asked, limit)
+
+    async def remark(self, event_id: int, said: Remark, who: str) -> None:
+        """Put a note and tags on an event. Raises UnknownRecordError, TagError, RefusalError."""
+        await asyncio.to_thread(self._remark, event_id, said.note.strip(), said.tags, who)
+
+    def _page(self, asked: TimelineAsked, limit: int) -> Timeline:
+        with self._database.reading() as session:
+            found, more_before = timeline.find(session, asked, limit)
+            total = len(found) if more_before is None else timeline.count(session, asked)
+        return Timeline(entries=[_entry(one) for one in found], total=total, more_before=more_before)
+
+    def _remark(self, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
+        with self._database.session() as session:
+            timeline.remark(session, event_id, note, tags, who)
+
+
+def _entry(one: Happening) -> TimelineEntry:
+    return TimelineEntry(
+        at=one.at,
+        kind=one.kind,
+        who=one.who,
+        text=one.text,
+        event=one.event_id,
+        run=one.run_id,
+        t=one.t,
+        flight=one.flight,
+        note=one.note,
+        tags=list(one.tags),
+        remark_by=one.remark_by,
+    )
+
+
+# Views ---------------------------------------------------------------------------------------------
+#
+# From stored records to what the interface shows of them; no record is changed here.
+
+
+def run_view(
+    run: Run,
+    evaluation: Evaluation,
+    samples: int,
+    duration_s: float,
+    missed: int,
+    samples_deleted: datetime | None = None,
+    *,
+    tags: Sequence[str] = (),
+    origin: str = "",
+    result: Result | None = None,
+    fits: Mapping[str, float] | None = None,
+) -> RunView:
+    """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so.
+
+    ``fits`` are those of the channels [%] that were identified from it.
+    """
+    judged = result is not None or not (run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING)
+    metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
+    headline = headline_of(metrics, criteria, fits)
+    settings, problem = [], run.evaluation_problem
+    try:
+        settings = [UsedSetting(**asdict(item)) for item in used_settings(run)]
+    except UnreadableDocumentError as error:
+        problem = problem or str(error)
+    return RunView(
+        id=run.id,
+        kind=run.kind,
+        title=title_of(run),
+        plant=run.plant,
+        parameters=run.parameters_name,
+        who=run.who,
+        started=run.started_at,
+        ended=run.ended_at,
+        end_state=run.end_state,
+        end_reason=run.end_detail,
+        duration_s=duration_s,
+        samples=samples,
+        missing_samples=None if run.end_state == EndState.SERVICE_DIED else missed,
+        samples_deleted=samples_deleted,
+        settings=settings,
+        note=run.note,
+        tags=list(tags),
+        station=run.station,
+        origin=origin,
+        evaluation=evaluation,
+        evaluation_problem=problem,
+        outcome=outcome_of(metrics, criteria) if judged else None,
+        headline=None if headline is None else Headline(**asdict(headline)),
+    )
+
+
+def samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> SamplesView:
+    """Return an envelope of samples; nan is null."""
+    return SamplesView(
+        run=run_id,
+        raw=raw,
+        width_s=envelope.width_s,
+        t=envelope.t.tolist(),
+        signals={
+            name: Envelope(
+                unit=envelope.units[name],
+                minimum=_plain(envelope.minimum[name]),
+                maximum=_plain(envelope.maximum[name]),
+            )
+            for name in envelope.minimum
+        },
+    )
+
+
+def bank_view(
+    bank: Bank, runs_of: Mapping[int, int | None], positions: Mapping[int, float], in_use: int | None
+) -> BankView:
+    """Return a bank; its estimates are mapped to the runs they came from and the joint positions they were made at."""
+    return BankView(
+        id=bank.id,
+        name=bank.name,
+        version=bank.version,
+        created=bank.created_at,
+        who=bank.who,
+        note=bank.note,
+        active=bank.id == in_use,
+        entries=[
+            BankEntryView(
+                identification=None if entry.identification_id is None else runs_of.get(entry.identification_id),
+                tension_N=entry.known.tension_N,
+                S_nominal=entry.S_nominal,
+                q_nominal=None if entry.identification_id is None else positions.get(entry.identification_id),
+                **{name: getattr(point_of(entry), name) for name in MODEL_NAMES},
+            )
+            for entry in bank.entries
+        ],
+    )
+
+
+def experiment_view(run: Run, result: Result | None, progress: float) -> ExperimentView:
+    """Return an experiment run with metrics and criteria, where they have been computed."""
+    return ExperimentView(
+        id=run.id,
+        name=experiment_of(run),
+        title=title_of(run),
+        status=run.end_state,
+        created=run.started_at,
+        progress=progress,
+        settings={name: value for name, value in run.set_to.told().items() if name != "experiment"},
+        **_judgement(run, result),
+        message=message_of(run, result),
+    )
+
+
+def dry_run_view(
+    run: Run,
+    result: Result | None,
+    curves: reader.SampleEnvelope | None,
+    duration_s: float,
+    settings: dict[str, SettingValue],
+) -> DryRunView:
+    """Return what a dry run with these settings gave; its run is stored nowhere."""
+    samples = None if curves is None else samples_view(run.id, curves, raw=False)
+    return DryRunView(
+        status=run.end_state,
+        message=message_of(run, result),
+        duration_s=duration_s,
+        settings=settings,
+        **_judgement(run, result),
+        samples=samples,
+    )
+
+
+def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
+    metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
+    running = "" if run.ended_at is not None else "the run is not over"
+    found = verdict_of(metrics, criteria, run.evaluation_problem or running)
+    return {
+        "outcome": found.outcome,
+        "verdict": found.sentence,
+        "metrics": [MeasuredMetric(**asdict(item)) for item in (metrics.figures if metrics else ())],
+        "criteria": [_criterion(item) for item in criteria],
+    }
+
+
+def _criterion(item: Judged) -> Criterion:
+    return Criterion(
+        name=item.name,
+        label=item.title,
+        value=item.figure,
+        relation=item.relation,
+        bound=item.bound,
+        unit=item.unit,
+        passed=item.passed,
+        reason=item.reason,
+    )
+
+
+def message_of(run: Run, result: Result | None) -> str:
+    """Return what is to be said of a run beside its verdict: how it ended, or why there is no result."""
+    if result is None and run.evaluation_problem:
+        return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
+    return run.end_detail or ("" if result is None else result.metrics.problem)
+
+
+def _plain(values: NDArray[np.float32]) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.tolist()]
+
+
+def flight_view(flight: Flight) -> FlightView:
+    """Return a flight record with its extent around the trip or trigger."""
+    before = flight.trip_tick - flight.first_tick
+    return FlightView(
+        id=flight.event_id,
+        at=flight.at,
+        kind="trip" if flight.trigger is None else "trigger",
+        who=flight.who,
+        fault=flight.fault,
+        text=flight.text,
+        run=flight.run_id,
+        tick=flight.trip_tick,
+        before_s=before * T_s,
+        after_s=(flight.count - before) * T_s,
+    )
+
+
+# Stored runs ---------------------------------------------------------------------------------------
+#
+# Stored runs as the page shows them, with their samples, flight records and results.
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """What is asked of a recording: ``signals`` from ``from_s`` to ``to_s``, in about ``points`` buckets at most."""
+
+    run: int
+    from_s: float
+    to_s: float
+    points: int
+    signals: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Which runs are asked for: of ``kinds`` (none: of all), with the words of ``search``, that fit all of ``where``.
+
+    ``everywhere``: of all stations, not of this one only.
+    """
+
+    kinds: Sequence[str] = ()
+    search: str = ""
+    where: Sequence[str] = ()
+    everywhere: bool = False
+    limit: int = 100
+    offset: int = 0
+
+    def query(self) -> Query:
+        """Return what is asked. Raises RefusalError for an unknown kind, QueryError."""
+        for unknown in (one for one in self.kinds if one not in set(RunKind)):
+            raise RefusalError(
+                Because.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
+            )
+        of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
+        words = [Word(Value(word, 0)) for word in self.search.split()]
+        if not all(word.value.text.isprintable() for word in words):
+            raise QueryError(0, "a character that cannot be printed stands in it: delete it")
+        return All((*map(parse, self.where), *(of_kind if self.kinds else []), *words))
+
+
+class StoredRuns:
+    """Reads and writes the database in threads, so that the event loop never waits for the disk.
+
+    ``task`` tells what the service is doing at present, ``is_evaluated`` whether a run's result is being computed.
+    What reads very many samples is done in the process ``offload``, where there is one.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        task: Callable[[], TaskView | None],
+        is_evaluated: Callable[[int], bool],
+        offload: Offload | None = None,
+    ) -> None:
+        self._database = database
+        self._offload = offload
+        self._task = task
+        self._is_evaluated = is_evaluated
+
+    async def runs(self, asked: Asked) -> RunList:
+        """Return a page of runs, newest first. Raises RefusalError for an unknown kind, QueryError."""
+        return await asyncio.to_thread(self.found, asked)
+
+    async def run(self, run_id: int) -> RunView:
+        """Return one run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._run, run_id)
+
+    async def set_note(self, run_id: int, note: str) -> RunView:
+        """Write the note of a run. Raises UnknownRecordError."""
+        await asyncio.to_thread(self._set_note, run_id, note)
+        return await self.run(run_id)
+
+    async def flights(self) -> FlightList:
+        """Return the newest flight records."""
+        return await asyncio.to_thread(self._flights)
+
+    async def samples(self, asked: Excerpt) -> SamplesView:
+        """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
+        envelope, raw = await self._envelope(asked)
+        return await asyncio.to_thread(partial(samples_view, asked.run, envelope, raw=raw))
+
+    async def packed_samples(self, asked: Excerpt) -> bytes:
+        """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
+        envelope, raw = await self._envelope(asked)
+        return await asyncio.to_thread(_packed, envelope, raw, asked.signals)
+
+    async def _envelope(self, asked: Excerpt) -> tuple[SampleEnvelope, bool]:
+        if self._offload is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
+            return await self._offload.run(envelope_of, self._database, asked)
+        return await asyncio.to_thread(envelope_of, self._database, asked)
+
+    async def experiment(self, run_id: int) -> ExperimentView:
+        """Return one experiment run with its result. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._experiment, run_id)
+
+    # In a thread --------------------------------------------------------------------------------------------
+
+    def found(self, asked: Asked) -> RunList:
+        """Return a page of runs, newest first. Raises RefusalError for an unknown kind, QueryError."""
+        query = asked.query()
+        with self._database.reading() as session:
+            page = run_search.search(
+                session, query, everywhere=asked.everywhere, limit=asked.limit, offset=asked.offset
+            )
+            views = self._views(session, runs.of_numbers(session, page.run_ids))
+            return RunList(runs=views, total=page.total)
+
+    def _run(self, run_id: int) -> RunView:
+        with self._database.reading() as session:
+            return self._views(session, [runs.get(session, run_id)])[0]
+
+    def _flights(self) -> FlightList:
+        with self._database.reading() as session:
+            return FlightList(flights=[flight_view(flight) for flight in flights.find(session)])
+
+    def _set_note(self, run_id: int, note: str) -> None:
+        with self._database.session() as session:
+            runs.set_note(session, run_id, note)
+
+    def _reads(self, asked: Excerpt) -> float:
+        """Return how many samples have to be read one by one: none where the stored summaries tell it."""
+        if all(name in STORED_NAMES for name in asked.signals):
+            return 0.0
+        with self._database.reading() as session:
+            recording, span = recordings.get(session, asked.run), recordings.span(session, asked.run)
+        length_s = (span.end_tick - span.first_tick) * recording.period_s
+        return (min(asked.to_s, length_s) - min(asked.from_s, length_s)) / recording.period_s
+
+    def _experiment(self, run_id: int) -> ExperimentView:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            return experiment_view(run, results.newest(session, run_id), self.progress(run))
+
+    def _views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
+        """Return runs with their tags and the extent of what was recorded of them."""
+        numbers = [run.id for run in found]
+        newest, tagged = results.newest_of(session, numbers), tags.of_runs(session, numbers)
+        fits = identifications.fits_of_runs(session, numbers)
+        recorded, imported = recordings.of_runs(session, numbers), origins.of_runs(session, numbers)
+
+        def view_of(run: Run) -> RunView:
+            origin = imported[run.id].sentence if run.id in imported else ""
+            evaluation = self._evaluation(run, run.id in newest)
+            tagged_with, result = tagged.get(run.id, []), newest.get(run.id)
+            told = partial(run_view, tags=tagged_with, origin=origin, result=result, fits=fits.get(run.id))
+            view = partial(told, run, evaluation)
+            return _with_extent(view, recorded.get(run.id))
+
+        return [view_of(run) for run in found]
+
+    def _evaluation(self, run: Run, has_result: bool) -> Evaluation:
+        task = self._task()
+        if run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING:
+            return Evaluation.NONE
+        if self._is_evaluated(run.id) or (task is not None and task.run == run.id):
+            return Evaluation.UNDER_WAY
+        return Evaluation.DONE if has_result else Evaluation.MISSING
+
+    def progress(self, run: Run) -> float:
+        """Return how far a run is, from 0 to 1."""
+        task = self._task()
+        if task is None or task.run != run.id:
+            return 1.0
+        return min(0.99, task.elapsed_s / task.duration_s)
+
+
+def envelope_of(database: Database, asked: Excerpt) -> tuple[SampleEnvelope, bool]:
+    """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
+    with database.reading() as session:
+        period_s = recordings.get(session, asked.run).period_s
+        envelope = read_envelope(session, asked.run, asked.points, asked.signals, asked.from_s, asked.to_s)
+    return envelope, envelope.width_s <= 1.5 * period_s
+
+
+def _packed(envelope: SampleEnvelope, raw: bool, signals: Sequence[str]) -> bytes:
+    first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
+    extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
+    return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in signals])
+
+
+def _with_extent(view: Callable[..., RunView], recorded: tuple[Recording, Extent | None] | None) -> RunView:
+    """Return the view of a run with the extent of its recording."""
+    if recorded is None:
+        return view(samples=0, duration_s=0.0, missed=0)
+    recording, extent = recorded
+    if extent is None:
+        return view(0, 0.0, recording.missed, recording.removed_at)
+    duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    return view(extent.count, duration_s, recording.missed, recording.removed_at)

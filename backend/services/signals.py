@@ -1,0 +1,360 @@
+"""Derived signals and figures over every sample of a recorded range."""
+
+import asyncio
+import io
+from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
+from contextlib import aclosing
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend import __version__
+from backend.errors import Because, RefusalError, require_within
+from backend.experiments.parser import ExpressionError, derived_of
+from backend.plain_text import as_cell, as_comment
+from backend.recording.derived_signals import Following, derived_from, told_of
+from backend.recording.ranges import (
+    LEAST_SAMPLES,
+    Extreme,
+    Slab,
+    Spectrum,
+    Statistics,
+    Stretch,
+    add_slab,
+    slabs,
+    stretch_of,
+    welch,
+)
+from backend.recording.reader import AT_HAND_SAMPLES, read_samples
+from backend.sample import COMBINED_BY_NAME, FIELDS, Field
+from backend.schemas.run import (
+    Moment,
+    RecordedSpectra,
+    RecordedStatistics,
+    RecordedValues,
+    SignalSpectrum,
+    SignalStatistics,
+    SpectraLine,
+    StatisticsLine,
+)
+from backend.schemas.state import FormulaList, FormulaText, FormulaView, StepView
+from backend.storage import formulas, recordings
+from backend.storage.database import Database
+from backend.storage.formulas import Formula
+from backend.workers import piped
+
+# Figures -------------------------------------------------------------------------------------------
+#
+# Computes statistics, values, spectra and files of every sample of a range of a recorded run.
+
+
+AT_ONCE = 6
+"""Ranges that are read at a time."""
+
+AT_HAND_VALUES = 4_000_000
+"""Samples times signals of which spectra are computed in the service itself: they take 32 MB."""
+
+MOST_VALUES = 30_000_000
+"""Samples times signals of which spectra are computed at once: they are held in memory, 240 MB."""
+
+_SYMBOLS = {one.name: one.symbol for one in FIELDS}
+
+
+@dataclass(frozen=True)
+class RangeAsked:
+    """``signals`` of a run from ``from_s`` to ``to_s`` (both included) since its first sample; None: to its end."""
+
+    run: int
+    from_s: float
+    to_s: float | None
+    signals: Sequence[str]
+
+
+Lines = Callable[[Database, RangeAsked], Iterator[bytes]]
+
+
+class RecordedFigures:
+    """Computes beside the event loop: in threads, and in a process of its own where a range is long.
+
+    What is under way ends when its generator is closed.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._under_way = 0
+
+    async def statistics(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
+        """Return lines of ``StatisticsLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
+        return await self._begun(statistics_lines, asked)
+
+    async def spectra(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
+        """Return lines of ``SpectraLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
+        return await self._begun(spectra_lines, asked, AT_HAND_VALUES // max(1, len(asked.signals)))
+
+    async def file(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
+        """Return every sample as comma-separated text, in pieces. Raises like ``statistics``."""
+        return await self._begun(file_pieces, asked, at_hand=0)  # its library takes long to load
+
+    async def values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
+        """Return the values at the samples at or before ``times_s``. Raises like ``statistics``."""
+        return await asyncio.to_thread(values_at, self._database, run, times_s, signals)
+
+    async def _begun(self, lines: Lines, asked: RangeAsked, at_hand: int | None = None) -> AsyncGenerator[bytes]:
+        """Return a stream whose first piece is there: whatever is refused has been refused by then."""
+        if self._under_way >= AT_ONCE:
+            raise RefusalError(
+                Because.TOO_MANY, f"{AT_ONCE} ranges are being read: wait for one of them", retry_after_s=2
+            )
+        most = AT_HAND_SAMPLES if at_hand is None else min(at_hand, AT_HAND_SAMPLES)
+        stream = self._counted(lines, asked, most)
+        await anext(stream)
+        return stream
+
+    async def _counted(self, lines: Lines, asked: RangeAsked, at_hand: int) -> AsyncGenerator[bytes]:
+        """Yield nothing when the first piece is there, then the pieces."""
+        self._under_way += 1
+        try:
+            stretch = await asyncio.to_thread(_stretch, self._database, asked)
+            long = stretch.ticks > at_hand
+            pieces = piped(lines, self._database, asked) if long else _in_threads(lines(self._database, asked))
+            async with aclosing(pieces):
+                first = await anext(pieces, b"")
+                yield b""
+                yield first
+                async for piece in pieces:
+                    yield piece
+        finally:
+            self._under_way -= 1
+
+
+async def _in_threads(pieces: Iterator[bytes]) -> AsyncGenerator[bytes]:
+    while (piece := await asyncio.to_thread(next, pieces, None)) is not None:
+        yield piece
+
+
+def statistics_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
+    """Yield lines of ``StatisticsLine`` while the range is read, the result in the last one."""
+    stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
+    found = {name: Statistics() for name in asked.signals}
+    for slab in slabs(database, stretch, asked.signals):
+        add_slab(found, slab)
+        samples += slab.ticks.size
+        yield _line(StatisticsLine(share=_share(slab, stretch)))
+    signals = {name: _statistics(told[name].unit, one, stretch.period_s) for name, one in found.items()}
+    result = RecordedStatistics(**_range(stretch, samples), signals=signals)
+    yield _line(StatisticsLine(share=1.0, result=result))
+
+
+def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
+    """Yield lines of ``SpectraLine`` while the range is read, the result in the last one."""
+    stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
+    remedy = "choose a shorter range or fewer signals"
+    words = "samples times signals of a spectrum"
+    require_within("range", stretch.ticks * len(asked.signals), None, MOST_VALUES, "1", remedy, words=words)
+    values = {name: np.full(stretch.ticks, np.nan) for name in asked.signals}
+    for slab in slabs(database, stretch, asked.signals):
+        for name, column in slab.columns.items():
+            values[name][slab.ticks - stretch.begin] = column
+        samples += slab.ticks.size
+        yield _line(SpectraLine(share=0.9 * _share(slab, stretch)))
+    signals = {name: _spectrum(told[name].unit, column, samples, stretch.period_s) for name, column in values.items()}
+    yield _line(SpectraLine(share=1.0, result=RecordedSpectra(**_range(stretch, samples), signals=signals)))
+
+
+def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
+    """Yield every sample of a range as comma-separated text, with the digits that give each value back exactly.
+
+    Columns of the recording are written as ``data.csv`` of the run has them; combined signals in double precision.
+    """
+    import pyarrow as pa
+    import pyarrow.csv
+
+    stretch, told = _stretch(database, asked), _told(database, asked)
+    heading = [
+        f"run {stretch.run_id} from {stretch.from_s:.3f} s to {stretch.to_s:.3f} s, Sinew {__version__}; every sample; "
+        "SI units, angles in rad; t counts from the first sample of the run",
+        *(f"{name} [{told[name].unit}] {_SYMBOLS.get(name, name)}: {told[name].meaning}" for name in asked.signals),
+    ]
+    names = ["t", *asked.signals]
+    head = "\n".join([*map(as_comment, heading), ",".join(map(as_cell, names))]) + "\n"
+    plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
+    for slab in slabs(database, stretch, asked.signals):
+        columns = [slab.ticks * stretch.period_s, *(_as_stored(name, slab.columns[name]) for name in asked.signals)]
+        buffer = io.BytesIO(head.encode())
+        buffer.seek(0, io.SEEK_END)
+        pyarrow.csv.write_csv(pa.table([pa.array(column) for column in columns], names=names), buffer, plain)
+        head = ""
+        yield buffer.getvalue()
+    if head:
+        yield head.encode()
+
+
+def values_at(database: Database, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
+    """Return the values of signals at the samples at or before ``times_s``.
+
+    Raises UnknownRecordError, UnknownSignalError, OutOfRangeError for a time outside the recording.
+    """
+    with database.reading() as session:
+        whole = stretch_of(session, run)
+        for time_s in times_s:
+            if not 0 <= whole.tick_at(time_s) < whole.end:  # a sum of times may miss the last sample by a rounding
+                remedy = f"choose a time within the recording of run {run}"
+                require_within("at", time_s, 0.0, whole.to_s, "s", remedy, words="time")
+        ticks = [recordings.tick_before(session, run, whole.tick_at(time_s)) for time_s in times_s]
+    return RecordedValues(
+        run=run,
+        period_s=whole.period_s,
+        moments=[
+            Moment(at_s=at_s, t=tick * whole.period_s, values=_values(database, whole, tick, signals))
+            for at_s, tick in zip(times_s, ticks, strict=True)
+        ],
+    )
+
+
+def _values(database: Database, whole: Stretch, tick: int, signals: Sequence[str]) -> dict[str, float | None]:
+    slab = next(slabs(database, Stretch(whole.run_id, tick, tick + 1, whole.period_s), signals))
+    return {name: _number(float(column[0])) for name, column in slab.columns.items()}
+
+
+def _stretch(database: Database, asked: RangeAsked) -> Stretch:
+    with database.reading() as session:
+        read_samples(session, asked.run, [name for name in asked.signals if name not in COMBINED_BY_NAME], 0.0, 0.0)
+        return stretch_of(session, asked.run, asked.from_s, asked.to_s)
+
+
+def _told(database: Database, asked: RangeAsked) -> dict[str, Field | Following]:
+    with database.reading() as session:
+        return told_of(session, asked.signals)
+
+
+def _share(slab: Slab, stretch: Stretch) -> float:
+    return float(slab.ticks[-1] + 1 - stretch.begin) / stretch.ticks
+
+
+def _range(stretch: Stretch, samples: int) -> dict[str, Any]:
+    return {
+        "run": stretch.run_id,
+        "from_s": stretch.from_s,
+        "to_s": stretch.to_s,
+        "period_s": stretch.period_s,
+        "samples": samples,
+        "missing": stretch.ticks - samples,
+    }
+
+
+def _line(line: StatisticsLine | SpectraLine) -> bytes:
+    return line.model_dump_json().encode() + b"\n"
+
+
+def _statistics(unit: str, found: Statistics, period_s: float) -> SignalStatistics:
+    def when(extreme: Extreme | None) -> float | None:
+        return None if extreme is None else extreme.tick * period_s
+
+    return SignalStatistics(
+        unit=unit,
+        values=found.values,
+        without_value=found.without_value,
+        minimum=None if found.minimum is None else found.minimum.value,
+        minimum_s=when(found.minimum),
+        maximum=None if found.maximum is None else found.maximum.value,
+        maximum_s=when(found.maximum),
+        mean=found.mean if found.values else None,
+        deviation=found.deviation if found.values else None,
+    )
+
+
+def _spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
+    found, reason = welch(values, period_s), ""
+    there = int(np.count_nonzero(np.isfinite(values)))
+    if found is None:
+        reason = f"fewer than {LEAST_SAMPLES} consecutive samples have a value"
+        found = Spectrum(step_Hz=0.0, noise_bandwidth_Hz=0.0, segment=0, segments=0, used=0, density=np.empty(0))
+    return SignalSpectrum(
+        unit=unit,
+        reason=reason,
+        values=there,
+        without_value=samples - there,
+        used=found.used,
+        segment=found.segment,
+        segments=found.segments,
+        step_Hz=found.step_Hz,
+        noise_bandwidth_Hz=found.noise_bandwidth_Hz,
+        density=found.density.tolist(),
+    )
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _as_stored(name: str, column: NDArray[np.float64]) -> NDArray[np.float32] | NDArray[np.float64]:
+    return column if name in COMBINED_BY_NAME else column.astype(np.float32)
+
+
+# Formulas ------------------------------------------------------------------------------------------
+#
+# Derived signals of the station as the page writes them: checked and stored.
+
+
+MOST = 50
+"""So many formulas a station may have."""
+
+
+class Formulas:
+    """Reads and writes the formulas of a station in threads."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def all(self) -> FormulaList:
+        """Return the formulas, by name."""
+        return await asyncio.to_thread(self._all)
+
+    async def put(self, name: str, text: FormulaText, who: str) -> FormulaView:
+        """Write a formula, or change the one of this name. Raises RefusalError."""
+        return await asyncio.to_thread(self._put, name, text, who)
+
+    async def remove(self, name: str, who: str) -> None:
+        """Remove a formula. Raises UnknownRecordError."""
+        await asyncio.to_thread(self._remove, name, who)
+
+    def _all(self) -> FormulaList:
+        with self._database.reading() as session:
+            return FormulaList(formulas=[_view(one) for one in formulas.find(session)])
+
+    def _put(self, name: str, text: FormulaText, who: str) -> FormulaView:
+        try:
+            derived = derived_of(name, text.unit, text.expression)
+        except ExpressionError as error:
+            raise RefusalError(Because.BAD_VALUE, str(error), code="bad_formula") from None
+        with self._database.session() as session:
+            others = [one.name for one in formulas.find(session) if one.name != name]
+            if len(others) >= MOST:
+                raise RefusalError(Because.BAD_VALUE, f"a station has {MOST} formulas at most: remove one first")
+            alike = next((one for one in others if one.lower() == name.lower()), None)
+            if alike is not None:
+                raise RefusalError(
+                    Because.BAD_VALUE, f"{name!r} differs from {alike!r} by case only", code="bad_formula"
+                )
+            steps = [asdict(step) for step in derived.steps]
+            return _view(formulas.put(session, name, text.expression, steps, text.unit, text.meaning, who))
+
+    def _remove(self, name: str, who: str) -> None:
+        with self._database.session() as session:
+            formulas.remove(session, name, who)
+
+
+def _view(one: Formula) -> FormulaView:
+    derived = derived_from(one)
+    return FormulaView(
+        name=one.name,
+        expression=one.expression,
+        unit=one.unit,
+        meaning=one.meaning,
+        who=one.who,
+        at=one.at,
+        signals=list(derived.signals),
+        steps=[StepView(**asdict(step)) for step in derived.steps],
+    )

@@ -1,0 +1,362 @@
+"""Studies: stored and shown, and computed in worker processes."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from backend.auth.authentication import Person
+from backend.banks.tuning_settings import TuningChoice
+from backend.errors import Because, RefusalError, RefusedValueError
+from backend.execution.runner import banks_in
+from backend.experiments import parser
+from backend.experiments.plans import LoopSettings
+from backend.models.run import Value
+from backend.models.settings import describe
+from backend.plain_text import as_line
+from backend.schemas.experiment import (
+    CheckedStudy,
+    PlantNumber,
+    PlantNumbers,
+    StudyAxis,
+    StudyDetail,
+    StudyFigure,
+    StudyList,
+    StudyMap,
+    StudyPoint,
+    StudyShare,
+    StudyView,
+)
+from backend.services.background_work import HasLeft, TextWork
+from backend.services.library import OwnExperiments
+from backend.storage import studies
+from backend.storage.database import Database
+from backend.storage.studies import StoredPoint, StoredStudy
+from backend.studies import maps
+from backend.studies.crew import cores
+from backend.studies.design import Design
+from backend.studies.maps import Map
+from backend.studies.point import numbers_of, require_version
+from backend.studies.runner import TakenError, is_computed, left_s, local, run_study
+from backend.studies.stored import Surroundings, design_of, new_study
+from backend.workers import Offload, WorkerDiedError
+from plant.parameters import PlantParameters
+
+# Studies -------------------------------------------------------------------------------------------
+#
+# Studies as they are kept and shown: begun from a text, listed, asked to stop, their tables and
+# maps.
+
+
+LISTED = 100
+_GONE = "who computed it died without a word: resume it, what is computed is kept"
+"""Of a study that nobody computes although nobody has let go of it: killed, or its machine lost."""
+ROWS_SHOWN = 200
+"""Rows of a table that the page is given; the command line has all."""
+
+
+class Studies:
+    """Reads and keeps them; what computes them is ``backend.studies.runner``."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def begin(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
+        """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
+        own = OwnExperiments(self._database)
+        new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), who)
+        with self._database.session() as session:
+            kept = studies.add(session, new)
+        return self.view(kept.id)
+
+    def check(self, written: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> CheckedStudy:
+        """Return what a text says, and whether it is a study that could be begun. Nothing is kept."""
+        document: dict[str, Any] | None = None
+        try:
+            said = parser.document_of(written)[0]
+            document = said if isinstance(said, dict) else None
+            own = OwnExperiments(self._database)
+            new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), "")
+        except RefusedValueError as error:
+            return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
+        return CheckedStudy(document=document, points=new.points, problem="", path=[])
+
+    def all(self) -> list[StudyView]:
+        """Return the newest studies, newest first."""
+        with self._database.reading() as session:
+            return [_view(kept, studies.states(session, kept.id)) for kept in studies.newest(session, LISTED)]
+
+    def view(self, study_id: int) -> StudyView:
+        """Return one. Raises UnknownRecordError."""
+        with self._database.reading() as session:
+            return _view(studies.get(session, study_id), studies.states(session, study_id))
+
+    def stop(self, study_id: int) -> StudyView:
+        """Have whoever computes it stop when the runs in hand are done. Raises UnknownRecordError."""
+        with self._database.session() as session:
+            studies.ask_to_stop(session, study_id)
+        return self.view(study_id)
+
+    def resume(self, study_id: int) -> StudyView:
+        """Have what is missing computed by whoever comes. Raises UnknownRecordError, OtherSoftwareError, TakenError."""
+        with self._database.session() as session:
+            kept = studies.get(session, study_id)
+            require_version(kept.base["software"])
+            if kept.stop_asked and is_computed(kept):
+                raise TakenError(kept)
+            studies.want(session, study_id)
+        return self.view(study_id)
+
+    def detail(self, study_id: int, rows: int | None = ROWS_SHOWN, pick: str = maps.WORST) -> StudyDetail:
+        """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
+        kept, points, design = self._read(study_id)
+        named = maps.figure_names(parser.of_canonical(design.base.experiment))
+        spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
+        figures = [
+            StudyFigure(**vars(named[name]), **{of: value for of, value in vars(item).items() if of != "figure"})
+            for name, item in spread.items()
+        ]
+        axes = dict(design.axes)
+        drawn = maps.axes_to_draw(axes)
+        shown = (
+            []
+            if drawn is None
+            else [maps.map_of(points, axes, *drawn, name, pick) for name in (*spread, *(maps.SHARES if points else ()))]
+        )
+        return StudyDetail(
+            study=self.view(study_id),
+            text=kept.text,
+            axes=[
+                StudyAxis(name=name, symbol=symbol_of(name, design), unit=unit_of(name, design), values=list(values))
+                for name, values in design.axes
+            ],
+            shares=[StudyShare(label=maps.SHARES[item.name].label, **vars(item)) for item in maps.shares(points)],
+            figures=figures,
+            maps=[_map_view(item) for item in shown],
+            rows=[_point_view(point) for point in points[:rows]],
+        )
+
+    def map(self, study_id: int, figure: str, pick: str, over: tuple[str, str] | None = None) -> tuple[Map, Design]:
+        """Return the map of a figure, by ``pick``, ``over`` x and y. Raises SettingError, UnknownRecordError."""
+        _, points, design = self._read(study_id)
+        axes = dict(design.axes)
+        x, y = over or maps.axes_to_draw(axes) or ("", "")
+        return maps.map_of(points, axes, x, y, figure, pick), design
+
+    def _read(self, study_id: int) -> tuple[StoredStudy, list[StoredPoint], Design]:
+        with self._database.reading() as session:
+            kept = studies.get(session, study_id)
+            return kept, studies.points(session, study_id), design_of(kept)
+
+
+def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
+    done, computed = sum(ends.values()), is_computed(kept)
+    state = "done" if done == kept.points else "stopped"
+    if computed:
+        state = "stopping" if kept.stop_asked else "running"
+    lasted_s = (datetime.now(UTC) - kept.begun_at).total_seconds() if kept.begun_at else 0.0
+    return StudyView(
+        id=kept.id,
+        name=kept.name,
+        title=as_line(kept.title),
+        who=kept.who,
+        created=kept.created_at,
+        state=state,
+        points=kept.points,
+        done=done,
+        ends=ends,
+        left_s=left_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
+        problem=kept.problem or (_GONE if kept.runner and state == "stopped" else ""),
+    )
+
+
+def _map_view(drawn: Map) -> StudyMap:
+    return StudyMap(
+        figure=drawn.figure,
+        pick=drawn.pick,
+        x=drawn.x,
+        y=drawn.y,
+        cells=[list(row) for row in drawn.cells],
+        unstable=[list(row) for row in drawn.unstable],
+        counts=[list(row) for row in drawn.counts],
+        runs=[list(row) for row in drawn.runs],
+        intervals=[[None if ends is None else list(ends) for ends in row] for row in drawn.intervals],
+    )
+
+
+def _point_view(point: StoredPoint) -> StudyPoint:
+    return StudyPoint(**vars(point))
+
+
+def unit_of(name: str, design: Design) -> str:
+    """Return the SI unit of what is varied: a number of the plant, or a setting."""
+    if "." in name:
+        section, entry, *_ = name.split(".")
+        return str(design.base.parameters[section][entry]["unit"])
+    return _settings(design).get(name, ("", "1"))[1]
+
+
+def symbol_of(name: str, design: Design) -> str:
+    """Return the symbol of a setting that is varied; a number of the plant has its section and entry."""
+    return _settings(design).get(name, (name, ""))[0]
+
+
+def _settings(design: Design) -> dict[str, tuple[str, str]]:
+    """Symbol and unit of each setting of the experiment and of the loop, by name."""
+    written = parser.of_canonical(design.base.experiment).settings
+    found = {item.name: (item.symbol or item.name, item.unit) for item in written}
+    return found | {item.name: (item.symbol, item.unit) for item in describe(LoopSettings)}
+
+
+# Studies under way ---------------------------------------------------------------------------------
+#
+# Studies that the page has computed: one after the other, in processes that give way to all others.
+#
+# One core is left to the loop and the service. What ends with the service goes on where it was,
+# when somebody resumes it.
+
+
+_LOG = logging.getLogger(__name__)
+WAITING = "waiting"
+"""State of a study whose turn comes after that of another one."""
+WAITING_MAX = 20
+"""Studies under way or waiting, at most."""
+COMPUTED = ("running", "stopping")
+REST = 9.0
+"""The table of a study that is computed is read anew after so many times what that takes: of 100 000 rows, seconds."""
+
+
+class StudiesUnderWay:
+    """Belongs to the service's event loop.
+
+    ``computing`` has a process for studies, ``reading`` one for their tables, and ``texts`` those for what is written.
+
+    ``tuning`` tells the one in force, which holds where a study names none.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        parameters: PlantParameters,
+        tuning: Callable[[], TuningChoice],
+        computing: Offload,
+        reading: Offload,
+        texts: TextWork,
+    ) -> None:
+        self._database, self._parameters, self._tuning = database, parameters, tuning
+        self._computing, self._reading, self._texts = computing, reading, texts
+        self._kept = Studies(database)
+        self._turn, self._door = asyncio.Lock(), asyncio.Lock()
+        self._looked_at: dict[tuple[int, str], tuple[float, StudyDetail]] = {}
+        self._waiting: dict[int, asyncio.Task[None]] = {}
+        self._present: dict[int, asyncio.Task[None]] = {}
+
+    def use(self, parameters: PlantParameters) -> None:
+        """Begin studies around these parameters from now on."""
+        self._parameters = parameters
+
+    async def all(self) -> StudyList:
+        """Return the newest studies, newest first."""
+        return StudyList(studies=[self._told(study) for study in await asyncio.to_thread(self._kept.all)])
+
+    async def detail(self, study_id: int, pick: str) -> StudyDetail:
+        """Return a study with its maps, by ``pick``, and the first rows of its table. Raises UnknownRecordError.
+
+        The table of one that is computed may be that of before, see REST.
+        """
+        study = await asyncio.to_thread(self._kept.view, study_id)
+        due, found = self._looked_at.get((study_id, pick), (0.0, None))
+        if found is None or study.state not in COMPUTED or time.monotonic() >= due:
+            begun = time.monotonic()
+            found = await self._reading.run(_detail, self._database, study_id, pick)
+            study, ended = found.study, time.monotonic()
+            resting = {other: kept for other, kept in self._looked_at.items() if kept[0] > ended}
+            self._looked_at = resting | {(study_id, pick): (ended + REST * (ended - begun), found)}
+        return found.model_copy(update={"study": self._told(study)})
+
+    async def check(self, text: str, person: Person, has_left: HasLeft) -> CheckedStudy:
+        """Return what a text says and whether it could be begun. Raises RefusalError where there is no place."""
+        return await self._texts.run(person, has_left, _check, self._database, text, self._parameters, self._tuning())
+
+    def numbers(self) -> PlantNumbers:
+        """Return the numbers of the plant that a study can vary."""
+        return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in numbers_of(self._parameters)])
+
+    async def begin(self, text: str, who: str) -> StudyView:
+        """Keep a study and have it computed. Raises ExperimentError, SettingError, RefusalError for one too many."""
+        async with self._door:
+            self._require_place()
+            tuning = self._tuning()
+            study = await self._texts.order(_begin, self._database, text, who, self._parameters, tuning)
+            return self._have_computed(study)
+
+    async def resume(self, study_id: int) -> StudyView:
+        """Have computed what is missing.
+
+        Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, RefusalError for one too many.
+        """
+        async with self._door:
+            self._require_place()
+            return self._have_computed(await asyncio.to_thread(self._kept.resume, study_id))
+
+    async def stop(self, study_id: int) -> StudyView:
+        """Have a study stop, whoever computes it. Raises UnknownRecordError."""
+        study = await asyncio.to_thread(self._kept.stop, study_id)
+        due = self._waiting.pop(study_id, None)
+        begun = self._present.get(study_id) if study.state == "stopped" else None  # its process only comes up
+        for task in (due, begun):
+            if task is not None:
+                task.cancel()
+                await asyncio.wait((task,))
+        return self._told(study)
+
+    async def close(self) -> None:
+        """Let go of all; what is computed is kept."""
+        tasks = [*self._waiting.values(), *self._present.values()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _require_place(self) -> None:
+        if len(self._waiting) + len(self._present) >= WAITING_MAX:
+            raise RefusalError(Because.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
+
+    def _have_computed(self, study: StudyView) -> StudyView:
+        if study.id not in self._waiting and study.state == "stopped":  # after its last attempt, where that only ends
+            self._waiting[study.id] = asyncio.get_running_loop().create_task(self._compute(study.id))
+        return self._told(study)
+
+    async def _compute(self, study_id: int) -> None:
+        async with self._turn:
+            self._present[study_id] = self._waiting.pop(study_id)
+            try:
+                await self._computing.run(_compute, self._database, study_id)
+            except WorkerDiedError as died:
+                _LOG.warning("study %s: %s", study_id, died)
+            except Exception:  # the study says what it was
+                _LOG.exception("study %s could not be computed", study_id)
+            finally:
+                del self._present[study_id]
+
+    def _told(self, study: StudyView) -> StudyView:
+        """Return a study that nobody computes yet as one that waits, where that is so."""
+        under_way = study.id in self._waiting or study.id in self._present
+        return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
+
+
+def _check(database: Database, text: str, parameters: PlantParameters, tuning: TuningChoice) -> CheckedStudy:
+    return Studies(database).check(text, parameters, tuning.document())
+
+
+def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StudyView:
+    return Studies(database).begin(text, who, parameters, tuning.document())
+
+
+def _detail(database: Database, study_id: int, pick: str) -> StudyDetail:
+    return Studies(database).detail(study_id, pick=pick)
+
+
+def _compute(database: Database, study_id: int) -> None:
+    run_study(database, study_id, local(max(1, cores() - 1)))

@@ -1,0 +1,108 @@
+"""The trigger as an operator arms it: checked, told in the log and in the state."""
+
+import asyncio
+from datetime import UTC, datetime
+
+from backend.errors import Because, RefusalError
+from backend.recording.derived_signals import Derived, derived_from
+from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, left_armed
+from backend.sample import UNIT_OF, nearest
+from backend.schemas.state import MarkKind, TriggerOrder, TriggerView
+from backend.services.actuator import Actuator
+from backend.services.event_log import Journal
+from backend.storage import formulas
+from backend.storage.database import Database
+from backend.storage.events import EventKind
+from backend.storage.orm import StorageError
+from plant.interface import T_s
+
+
+class Triggers:
+    """Arms and disarms the one ``trigger`` of the station."""
+
+    def __init__(self, trigger: Trigger, actuator: Actuator, journal: Journal, database: Database) -> None:
+        self._trigger, self._actuator, self._journal, self._database = trigger, actuator, journal, database
+        self._turn = asyncio.Lock()
+        left = left_armed(database)
+        if left is not None:
+            says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).told()
+            journal.record(
+                EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {left['who']}"
+            )
+
+    def view(self) -> TriggerView | None:
+        """Return what was armed last since the service started; None where nothing was."""
+        standing = self._trigger.standing
+        if standing is None:
+            return None
+        armed, condition = standing.armed, standing.armed.condition
+        return TriggerView(
+            signal=condition.signal,
+            condition=condition.kind,
+            level=condition.level,
+            upper=condition.upper,
+            before_s=armed.before * T_s,
+            after_s=armed.after * T_s,
+            captures=armed.captures,
+            unit=condition.unit,
+            says=condition.told(),
+            who=armed.who,
+            at=armed.at,
+            phase="ended" if standing.ended else "capturing" if standing.left else "armed",
+            captured=standing.captured,
+            left_s=standing.left * T_s,
+            ended=standing.ended,
+        )
+
+    async def arm(self, order: TriggerOrder, who: str) -> TriggerView:
+        """Wait for a condition. Raises RefusalError while another is waited for, or where the order makes no sense."""
+        condition = _possible(order, await asyncio.to_thread(self._derived))
+        async with self._turn:
+            standing = self._trigger.standing
+            if standing is not None and self._trigger.is_armed:
+                told = f"{standing.armed.who} has armed it: {standing.armed.condition.told()}; disarm it first"
+                raise RefusalError(Because.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
+            before, after = round(order.before_s / T_s), round(order.after_s / T_s)
+            self._trigger.arm(Armed(condition, before, after, order.captures, who, datetime.now(UTC)))
+            try:
+                await asyncio.to_thread(self._trigger.keep_armed, who)
+            except StorageError:
+                self._trigger.disarm("it could not be put on record")
+                raise
+        made = "once" if order.captures == 1 else f"{order.captures} times"
+        kept = f"{order.before_s:g} s before and {order.after_s:g} s after, {made}"
+        self._note(f"trigger armed: {condition.told()}; {kept}", who)
+        view = self.view()
+        assert view is not None
+        return view
+
+    async def disarm(self, who: str) -> None:
+        """Wait for nothing any more; a capture under way ends here and is kept."""
+        async with self._turn:
+            if not self._trigger.is_armed:
+                return
+            self._trigger.disarm(f"{who} disarmed it")
+            await asyncio.to_thread(self._trigger.keep_armed, who)
+        self._note("trigger disarmed", who)
+
+    def _derived(self) -> dict[str, Derived]:
+        with self._database.reading() as session:
+            return {one.name: derived_from(one) for one in formulas.find(session)}
+
+    def _note(self, text: str, who: str) -> None:
+        self._journal.note(MarkKind.NOTE, text, self._actuator.present.tick, who)
+
+
+def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
+    if order.signal not in UNIT_OF and order.signal not in derived:
+        message = f"there is no signal {order.signal!r}: the nearest is {nearest(order.signal)}"
+        raise RefusalError(Because.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_OF, *derived])
+    is_window = order.condition in WINDOWS
+    if is_window and (order.upper is None or order.upper <= order.level):
+        message = "the upper end of the window has to be above its lower end"
+        raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
+    if not is_window and order.upper is not None:
+        message = f"a condition {order.condition} has one level: leave the upper end out"
+        raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
+    formula = None if order.signal in UNIT_OF else derived[order.signal]
+    return Condition(order.signal, order.condition, order.level, order.upper, formula)

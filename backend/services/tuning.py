@@ -1,0 +1,366 @@
+"""Changes of the tuning, and the tunings saved for banks."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+from backend.banks.tuning_settings import SAVED, SavedParts, TuningChoice, saved_for
+from backend.errors import Because, RefusalError, require_within
+from backend.realtime.commands import Accepted
+from backend.realtime.gains import NOT_LEARNED
+from backend.realtime.program import SetTuning
+from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.schemas.state import MarkKind, State
+from backend.schemas.tuning import (
+    Motion,
+    MotorPreview,
+    RobustTuning,
+    SavedTuning,
+    TrialRequest,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
+from backend.services import background_work
+from backend.services.background_work import AskedTuning, Compute
+from backend.services.event_log import Journal
+from backend.services.state import PresentState
+from backend.services.tuning_state import KeptTuning, Trial, TuningInUse, parts_of
+from backend.storage import settings
+from backend.storage.banks import Bank
+from backend.storage.database import Database
+from backend.storage.settings import StoredSetting
+from backend.supervision import Supervision
+from backend.tuning.gains import DEVIATIONS, UNSEEN_F
+
+# Retuning ------------------------------------------------------------------------------------------
+#
+# Changes of the tuning in force: by a person for good or on trial, and lent to a run that asks for
+# its own.
+#
+# What a run asks for is in force until its program has ended; then what the operator had chosen
+# comes back. Only the operator's tuning outlives the service.
+
+
+RETRY_S = 0.5
+"""How soon it is tried again to put a tuning back that the loop did not take [s]."""
+
+_log = logging.getLogger(__name__)
+
+
+class Retuning:
+    """Belongs to the service's event loop. ``send`` hands a tuning to the loop; ``turn`` is held by who changes it."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        present: PresentState,
+        journal: Journal,
+        kept: KeptTuning,
+        supervision: Supervision,
+        send: Callable[[SetTuning], Awaitable[Accepted]],
+        turn: asyncio.Lock,
+        changed: Callable[[], None],
+    ) -> None:
+        self._supervisor = supervisor
+        self._present = present
+        self._journal = journal
+        self._kept = kept
+        self._send = send
+        self._turn = turn
+        self._changed = changed
+        self._trial = Trial(self._end_trial_by_itself, supervision)
+        present.trial = self._trial.view
+        present.earlier = kept.earlier(present.tuning)
+
+    async def set(self, request: TuningRequest, who: str) -> TuningView:
+        """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
+        view = await self._change(request, who, self._choose)
+        await self._keep(who)
+        return view
+
+    async def try_out(self, request: TrialRequest, who: str) -> State:
+        """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
+        before = self._trial.before or self._present.tuning
+        await self._change(request, who, self._put_in_force)
+        self._trial.begin(before, request.duration_s)
+        self._changed()
+        return self._present.state()
+
+    async def end_trial(self, keep: bool, who: str) -> State:
+        """Keep what is tried, or go back at once. Raises RefusalError when nothing is on trial."""
+        before = self._trial.before
+        if before is None:
+            raise RefusalError(Because.NOT_NOW, "nothing is on trial: what is in force stays")
+        if keep:
+            self._trial.forget()
+            self._present.earlier, self._present.undone = before, False
+            self._journal.note(MarkKind.TUNING, "trial kept", self._present.tick, who)
+            await self._keep(who)
+        else:
+            await self._end_trial(before, who)
+        self._changed()
+        return self._present.state()
+
+    def leave_trial(self, cause: str) -> None:
+        """End a trial because of ``cause``; returns at once, and does nothing where nothing is on trial."""
+        self._trial.end(cause)
+
+    async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
+        """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
+        async with self._turn:
+            self._require_own()
+            before = self._present.tuning
+            tick = await self._choose(await asyncio.to_thread(before.with_bank, bank))
+            said = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+            self._journal.note(MarkKind.BANK, said, tick, who)
+        await self._keep(who)
+        return self._present.tuning.view(self._present.entry)
+
+    async def undo(self, who: str) -> TuningView:
+        """Put back in force what the operator had before the last change; to undo that is to do it again.
+
+        Raises RefusalError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
+        """
+        async with self._turn:
+            self._require_own()
+            if self._trial.before is not None:
+                raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            earlier, before = self._present.earlier, self._present.tuning
+            if earlier is None:
+                raise RefusalError(Because.NOT_NOW, "the tuning has not been changed: there is nothing to undo")
+            after = await asyncio.to_thread(before.with_choice, earlier.choice, earlier.bank)
+            again = self._present.undone
+            tick = await self._choose(after, undone=not again)
+            done = "done again" if again else "undone"
+            self._journal.note(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
+        await self._keep(who)
+        return self._present.tuning.view(self._present.entry)
+
+    async def lend(self, choice: TuningChoice, bank: Bank | None, who: str) -> None:
+        """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
+
+        Raises OutOfRangeError and RefusalError; nothing changes then.
+        """
+        async with self._turn:
+            self._require_own()
+            if self._trial.before is not None:
+                raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            own = self._present.tuning
+            if choice != own.choice:
+                wanted = await asyncio.to_thread(own.with_choice, choice, bank)
+                tick = await self._put_in_force(wanted)
+                self._journal.note(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
+            self._present.own_tuning = own
+        self._changed()
+
+    async def give_back(self) -> None:
+        """Put the operator's tuning back in force; does so as soon as the loop takes it."""
+        own = self._present.own_tuning
+        if own is not None:
+            await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
+        self._changed()
+
+    async def preview(
+        self,
+        lam_q: float,
+        lam_S: float,
+        S: float | None = None,
+        *,
+        motion: Motion | None = None,
+        u_plan: float | None = None,
+        k_ext: float | None = None,
+        printed: bool = False,
+        compute: Compute = asyncio.to_thread,
+    ) -> TuningPreview:
+        """Predict what λ, a motion, its limit [V] and a share of pushes would do at S [N·m/rad]; None: as now.
+
+        Raises OutOfRangeError for a stiffness, a limit or a share that is not offered.
+        """
+        present, bounds = self._present, self._present.bounds
+        if S is None:
+            S_ref = present.references.S_ref
+            S = bounds.S_min if S_ref is None else min(max(S_ref, bounds.S_min), bounds.S_max)
+        require_within("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
+        asked = AskedTuning.of(present.tuning)
+        wanted = lam_q, lam_S, S, present.entry, motion, u_plan, k_ext, printed
+        previewed: TuningPreview = await compute(background_work.preview_tuning, asked, *wanted)
+        return previewed
+
+    async def motor(self, lam_motor: float, compute: Compute = asyncio.to_thread) -> MotorPreview:
+        """Tell how robust the motor loops are at a λ."""
+        found: MotorPreview = await compute(
+            background_work.preview_motor, AskedTuning.of(self._present.tuning), lam_motor
+        )
+        return found
+
+    async def robust(self, M_s: float, compute: Compute = asyncio.to_thread) -> RobustTuning:
+        """Find the λ of each loop for a wanted M_s."""
+        found: RobustTuning = await compute(
+            background_work.compute_robustness, AskedTuning.of(self._present.tuning), M_s
+        )
+        return found
+
+    async def _change(
+        self, request: TuningRequest, who: str, put: Callable[[TuningInUse], Awaitable[int]]
+    ) -> TuningView:
+        async with self._turn:
+            self._require_own()
+            before = self._present.tuning
+            after = await asyncio.to_thread(before.changed, request)
+            tick = await put(after)
+            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+        return after.view(self._present.entry)
+
+    def leave_pushes(self) -> None:
+        """Show that pushes are left to the position loop: what was learned is gone, and the loop does so by itself."""
+        present = self._present
+        if present.tuning.choice.k_ext == 0.0:
+            return
+        present.tuning = present.tuning.without_rejection()
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=present.tuning.command())
+        self._journal.note(MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", present.tick)
+        self._changed()
+
+    def _as_learned(self, tuning: TuningInUse) -> TuningInUse:
+        """Return what can come back into force of a tuning."""
+        return tuning if self._present.touch().learned else tuning.without_rejection()
+
+    def _require_felt(self, tuning: TuningInUse) -> None:
+        """Raise RefusalError for a rejection of a force that is not known, or not well enough."""
+        if tuning.choice.k_ext == 0.0:
+            return
+        points = self._present.touch().learned
+        if not points:
+            raise RefusalError(Because.NOT_NOW, NOT_LEARNED)
+        noise = max(point.std_N for point in points)
+        if not noise <= UNSEEN_F / DEVIATIONS:
+            raise RefusalError(
+                Because.NOT_NOW,
+                f"a rejection is refused: the estimate itself moves by {noise:.4g} N (standard deviation), and what is "
+                f"left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
+            )
+
+    async def _until_put_back(self, what: str, tuning: TuningInUse, put_back: Callable[[], Awaitable[None]]) -> None:
+        """Call ``put_back`` until it works; meanwhile the problems of the state tell what is not back in force."""
+        try:
+            while True:
+                try:
+                    return await put_back()
+                except Exception as error:
+                    # A loop that is being restarted refuses for a moment; what was promised to come back does.
+                    _log.exception("%s could not be put back yet", what)
+                    self._present.tuning_problem = (
+                        f"{what} ({tuning.difference(self._present.tuning)}) is not back in force: {error}. "
+                        f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
+                        "again: it starts with the operator's tuning."
+                    )
+                    self._changed()
+                    await asyncio.sleep(RETRY_S)
+        finally:
+            if self._present.tuning_problem:
+                self._present.tuning_problem = ""
+                self._changed()
+
+    async def _return(self, own: TuningInUse) -> None:
+        async with self._turn:
+            if self._present.own_tuning is not own:  # given back by another road while this waited
+                return
+            lent, back = self._present.tuning, self._as_learned(own)
+            if back.choice != lent.choice:
+                try:
+                    tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
+                except LoopDiedError:
+                    tick = self._remember(back.without_rejection())
+                self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
+            self._present.own_tuning = None
+
+    async def _end_trial_by_itself(self, before: TuningInUse, cause: str) -> None:
+        await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
+
+    async def _end_trial(self, before: TuningInUse, who: str = "", cause: str = "") -> None:
+        async with self._turn:
+            tried = self._present.tuning
+            if self._trial.before is not before:  # somebody chose another tuning while this waited
+                return
+            back = self._as_learned(before)
+            tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
+            ended = f"trial over, {cause}" if cause else "trial over"
+            self._journal.note(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
+
+    def _require_own(self) -> None:
+        """Raise RefusalError while a run has the tuning."""
+        if self._present.own_tuning is None:
+            return
+        task = self._present.task
+        what = "a run is being started" if task is None else f"{task.kind} is running"
+        raise RefusalError(Because.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
+
+    async def _keep(self, who: str) -> None:
+        """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
+        await asyncio.to_thread(self._kept.put, self._present.tuning, who)
+
+    async def _choose(self, tuning: TuningInUse, *, undone: bool = False) -> int:
+        """Put in force what the operator has chosen for good; one step back is remembered."""
+        before = self._trial.before or self._present.tuning
+        tick = await self._put_in_force(tuning)
+        if tuning.choice != before.choice:
+            self._present.earlier, self._present.undone = before, undone
+            self._changed()
+        return tick
+
+    async def _put_in_force(self, tuning: TuningInUse) -> int:
+        self._require_felt(tuning)
+        accepted = await self._send(tuning.command())
+        self._remember(tuning)
+        return accepted.tick
+
+    def _remember(self, tuning: TuningInUse) -> int:
+        """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
+        self._trial.forget()
+        self._present.tuning = tuning
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
+        self._changed()
+        return self._present.tick
+
+
+# Saved tunings -------------------------------------------------------------------------------------
+#
+# The tuning that each bank is meant to run with, saved by a person, as settings in the database.
+
+
+class SavedTunings:
+    """Reads and writes settings in threads, so that the event loop never waits for the disk."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def of(self, tuning: TuningInUse) -> SavedTuning:
+        """Return what was saved for the bank in use; the defaults on its models where nobody has saved."""
+        stored = await asyncio.to_thread(self._newest, tuning)
+        if stored is not None:
+            return _saved(stored)
+        default = await asyncio.to_thread(tuning.default)
+        return SavedTuning(**parts_of(default.choice), who=None, at=None, moved=default.moved)
+
+    async def save(self, tuning: TuningInUse, who: str) -> SavedTuning:
+        """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
+        return _saved(await asyncio.to_thread(self._put, tuning, who))
+
+    def _newest(self, tuning: TuningInUse) -> StoredSetting | None:
+        with self._database.reading() as session:
+            return settings.newest(session, _setting_of(tuning))
+
+    def _put(self, tuning: TuningInUse, who: str) -> StoredSetting:
+        with self._database.session() as session:
+            return settings.put(session, _setting_of(tuning), SAVED.write(SavedParts(**parts_of(tuning.choice))), who)
+
+
+def _saved(stored: StoredSetting) -> SavedTuning:
+    read = SAVED.read(stored.value, f"setting “{stored.name}”")
+    return SavedTuning(**parts_of(TuningChoice.of(read.known())), who=stored.who, at=stored.at, moved="")
+
+
+def _setting_of(tuning: TuningInUse) -> str:
+    return saved_for(None if tuning.bank is None else tuning.bank.id)
