@@ -1,12 +1,10 @@
 """The glossary: what each word, figure, field and verdict of the page means, from where it is defined."""
 
 import dataclasses
-import importlib
 import json
-import pkgutil
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import get_args
@@ -14,7 +12,7 @@ from typing import get_args
 from annotated_types import Ge, Le
 from pydantic.fields import FieldInfo
 
-from backend import analysis
+from backend.analysis import disturbance_metrics, frequency_metrics, identification, step_metrics
 from backend.analysis.step_metrics import SETTLING_BAND
 from backend.commissioning.steps import StepState
 from backend.errors import WORDS
@@ -214,23 +212,29 @@ def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str
     return Entry(Kind.FIGURE, name, label, first, shown, EQUATIONS.get(name, ""), source, more)
 
 
+RESULTS = {
+    step_metrics.Overall: "Steps",
+    step_metrics.Whole: "Whole run",
+    frequency_metrics.ResponseFigures: "Response",
+    frequency_metrics.BodeFigures: "Bode",
+    disturbance_metrics.ComplianceFigures: "Compliance",
+    disturbance_metrics.DisturbanceFigures: "Disturbance",
+    disturbance_metrics.HoldFigures: "Hold",
+    disturbance_metrics.ImpactFigures: "Impact",
+    disturbance_metrics.PushFigures: "Push",
+    disturbance_metrics.RobustnessFigures: "Robustness",
+    identification.IdentificationFigures: "Actuator identification",
+    identification.MotorFigures: "Motor identification",
+    identification.SpringFigures: "Spring identification",
+}
+"""What declares figures, and how its result is called."""
+
+
 def _declared() -> list[tuple[str, str, str, str, str]]:
     """Return what is declared: of which result, name, label, unit, definition."""
-    modules = [
-        importlib.import_module(f"{analysis.__name__}.{found.name}")
-        for found in pkgutil.iter_modules(analysis.__path__)
-    ]
     return [
-        (
-            module.__name__.rsplit(".", 1)[1].replace("metrics", "steps").replace("_", " ").capitalize(),
-            item.name,
-            item.metadata["label"],
-            item.metadata["unit"],
-            item.metadata["definition"],
-        )
-        for module in modules
-        for kind in vars(module).values()
-        if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__
+        (result, item.name, item.metadata["label"], item.metadata["unit"], item.metadata["definition"])
+        for kind, result in RESULTS.items()
         for item in dataclasses.fields(kind)
         if "definition" in item.metadata
     ]

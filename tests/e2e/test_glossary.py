@@ -150,16 +150,16 @@ def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: 
             page.locator(f"main form [name='{setting['name']}']").focus()
             expect(tooltip(page)).to_contain_text(setting["meaning"][1:])
             if setting["minimum"] is not None and setting["unit"] != "rad":
-                expect(tooltip(page)).to_contain_text(f"{setting['minimum']:g} … {setting['maximum']:g}")
+                expect(tooltip(page)).to_contain_text(f"{setting['minimum']:g} to {setting['maximum']:g}")
     page.keyboard.press("Escape")
     expect(tooltip(page)).to_have_count(0)
     bring_to_run(operator.service)
     operator.go("Operate")
     expect(page.get_by_role("textbox", name="S_ref value [N·m/rad]", exact=True)).to_be_enabled()
     for label, name, ends in (
-        ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} … {limits['F_push_max']:g} N"),
-        ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} … {limits['F_contact_max']:g} N"),
-        ("Damping of the wall [s/m]", "wall.c_wall", f"0 … {math.floor(1e3 * limits['c_wall_max']) / 1e3:g} s/m"),
+        ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} to {limits['F_push_max']:g} N"),
+        ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} to {limits['F_contact_max']:g} N"),
+        ("Damping of the wall [s/m]", "wall.c_wall", f"0 to {math.floor(1e3 * limits['c_wall_max']) / 1e3:g} s/m"),
         ("S_ref value [N·m/rad]", "references.S_ref", "N·m/rad"),
         ("λ_q value [s]", "tuning.lam_q", " s"),
     ):

@@ -34,7 +34,7 @@ def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(ope
     card.get_by_role("link", name="Captures in flight records", exact=True).click()
     records = page.get_by_role("table", name="Flight records", exact=True)
     row = records.get_by_role("row").filter(has_text="trigger: q_ref rising through 5°")
-    expect(row).to_contain_text("−0.2 … 0.3")
+    expect(row).to_contain_text("−0.2 to 0.3")
     expect(row).to_contain_text("operator")
     row.get_by_role("link").first.click()
     facts = page.get_by_role("region", name="Trigger", exact=True)

@@ -1167,6 +1167,342 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "estimator",
     "meaning": "what makes the models from the record; arx is the paper's, of first order"
   },
+  "figure:rise_q_s": {
+    "kind": "figure",
+    "name": "rise_q_s",
+    "term": "Rise time of q",
+    "meaning": "longest 10-90 % time of all q steps",
+    "unit": "s",
+    "equation": "t(90 %) − t(10 %)",
+    "source": "docs/experiments.md"
+  },
+  "figure:rise_S_s": {
+    "kind": "figure",
+    "name": "rise_S_s",
+    "term": "Rise time of S",
+    "meaning": "longest 10-90 % time of all S steps",
+    "unit": "s",
+    "equation": "t(90 %) − t(10 %)",
+    "source": "docs/experiments.md"
+  },
+  "figure:settling_q_s": {
+    "kind": "figure",
+    "name": "settling_q_s",
+    "term": "Settling time of q",
+    "meaning": "latest last exit from ±2 % of the step and half a count, q steps",
+    "unit": "s",
+    "equation": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
+    "source": "docs/experiments.md"
+  },
+  "figure:settling_S_s": {
+    "kind": "figure",
+    "name": "settling_S_s",
+    "term": "Settling time of S",
+    "meaning": "latest last exit from ±2 % of the step, S steps",
+    "unit": "s",
+    "equation": "last t with |S − S_ref| > 0.02 |ΔS_ref|, from the step",
+    "source": "docs/experiments.md"
+  },
+  "figure:reach_q_s": {
+    "kind": "figure",
+    "name": "reach_q_s",
+    "term": "Largest q step alone, to 90 %",
+    "meaning": "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
+    "unit": "s",
+    "equation": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
+    "source": "docs/experiments.md"
+  },
+  "figure:reach_bound_q_s": {
+    "kind": "figure",
+    "name": "reach_bound_q_s",
+    "term": "Bound of the motors for it",
+    "meaning": "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
+    "unit": "s",
+    "equation": "T_m θ'' + θ' = K_m u_max, until θ = 0.9 Δθ",
+    "source": "docs/experiments.md"
+  },
+  "figure:reach_ratio_q": {
+    "kind": "figure",
+    "name": "reach_ratio_q",
+    "term": "Times the bound of the motors",
+    "meaning": "time to 90 % divided by the bound of the motors; none can be below 1",
+    "equation": "reach_q_s / reach_bound_q_s",
+    "source": "docs/experiments.md"
+  },
+  "figure:overshoot_q_percent": {
+    "kind": "figure",
+    "name": "overshoot_q_percent",
+    "term": "Overshoot of q",
+    "meaning": "largest, in per cent of its step",
+    "unit": "%",
+    "equation": "100 max(q − q_ref)/Δq_ref, along the step",
+    "source": "docs/experiments.md"
+  },
+  "figure:overshoot_S_percent": {
+    "kind": "figure",
+    "name": "overshoot_S_percent",
+    "term": "Overshoot of S",
+    "meaning": "largest, in per cent of its step",
+    "unit": "%",
+    "equation": "100 max(S − S_ref)/ΔS_ref, along the step",
+    "source": "docs/experiments.md"
+  },
+  "figure:deviation_S": {
+    "kind": "figure",
+    "name": "deviation_S",
+    "term": "Stiffness deviation",
+    "meaning": "max |S − S_ref| while q alone steps",
+    "unit": "N·m/rad",
+    "equation": "max |S − S_ref|",
+    "source": "docs/experiments.md",
+    "more": [
+      [
+        "Compliance",
+        "max |S − S_ref| while pushed"
+      ],
+      [
+        "Robustness",
+        "max |S − S_ref| from the first load on"
+      ]
+    ]
+  },
+  "figure:deviation_q": {
+    "kind": "figure",
+    "name": "deviation_q",
+    "term": "Joint deviation",
+    "meaning": "max |q − q_ref| while S alone steps",
+    "unit": "rad",
+    "equation": "max |q − q_ref|",
+    "source": "docs/experiments.md",
+    "more": [
+      [
+        "Robustness",
+        "max |q − q_ref| from the first load on"
+      ]
+    ]
+  },
+  "figure:rmse_q": {
+    "kind": "figure",
+    "name": "rmse_q",
+    "term": "RMSE of q",
+    "meaning": "root mean square of q − q_ref, whole run, steps included",
+    "unit": "rad",
+    "equation": "√(1/N Σ (q − q_ref)²)",
+    "source": "docs/experiments.md"
+  },
+  "figure:rmse_S": {
+    "kind": "figure",
+    "name": "rmse_S",
+    "term": "RMSE of S",
+    "meaning": "root mean square of S − S_ref, whole run, steps included",
+    "unit": "N·m/rad",
+    "equation": "√(1/N Σ (S − S_ref)²)",
+    "source": "docs/experiments.md"
+  },
+  "figure:min_tension_N": {
+    "kind": "figure",
+    "name": "min_tension_N",
+    "term": "Smallest tension",
+    "meaning": "of both load cells from the start of the program",
+    "unit": "N",
+    "equation": "min(F_A, F_B)",
+    "source": "docs/experiments.md",
+    "more": [
+      [
+        "Actuator identification",
+        "of both load cells during the excitation"
+      ],
+      [
+        "Spring identification",
+        "of both load cells during the sweep"
+      ]
+    ]
+  },
+  "figure:max_tension_N": {
+    "kind": "figure",
+    "name": "max_tension_N",
+    "term": "Largest tension",
+    "meaning": "of both load cells from the start of the program",
+    "unit": "N",
+    "equation": "max(F_A, F_B)",
+    "source": "docs/experiments.md",
+    "more": [
+      [
+        "Actuator identification",
+        "of both load cells during the excitation"
+      ],
+      [
+        "Spring identification",
+        "of both load cells during the sweep"
+      ]
+    ]
+  },
+  "figure:peak_voltage_V": {
+    "kind": "figure",
+    "name": "peak_voltage_V",
+    "term": "Peak voltage",
+    "meaning": "largest |u_A|, |u_B| after limits",
+    "unit": "V",
+    "equation": "max(|u_A|, |u_B|)",
+    "source": "docs/experiments.md",
+    "more": [
+      [
+        "Actuator identification",
+        "largest |u_A|, |u_B| during the excitation"
+      ],
+      [
+        "Motor identification",
+        "largest step of both motors"
+      ]
+    ]
+  },
+  "figure:u_rest_rms_V": {
+    "kind": "figure",
+    "name": "u_rest_rms_V",
+    "term": "Voltage at rest",
+    "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after each step has settled to its end",
+    "unit": "V",
+    "equation": "√(1/N Σ (u − mean u)²)",
+    "source": "docs/experiments.md"
+  },
+  "figure:bandwidth_q_Hz": {
+    "kind": "figure",
+    "name": "bandwidth_q_Hz",
+    "term": "Bandwidth of q",
+    "meaning": "where |q/q_ref| falls to 0.707; at rest it is 1",
+    "unit": "Hz",
+    "equation": "f with |G(f)| = 1/√2, G = q/q_ref",
+    "source": "docs/experiments.md"
+  },
+  "figure:bandwidth_S_Hz": {
+    "kind": "figure",
+    "name": "bandwidth_S_Hz",
+    "term": "Bandwidth of S",
+    "meaning": "where |S/S_ref| falls to 0.707; at rest it is 1",
+    "unit": "Hz",
+    "equation": "f with |G(f)| = 1/√2, G = S/S_ref",
+    "source": "docs/experiments.md"
+  },
+  "figure:resonance_q_dB": {
+    "kind": "figure",
+    "name": "resonance_q_dB",
+    "term": "Resonance of q",
+    "meaning": "largest |q/q_ref| over that at rest, which is 1",
+    "unit": "dB",
+    "equation": "20 log₁₀ max(1, |G|), G = q/q_ref",
+    "source": "docs/experiments.md"
+  },
+  "figure:resonance_S_dB": {
+    "kind": "figure",
+    "name": "resonance_S_dB",
+    "term": "Resonance of S",
+    "meaning": "largest |S/S_ref| over that at rest, which is 1",
+    "unit": "dB",
+    "equation": "20 log₁₀ max(1, |G|), G = S/S_ref",
+    "source": "docs/experiments.md"
+  },
+  "figure:lag_q_deg": {
+    "kind": "figure",
+    "name": "lag_q_deg",
+    "term": "Lag of q at its bandwidth",
+    "meaning": "phase of q behind q_ref there",
+    "unit": "°",
+    "equation": "−arg(q/q_ref) at the bandwidth",
+    "source": "docs/experiments.md"
+  },
+  "figure:lag_S_deg": {
+    "kind": "figure",
+    "name": "lag_S_deg",
+    "term": "Lag of S at its bandwidth",
+    "meaning": "phase of S behind S_ref there",
+    "unit": "°",
+    "equation": "−arg(S/S_ref) at the bandwidth",
+    "source": "docs/experiments.md"
+  },
+  "figure:bandwidth_q_predicted_Hz": {
+    "kind": "figure",
+    "name": "bandwidth_q_predicted_Hz",
+    "term": "Bandwidth of q, predicted",
+    "meaning": "the same of the response that models and gains in use let expect",
+    "unit": "Hz",
+    "source": "docs/experiments.md"
+  },
+  "figure:gain_off_q_dB": {
+    "kind": "figure",
+    "name": "gain_off_q_dB",
+    "term": "Gain of q off its prediction",
+    "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
+    "unit": "dB",
+    "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
+    "source": "docs/experiments.md"
+  },
+  "figure:phase_off_q_deg": {
+    "kind": "figure",
+    "name": "phase_off_q_deg",
+    "term": "Phase of q off its prediction",
+    "meaning": "the same of the phase",
+    "unit": "°",
+    "equation": "max |arg G − arg G_predicted|",
+    "source": "docs/experiments.md"
+  },
+  "figure:unlike_q_percent": {
+    "kind": "figure",
+    "name": "unlike_q_percent",
+    "term": "Repeatability of q",
+    "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
+    "unit": "%",
+    "source": "docs/experiments.md"
+  },
+  "figure:residual_q_percent": {
+    "kind": "figure",
+    "name": "residual_q_percent",
+    "term": "Residual of q",
+    "meaning": "root mean square of q beside its lines over that at them, last period: friction, noise",
+    "unit": "%",
+    "source": "docs/experiments.md"
+  },
+  "figure:bandwidth_S_predicted_Hz": {
+    "kind": "figure",
+    "name": "bandwidth_S_predicted_Hz",
+    "term": "Bandwidth of S, predicted",
+    "meaning": "the same of the response that models and gains in use let expect",
+    "unit": "Hz",
+    "source": "docs/experiments.md"
+  },
+  "figure:gain_off_S_dB": {
+    "kind": "figure",
+    "name": "gain_off_S_dB",
+    "term": "Gain of S off its prediction",
+    "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
+    "unit": "dB",
+    "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
+    "source": "docs/experiments.md"
+  },
+  "figure:phase_off_S_deg": {
+    "kind": "figure",
+    "name": "phase_off_S_deg",
+    "term": "Phase of S off its prediction",
+    "meaning": "the same of the phase",
+    "unit": "°",
+    "equation": "max |arg G − arg G_predicted|",
+    "source": "docs/experiments.md"
+  },
+  "figure:unlike_S_percent": {
+    "kind": "figure",
+    "name": "unlike_S_percent",
+    "term": "Repeatability of S",
+    "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
+    "unit": "%",
+    "source": "docs/experiments.md"
+  },
+  "figure:residual_S_percent": {
+    "kind": "figure",
+    "name": "residual_S_percent",
+    "term": "Residual of S",
+    "meaning": "root mean square of S beside its lines over that at them, last period: friction, noise",
+    "unit": "%",
+    "source": "docs/experiments.md"
+  },
   "figure:rmse_raw_N": {
     "kind": "figure",
     "name": "rmse_raw_N",
@@ -1217,82 +1553,6 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "unit": "N",
     "equation": "max |F_A − F_B|",
     "source": "docs/experiments.md"
-  },
-  "figure:deviation_S": {
-    "kind": "figure",
-    "name": "deviation_S",
-    "term": "Stiffness deviation",
-    "meaning": "max |S − S_ref| while pushed",
-    "unit": "N·m/rad",
-    "equation": "max |S − S_ref|",
-    "source": "docs/experiments.md",
-    "more": [
-      [
-        "Disturbance steps",
-        "max |S − S_ref| from the first load on"
-      ],
-      [
-        "Step steps",
-        "max |S − S_ref| while q alone steps"
-      ]
-    ]
-  },
-  "figure:min_tension_N": {
-    "kind": "figure",
-    "name": "min_tension_N",
-    "term": "Smallest tension",
-    "meaning": "of both load cells from the start of the program",
-    "unit": "N",
-    "equation": "min(F_A, F_B)",
-    "source": "docs/experiments.md",
-    "more": [
-      [
-        "Identification",
-        "of both load cells during the excitation"
-      ],
-      [
-        "Identification",
-        "of both load cells during the sweep"
-      ]
-    ]
-  },
-  "figure:max_tension_N": {
-    "kind": "figure",
-    "name": "max_tension_N",
-    "term": "Largest tension",
-    "meaning": "of both load cells from the start of the program",
-    "unit": "N",
-    "equation": "max(F_A, F_B)",
-    "source": "docs/experiments.md",
-    "more": [
-      [
-        "Identification",
-        "of both load cells during the excitation"
-      ],
-      [
-        "Identification",
-        "of both load cells during the sweep"
-      ]
-    ]
-  },
-  "figure:peak_voltage_V": {
-    "kind": "figure",
-    "name": "peak_voltage_V",
-    "term": "Peak voltage",
-    "meaning": "largest |u_A|, |u_B| after limits",
-    "unit": "V",
-    "equation": "max(|u_A|, |u_B|)",
-    "source": "docs/experiments.md",
-    "more": [
-      [
-        "Identification",
-        "largest |u_A|, |u_B| during the excitation"
-      ],
-      [
-        "Identification",
-        "largest step of both motors"
-      ]
-    ]
   },
   "figure:push_deviation_q": {
     "kind": "figure",
@@ -1534,159 +1794,6 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "equation": "∫ (θ_B,ref − θ_B) dt",
     "source": "docs/experiments.md"
   },
-  "figure:deviation_q": {
-    "kind": "figure",
-    "name": "deviation_q",
-    "term": "Joint deviation",
-    "meaning": "max |q − q_ref| from the first load on",
-    "unit": "rad",
-    "equation": "max |q − q_ref|",
-    "source": "docs/experiments.md",
-    "more": [
-      [
-        "Step steps",
-        "max |q − q_ref| while S alone steps"
-      ]
-    ]
-  },
-  "figure:bandwidth_q_Hz": {
-    "kind": "figure",
-    "name": "bandwidth_q_Hz",
-    "term": "Bandwidth of q",
-    "meaning": "where |q/q_ref| falls to 0.707; at rest it is 1",
-    "unit": "Hz",
-    "equation": "f with |G(f)| = 1/√2, G = q/q_ref",
-    "source": "docs/experiments.md"
-  },
-  "figure:bandwidth_S_Hz": {
-    "kind": "figure",
-    "name": "bandwidth_S_Hz",
-    "term": "Bandwidth of S",
-    "meaning": "where |S/S_ref| falls to 0.707; at rest it is 1",
-    "unit": "Hz",
-    "equation": "f with |G(f)| = 1/√2, G = S/S_ref",
-    "source": "docs/experiments.md"
-  },
-  "figure:resonance_q_dB": {
-    "kind": "figure",
-    "name": "resonance_q_dB",
-    "term": "Resonance of q",
-    "meaning": "largest |q/q_ref| over that at rest, which is 1",
-    "unit": "dB",
-    "equation": "20 log₁₀ max(1, |G|), G = q/q_ref",
-    "source": "docs/experiments.md"
-  },
-  "figure:resonance_S_dB": {
-    "kind": "figure",
-    "name": "resonance_S_dB",
-    "term": "Resonance of S",
-    "meaning": "largest |S/S_ref| over that at rest, which is 1",
-    "unit": "dB",
-    "equation": "20 log₁₀ max(1, |G|), G = S/S_ref",
-    "source": "docs/experiments.md"
-  },
-  "figure:lag_q_deg": {
-    "kind": "figure",
-    "name": "lag_q_deg",
-    "term": "Lag of q at its bandwidth",
-    "meaning": "phase of q behind q_ref there",
-    "unit": "°",
-    "equation": "−arg(q/q_ref) at the bandwidth",
-    "source": "docs/experiments.md"
-  },
-  "figure:lag_S_deg": {
-    "kind": "figure",
-    "name": "lag_S_deg",
-    "term": "Lag of S at its bandwidth",
-    "meaning": "phase of S behind S_ref there",
-    "unit": "°",
-    "equation": "−arg(S/S_ref) at the bandwidth",
-    "source": "docs/experiments.md"
-  },
-  "figure:bandwidth_q_predicted_Hz": {
-    "kind": "figure",
-    "name": "bandwidth_q_predicted_Hz",
-    "term": "Bandwidth of q, predicted",
-    "meaning": "the same of the response that models and gains in use let expect",
-    "unit": "Hz",
-    "source": "docs/experiments.md"
-  },
-  "figure:gain_off_q_dB": {
-    "kind": "figure",
-    "name": "gain_off_q_dB",
-    "term": "Gain of q off its prediction",
-    "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
-    "unit": "dB",
-    "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
-    "source": "docs/experiments.md"
-  },
-  "figure:phase_off_q_deg": {
-    "kind": "figure",
-    "name": "phase_off_q_deg",
-    "term": "Phase of q off its prediction",
-    "meaning": "the same of the phase",
-    "unit": "°",
-    "equation": "max |arg G − arg G_predicted|",
-    "source": "docs/experiments.md"
-  },
-  "figure:unlike_q_percent": {
-    "kind": "figure",
-    "name": "unlike_q_percent",
-    "term": "Repeatability of q",
-    "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
-    "unit": "%",
-    "source": "docs/experiments.md"
-  },
-  "figure:residual_q_percent": {
-    "kind": "figure",
-    "name": "residual_q_percent",
-    "term": "Residual of q",
-    "meaning": "root mean square of q beside its lines over that at them, last period: friction, noise",
-    "unit": "%",
-    "source": "docs/experiments.md"
-  },
-  "figure:bandwidth_S_predicted_Hz": {
-    "kind": "figure",
-    "name": "bandwidth_S_predicted_Hz",
-    "term": "Bandwidth of S, predicted",
-    "meaning": "the same of the response that models and gains in use let expect",
-    "unit": "Hz",
-    "source": "docs/experiments.md"
-  },
-  "figure:gain_off_S_dB": {
-    "kind": "figure",
-    "name": "gain_off_S_dB",
-    "term": "Gain of S off its prediction",
-    "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
-    "unit": "dB",
-    "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
-    "source": "docs/experiments.md"
-  },
-  "figure:phase_off_S_deg": {
-    "kind": "figure",
-    "name": "phase_off_S_deg",
-    "term": "Phase of S off its prediction",
-    "meaning": "the same of the phase",
-    "unit": "°",
-    "equation": "max |arg G − arg G_predicted|",
-    "source": "docs/experiments.md"
-  },
-  "figure:unlike_S_percent": {
-    "kind": "figure",
-    "name": "unlike_S_percent",
-    "term": "Repeatability of S",
-    "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
-    "unit": "%",
-    "source": "docs/experiments.md"
-  },
-  "figure:residual_S_percent": {
-    "kind": "figure",
-    "name": "residual_S_percent",
-    "term": "Residual of S",
-    "meaning": "root mean square of S beside its lines over that at them, last period: friction, noise",
-    "unit": "%",
-    "source": "docs/experiments.md"
-  },
   "figure:motion_counts": {
     "kind": "figure",
     "name": "motion_counts",
@@ -1803,113 +1910,6 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |q| during the sweep; 0 would be perfect antagonism",
     "unit": "rad",
     "equation": "max |q|",
-    "source": "docs/experiments.md"
-  },
-  "figure:rise_q_s": {
-    "kind": "figure",
-    "name": "rise_q_s",
-    "term": "Rise time of q",
-    "meaning": "longest 10-90 % time of all q steps",
-    "unit": "s",
-    "equation": "t(90 %) − t(10 %)",
-    "source": "docs/experiments.md"
-  },
-  "figure:rise_S_s": {
-    "kind": "figure",
-    "name": "rise_S_s",
-    "term": "Rise time of S",
-    "meaning": "longest 10-90 % time of all S steps",
-    "unit": "s",
-    "equation": "t(90 %) − t(10 %)",
-    "source": "docs/experiments.md"
-  },
-  "figure:settling_q_s": {
-    "kind": "figure",
-    "name": "settling_q_s",
-    "term": "Settling time of q",
-    "meaning": "latest last exit from ±2 % of the step and half a count, q steps",
-    "unit": "s",
-    "equation": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
-    "source": "docs/experiments.md"
-  },
-  "figure:settling_S_s": {
-    "kind": "figure",
-    "name": "settling_S_s",
-    "term": "Settling time of S",
-    "meaning": "latest last exit from ±2 % of the step, S steps",
-    "unit": "s",
-    "equation": "last t with |S − S_ref| > 0.02 |ΔS_ref|, from the step",
-    "source": "docs/experiments.md"
-  },
-  "figure:reach_q_s": {
-    "kind": "figure",
-    "name": "reach_q_s",
-    "term": "Largest q step alone, to 90 %",
-    "meaning": "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
-    "unit": "s",
-    "equation": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
-    "source": "docs/experiments.md"
-  },
-  "figure:reach_bound_q_s": {
-    "kind": "figure",
-    "name": "reach_bound_q_s",
-    "term": "Bound of the motors for it",
-    "meaning": "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
-    "unit": "s",
-    "equation": "T_m θ'' + θ' = K_m u_max, until θ = 0.9 Δθ",
-    "source": "docs/experiments.md"
-  },
-  "figure:reach_ratio_q": {
-    "kind": "figure",
-    "name": "reach_ratio_q",
-    "term": "Times the bound of the motors",
-    "meaning": "time to 90 % divided by the bound of the motors; none can be below 1",
-    "equation": "reach_q_s / reach_bound_q_s",
-    "source": "docs/experiments.md"
-  },
-  "figure:overshoot_q_percent": {
-    "kind": "figure",
-    "name": "overshoot_q_percent",
-    "term": "Overshoot of q",
-    "meaning": "largest, in per cent of its step",
-    "unit": "%",
-    "equation": "100 max(q − q_ref)/Δq_ref, along the step",
-    "source": "docs/experiments.md"
-  },
-  "figure:overshoot_S_percent": {
-    "kind": "figure",
-    "name": "overshoot_S_percent",
-    "term": "Overshoot of S",
-    "meaning": "largest, in per cent of its step",
-    "unit": "%",
-    "equation": "100 max(S − S_ref)/ΔS_ref, along the step",
-    "source": "docs/experiments.md"
-  },
-  "figure:rmse_q": {
-    "kind": "figure",
-    "name": "rmse_q",
-    "term": "RMSE of q",
-    "meaning": "root mean square of q − q_ref, whole run, steps included",
-    "unit": "rad",
-    "equation": "√(1/N Σ (q − q_ref)²)",
-    "source": "docs/experiments.md"
-  },
-  "figure:rmse_S": {
-    "kind": "figure",
-    "name": "rmse_S",
-    "term": "RMSE of S",
-    "meaning": "root mean square of S − S_ref, whole run, steps included",
-    "unit": "N·m/rad",
-    "equation": "√(1/N Σ (S − S_ref)²)",
-    "source": "docs/experiments.md"
-  },
-  "figure:u_rest_rms_V": {
-    "kind": "figure",
-    "name": "u_rest_rms_V",
-    "term": "Voltage at rest",
-    "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after each step has settled to its end",
-    "unit": "V",
-    "equation": "√(1/N Σ (u − mean u)²)",
     "source": "docs/experiments.md"
   },
   "outcome:passed": {
