@@ -101,11 +101,11 @@ def test_a_signal_is_defined_where_the_architecture_says() -> None:
 
 def test_motions_live_in_the_files_that_the_architecture_names() -> None:
     compiled = {step.__module__ for kind, step in KINDS.items() if kind is not Resting}
-    sentence = re.search(r"Each mode has a motion, a state with a step \((.*?)\)", ARCHITECTURE)
+    sentence = re.search(r"Each mode has a motion: a state and a pure step \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in compiled}
     interpreted = {found.__module__ for found in _interpreted(Interpreted)} - {Interpreted.__module__}
-    sentence = re.search(r"What a bring-up plays is stepped by the interpreter \((.*?)\)", ARCHITECTURE)
+    sentence = re.search(r"The interpreter steps the motions of the commissioning \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in interpreted}
 
@@ -121,7 +121,7 @@ def test_imports_run_as_the_contract_has_them() -> None:
         "contracts"
     ]
     layers = [line.replace("backend.", "") for line in contracts[0]["layers"] if not line.endswith("__main__")]
-    drawn = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").split("| stands between strangers.\n\n", 1)[1]
+    drawn = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").split("do not import each other.\n\n", 1)[1]
     assert [line.strip() for line in drawn.split("\n\n", 1)[0].splitlines()] == layers
 
 
