@@ -20,23 +20,23 @@ from backend.api.dependencies import Service, signed_in
 from backend.auth.authentication import PART as TOKENS
 from backend.auth.authentication import Authentication
 from backend.auth.control_lease import PART as CONTROL
-from backend.auth.control_lease import Control
+from backend.auth.control_lease import ControlLease
 from backend.auth.handover import PART as HAND_OVER
-from backend.auth.handover import HandOver
+from backend.auth.handover import ControlHandover
 from backend.auth.sessions import TokenFiles, Tokens
 from backend.commissioning.session import KeptHands
 from backend.commissioning.steps import brought_up_of
 from backend.data_folder import PART as FOLDER
 from backend.data_folder import UMASK, FolderWatch, HeldFolder, make_private, only_service_on
-from backend.execution.runner import Station
+from backend.execution.runner import ExperimentRig
 from backend.faults import Fault
 from backend.models.document import UnreadableDocumentError
 from backend.realtime.ipc import Setup
-from backend.realtime.supervisor import Launched, Supervisor, launch
+from backend.realtime.supervisor import LoopProcess, Supervisor, launch
 from backend.recording.flight import PART as FLIGHTS
 from backend.recording.flight import FlightRecorder, Quota
 from backend.recording.recorder import Recorder
-from backend.recording.retention import Rule
+from backend.recording.retention import RetentionRule
 from backend.recording.trigger import PART as TRIGGER
 from backend.recording.trigger import Heard, Trigger
 from backend.scene.model import PART as SCENE
@@ -45,31 +45,31 @@ from backend.scene.proxy import router as scene_router
 from backend.schemas.state import EventMessage, MarkKind, StateMessage
 from backend.server.connections import raise_limit
 from backend.server.server import Ending, address_on, listening_on
-from backend.services.actuator import Actuator, SafeStop, SessionRuns
+from backend.services.actuator import ActuatorService, SafeStop, SessionRuns
 from backend.services.background_work import ChartSheets, TextWork
 from backend.services.banks import StoredBanks
 from backend.services.commissioning import BringUp
 from backend.services.downloads import Downloads
 from backend.services.event_log import PART as JOURNAL
-from backend.services.event_log import Journal, Refusals
+from backend.services.event_log import EventLog, Refusals
 from backend.services.identifications import StoredIdentifications
-from backend.services.jobs import OrderedRuns
+from backend.services.jobs import JobManager
 from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
 from backend.services.lineage import History
 from backend.services.live_stream import PART as LIVE
 from backend.services.live_stream import LiveStream
 from backend.services.maintenance import PART as RETENTION
 from backend.services.maintenance import Maintenance, Retention, Soundness
-from backend.services.parameters import Applied, ParameterVersion, last_applied_by, parameter_versions, sections_of
+from backend.services.parameters import Applied, AppliedVersion, last_applied_by, parameter_versions, sections_of
 from backend.services.player import played_recording
 from backend.services.queue import DryRuns
-from backend.services.runs import Evaluations, Replay, StoredRuns, StoredTimeline
+from backend.services.runs import Evaluations, ReplayView, StoredRuns, StoredTimeline
 from backend.services.signals import Formulas, RecordedFigures
-from backend.services.state import PresentState
-from backend.services.studies import StudiesUnderWay
+from backend.services.state import LiveState
+from backend.services.studies import StudyScheduler
 from backend.services.triggers import Triggers
 from backend.services.tuning import SavedTunings
-from backend.services.tuning_state import KeptFigures, KeptTuning, TuningInUse
+from backend.services.tuning_state import ActiveTuning, KeptFigures, TuningStore
 from backend.settings import Settings
 from backend.storage import runs
 from backend.storage.claims import HeldClaim
@@ -84,7 +84,7 @@ from plant.parameters import ParameterError, PlantParameters, load_parameters
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-    from backend.realtime.timing import Granted
+    from backend.realtime.timing import RealTimeStatus
 
 
 # Main ----------------------------------------------------------------------------------------------
@@ -137,7 +137,7 @@ async def _serve(
         supervision = Supervision()
         parts.push_async_callback(supervision.close)
 
-        foundation = lay_foundation(settings, launched, supervision, parts)
+        foundation = bootstrap(settings, launched, supervision, parts)
         starting = asyncio.create_task(foundation.supervisor.start(), name="start of the loop")
         parts.push_async_callback(_abandon, starting, foundation.supervisor)
         await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
@@ -149,7 +149,7 @@ async def _serve(
 
         authentication = Authentication(files, Sessions(settings.data))
         # All who listen to the loop are there before the event loop gets to hear from it.
-        assembled = assemble(settings, foundation, folder, authentication, supervision, parts)
+        assembled = build_services(settings, foundation, folder, authentication, supervision, parts)
         # The service's own commands ask at the address that it listens on.
         app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
         app.state.service, app.state.authentication = assembled.service, authentication
@@ -193,7 +193,7 @@ def _leave_what_was_made() -> None:
 
 
 async def _join_loop(
-    starting: "asyncio.Task[Granted]",
+    starting: "asyncio.Task[RealTimeStatus]",
     supervisor: "Supervisor",
     recorder: "Recorder",
     ending: Ending,
@@ -210,7 +210,7 @@ async def _join_loop(
     stack.push_async_callback(lambda: supervisor.stop(ending.cause))
 
 
-async def _abandon(starting: "asyncio.Task[Granted]", supervisor: "Supervisor") -> None:
+async def _abandon(starting: "asyncio.Task[RealTimeStatus]", supervisor: "Supervisor") -> None:
     """End a loop process that nobody got to use."""
     if not starting.done():
         starting.cancel()
@@ -238,7 +238,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Foundation:
+class BootContext:
     """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty.
 
     ``base`` are the parameters of the file, ``parameters`` those in force.
@@ -250,16 +250,16 @@ class Foundation:
     claim: HeldClaim
     soundness: Soundness
     figures: KeptFigures
-    kept: KeptTuning
-    tuning: TuningInUse
+    kept: TuningStore
+    tuning: ActiveTuning
     said: str
     hands: KeptHands
     supervisor: Supervisor
 
 
-def lay_foundation(
-    settings: Settings, launched: Launched, supervision: Supervision, stack: AsyncExitStack
-) -> Foundation:
+def bootstrap(
+    settings: Settings, launched: LoopProcess, supervision: Supervision, stack: AsyncExitStack
+) -> BootContext:
     """Open the database and read from it what the ``launched`` loop process is to be told; ``stack`` closes it again.
 
     Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
@@ -280,7 +280,7 @@ def lay_foundation(
     figures = KeptFigures()
     figures.restore()
     stack.callback(figures.keep)
-    kept = KeptTuning(database)
+    kept = TuningStore(database)
     version, version_said = in_force(database, base)
     parameters, applied = version.parameters, version.applied
     tuning, said = kept.restore(parameters)
@@ -291,10 +291,10 @@ def lay_foundation(
     drives_off = hands.left is not None
     setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
     supervisor = Supervisor(setup, supervision, launched)
-    return Foundation(base, parameters, database, claim, soundness, figures, kept, tuning, said, hands, supervisor)
+    return BootContext(base, parameters, database, claim, soundness, figures, kept, tuning, said, hands, supervisor)
 
 
-def in_force(database: Database, base: PlantParameters) -> tuple[ParameterVersion, str]:
+def in_force(database: Database, base: PlantParameters) -> tuple[AppliedVersion, str]:
     """Return the version of the parameters in force, and a sentence on it for the journal; empty for an untouched file.
 
     It is the file where what was applied is for another one, or cannot be had.
@@ -304,7 +304,7 @@ def in_force(database: Database, base: PlantParameters) -> tuple[ParameterVersio
         last = last_applied_by(database)
     except (UnreadableDocumentError, ParameterError) as error:
         _log.exception("what was applied to the parameters cannot be had any more")
-        return ParameterVersion(0, base), f"the parameters are those of the file: {error}"
+        return AppliedVersion(0, base), f"the parameters are those of the file: {error}"
     if version.number:
         return (
             version,
@@ -327,24 +327,24 @@ def _close_interrupted(database: Database) -> None:
 
 
 @dataclass(frozen=True)
-class Assembled:
+class Services:
     """What serves, records and logs, the routes of the 3D views, and ``draw``, which shows these once that can wait."""
 
     service: Service
     recorder: Recorder
-    journal: Journal
+    journal: EventLog
     scenes: list[APIRouter]
     draw: Callable[[], None]
 
 
-def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those above it
+def build_services(  # noqa: PLR0915  # a list of constructions, each in need of those above it
     settings: Settings,
-    foundation: Foundation,
+    foundation: BootContext,
     folder: HeldFolder,
     authentication: Authentication,
     supervision: Supervision,
     stack: AsyncExitStack,
-) -> Assembled:
+) -> Services:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
 
     def keep(
@@ -373,10 +373,10 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
         parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
-    retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
+    retention = Retention(database, RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
     keep(RETENTION, retention.run)
 
-    journal = Journal(database)
+    journal = EventLog(database)
     stack.callback(journal.close)
     keep(JOURNAL, journal.run)
     refusals = Refusals(journal, asyncio.get_running_loop().call_later)
@@ -384,14 +384,16 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
     authentication.tell = partial(journal.record, EventKind.ACCESS)
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
-    present = PresentState(supervisor, parameters, tuning, problems)
+    present = LiveState(supervisor, parameters, tuning, problems)
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
     safe_stop = SafeStop(supervisor, present, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
     choice = settings.plant_choice
     recording = played_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
-    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording)
-    control = Control(actuator.operator_lost, actuator.note_control)
+    actuator = ActuatorService(
+        supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording
+    )
+    control = ControlLease(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
     control.holder_changed = partial(actuator.retuning.leave_trial, "as the holder of control has changed")
 
@@ -400,7 +402,7 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
         journal.record(EventKind.NOTE, text, who)
         actuator.changed()
 
-    hand_over = HandOver(control, authentication.people, say_of_control)
+    hand_over = ControlHandover(control, authentication.people, say_of_control)
     present.holder, present.people, present.wishes = control.view, authentication.people.view, hand_over.view
     keep(TOKENS, authentication.run)
     stack.push_async_callback(authentication.sessions.save)
@@ -433,7 +435,7 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
         processes.reports,
     )
     banks = StoredBanks(database, processes.computing, lambda: present.tuning)
-    station = Station(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
+    station = ExperimentRig(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
     def prepare() -> None:
         """Load what evaluation and report need while the program still plays."""
@@ -443,12 +445,12 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
     experiments = OwnExperiments(database)
     texts = TextWork(processes.texts, processes.viewers_texts)
     dry_runs = DryRuns(processes.dry_runs)
-    ordered_runs = OrderedRuns(
+    ordered_runs = JobManager(
         station, actuator, banks, experiments, prepare, SEED, dry_runs, texts, supervision, safe_stop
     )
     evaluations.done = ordered_runs.evaluated
 
-    replay = Replay(database)
+    replay = ReplayView(database)
     mirrors = {
         "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: present.wall),
         "/replay": SceneMirror(parameters, replay.row, replay.wall),
@@ -469,7 +471,7 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
     scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
     bring_up = BringUp(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
-    studies = StudiesUnderWay(
+    studies = StudyScheduler(
         database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports, texts
     )
     stack.push_async_callback(studies.close)
@@ -513,13 +515,13 @@ def assemble(  # noqa: PLR0915  # a list of constructions, each in need of those
         triggers=triggers,
         formulas=Formulas(database),
     )
-    return Assembled(service, recorder, journal, scenes, draw)
+    return Services(service, recorder, journal, scenes, draw)
 
 
-def _lengths(present: PresentState) -> dict[str, float]:
+def _lengths(present: LiveState) -> dict[str, float]:
     geometry = present.parameters.geometry
     return {"r_m": geometry.r_m, "r_j": geometry.r_j}
 
 
-def _id_of_bank(tuning: TuningInUse) -> int | None:
+def _id_of_bank(tuning: ActiveTuning) -> int | None:
     return None if tuning.bank is None else tuning.bank.id

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any
 
-from backend.units import DIGITS, Angles, in_digits, read, reading_of, told, with_unit
+from backend.units import DIGITS, AngleUnit, format_quantity, in_digits, read, reading_of, with_unit
 
 # Refusal -------------------------------------------------------------------------------------------
 #
@@ -44,7 +44,7 @@ WORDS = {
 """Operator's words for quantities that are refused at several places."""
 
 
-class Because(StrEnum):
+class ErrorCode(StrEnum):
     """Why something is refused; the value is the code that programs see where nothing narrower is said."""
 
     MALFORMED = "bad_request"
@@ -58,7 +58,7 @@ class Because(StrEnum):
     UNAVAILABLE = "unavailable"
 
 
-class RefusalError(Exception):
+class RequestRejectedError(Exception):
     """Something asked for is not done. ``code`` tells programs why, ``legal`` lists what would be accepted.
 
     ``retry_after_s`` is how long [s] to wait before asking again, 0 where waiting is not what helps.
@@ -66,7 +66,7 @@ class RefusalError(Exception):
 
     def __init__(
         self,
-        because: Because,
+        because: ErrorCode,
         message: str,
         *,
         code: str | None = None,
@@ -84,25 +84,25 @@ class RefusalError(Exception):
         return _as_it_was, (type(self), self.args, vars(self))
 
 
-class RefusedValueError(ValueError, ABC):
+class InvalidValueError(ValueError, ABC):
     """A value that is not taken. ``quantity`` is its name in the code, ``words`` the operator's, ``path`` its place."""
 
     def __init__(self, quantity: str, *, words: str = "", path: Path | None = None) -> None:
         self.quantity = quantity
         self.words = words or WORDS.get(quantity, quantity)
         self.path: Path = (quantity,) if path is None else path
-        super().__init__(self.sentence(Angles.RADIANS))
+        super().__init__(self.sentence(AngleUnit.RADIANS))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Come from one process to another as it is: it is not made of its words alone."""
         return _as_it_was, (type(self), self.args, vars(self))
 
     @abstractmethod
-    def sentence(self, angles: Angles) -> str:
+    def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit; the text of the exception itself is in SI."""
 
 
-class OutOfRangeError(RefusedValueError):
+class OutOfRangeError(InvalidValueError):
     """A number outside what is allowed. ``minimum`` or ``maximum`` is None where that side has no bound."""
 
     def __init__(
@@ -124,17 +124,17 @@ class OutOfRangeError(RefusedValueError):
         self.remedy = remedy
         super().__init__(quantity, words=words, path=path)
 
-    def sentence(self, angles: Angles) -> str:
+    def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit."""
         fault, remedy = out_of_range(self.value, self.minimum, self.maximum, self.unit, angles)
         return f"{self.words}: {fault}; {self.remedy or remedy}"
 
 
 def out_of_range(
-    value: float, minimum: float | None, maximum: float | None, unit: str, angles: Angles
+    value: float, minimum: float | None, maximum: float | None, unit: str, angles: AngleUnit
 ) -> tuple[str, str]:
     """Return in words that a value is outside its bounds, and what can be done where nothing better is known."""
-    given, read_in = told(value, unit, angles), reading_of(unit, angles).unit
+    given, read_in = format_quantity(value, unit, angles), reading_of(unit, angles).unit
     if minimum is not None and maximum is not None:
         ends = " to ".join(bound_texts(minimum, maximum, unit, angles))
         return f"{given} is outside {with_unit(ends, read_in)}", "choose a value between the two"
@@ -147,7 +147,7 @@ def out_of_range(
     return f"{given} is not a finite number", "choose a finite one"
 
 
-def bound_texts(minimum: float, maximum: float, unit: str, angles: Angles) -> tuple[str, str]:
+def bound_texts(minimum: float, maximum: float, unit: str, angles: AngleUnit) -> tuple[str, str]:
     """Write both ends of a range, in as many digits as it takes to leave something between them."""
     for digits in range(_DIGITS_OF_BOUND, 17):
         least = bound_text(minimum, unit, angles, upper=False, digits=digits)
@@ -157,7 +157,7 @@ def bound_texts(minimum: float, maximum: float, unit: str, angles: Angles) -> tu
     return least, most
 
 
-def bound_text(bound: float, unit: str, angles: Angles, *, upper: bool, digits: int = _DIGITS_OF_BOUND) -> str:
+def bound_text(bound: float, unit: str, angles: AngleUnit, *, upper: bool, digits: int = _DIGITS_OF_BOUND) -> str:
     """Write a bound so that the number which is read lies within it: a whole one, or rounded towards the inside."""
     if isinstance(bound, int) and reading_of(unit, angles).factor == 1.0:
         return str(bound)
@@ -169,7 +169,7 @@ def bound_text(bound: float, unit: str, angles: Angles, *, upper: bool, digits: 
     return in_digits((math.floor if upper else math.ceil)(shown / place) * place, max(digits, DIGITS))
 
 
-def require_within(
+def check_range(
     quantity: str,
     value: float,
     minimum: float | None,

@@ -17,7 +17,7 @@ KINDS = 500
 _FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
 
-class Limit(logging.Filter):
+class RateLimit(logging.Filter):
     """Lets pass few lines of each kind: those of one place in the code, about one type of exception."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -63,6 +63,6 @@ class _Lines(logging.Formatter):
 def begin() -> None:
     """Write everything of level warning and above to standard error, through one handler with the limit."""
     handler = logging.StreamHandler()
-    handler.addFilter(Limit())
+    handler.addFilter(RateLimit())
     handler.setFormatter(_Lines(_FORMAT))
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)

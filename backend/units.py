@@ -14,7 +14,7 @@ DIGITS = 6
 """Significant digits of a number that a person reads."""
 
 
-class Angles(StrEnum):
+class AngleUnit(StrEnum):
     """Unit in which somebody reads angles."""
 
     DEGREES = "deg"
@@ -22,7 +22,7 @@ class Angles(StrEnum):
 
 
 @dataclass(frozen=True)
-class Reading:
+class DisplayUnit:
     """A unit as it is read, and the factor from SI to it."""
 
     unit: str
@@ -30,12 +30,12 @@ class Reading:
 
 
 _IN_DEGREES = {
-    "rad": Reading("°", 180.0 / math.pi),
-    "rad/s": Reading("°/s", 180.0 / math.pi),
-    "mrad": Reading("°", 0.18 / math.pi),
-    "rad·s": Reading("°·s", 180.0 / math.pi),
+    "rad": DisplayUnit("°", 180.0 / math.pi),
+    "rad/s": DisplayUnit("°/s", 180.0 / math.pi),
+    "mrad": DisplayUnit("°", 0.18 / math.pi),
+    "rad·s": DisplayUnit("°·s", 180.0 / math.pi),
 }
-_WRITTEN = {Angles.DEGREES: "°", Angles.RADIANS: " rad"}
+_WRITTEN = {AngleUnit.DEGREES: "°", AngleUnit.RADIANS: " rad"}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXED = ("V", "N", "s", "m", "A")
 """Units that take a prefix where a number is small."""
@@ -58,14 +58,14 @@ def counted(count: float, noun: str) -> str:
     return f"{count:g} {noun}" if count == 1 else f"{count:g} {noun}s"
 
 
-def reading_of(unit: str, angles: Angles) -> Reading:
+def reading_of(unit: str, angles: AngleUnit) -> DisplayUnit:
     """Return how a quantity of this SI unit is read."""
-    if angles is Angles.DEGREES and unit in _IN_DEGREES:
+    if angles is AngleUnit.DEGREES and unit in _IN_DEGREES:
         return _IN_DEGREES[unit]
-    return Reading(unit, 1.0)
+    return DisplayUnit(unit, 1.0)
 
 
-def read(value: float, unit: str, angles: Angles) -> float:
+def read(value: float, unit: str, angles: AngleUnit) -> float:
     """Return a quantity in SI as the number that is read."""
     return value * reading_of(unit, angles).factor
 
@@ -96,12 +96,12 @@ def with_unit(number: str, unit: str) -> str:
     return f"{number}{unit}" if unit.startswith("°") else f"{number} {unit}"
 
 
-def reading_near(largest: float, unit: str, angles: Angles) -> Reading:
+def reading_near(largest: float, unit: str, angles: AngleUnit) -> DisplayUnit:
     """Return how a quantity is read whose largest figure is this in SI: a small one with the prefix µ or n."""
     size = abs(largest)
     if unit not in _PREFIXED or not 0.0 < size < 1e-3:
         return reading_of(unit, angles)
-    return Reading(f"µ{unit}", 1e6) if size >= 1e-6 else Reading(f"n{unit}", 1e9)
+    return DisplayUnit(f"µ{unit}", 1e6) if size >= 1e-6 else DisplayUnit(f"n{unit}", 1e9)
 
 
 def percent(value: float, decimals: int = 1) -> str:
@@ -124,7 +124,7 @@ def digits_over(values: Collection[float], least: int = 4) -> int:
     return digits_apart((low, low + (high - low) / 20, high), least)
 
 
-def told(value: float, unit: str, angles: Angles) -> str:
+def format_quantity(value: float, unit: str, angles: AngleUnit) -> str:
     """Write a quantity in SI with the unit in which it is read: "120°"."""
     try:
         reading = reading_near(float(value), unit, angles)
@@ -139,7 +139,7 @@ def _with_power(number: str) -> str:
     return f"{plain}·10{str(int(power)).translate(_RAISED)}" if e and power.lstrip("+-").isdigit() else number
 
 
-def in_words(text: str, angles: Angles) -> str:
+def format_angles(text: str, angles: AngleUnit) -> str:
     """Return ``text`` with every angle in it as it is read.
 
     Texts that several people read (marks, faults, ends of runs) are kept in SI and turned here. A number keeps as many
@@ -148,20 +148,20 @@ def in_words(text: str, angles: Angles) -> str:
     return _QUANTITY.sub(lambda found: _turned(found, angles), text)
 
 
-def _turned(found: re.Match[str], angles: Angles) -> str:
+def _turned(found: re.Match[str], angles: AngleUnit) -> str:
     if found["quoted"]:
         return found[0]
     if found["small"]:
         return _prefixed(found["small"], found["of"])
     numbers = [number for number in (found["low"], found["high"]) if number]
     if found["unit"] != angles:
-        factor = 180.0 / math.pi if angles is Angles.DEGREES else math.pi / 180.0
+        factor = 180.0 / math.pi if angles is AngleUnit.DEGREES else math.pi / 180.0
         numbers = [_as_fine(number, factor) for number in numbers]
     return f"{(found['to'] or '').join(numbers)}{_WRITTEN[angles]}{found['rate'] or ''}"
 
 
 def _prefixed(number: str, unit: str) -> str:
-    reading = reading_near(float(number.replace("−", "-")), unit, Angles.RADIANS)
+    reading = reading_near(float(number.replace("−", "-")), unit, AngleUnit.RADIANS)
     return with_unit(number if reading.factor == 1.0 else _as_fine(number, reading.factor), reading.unit)
 
 

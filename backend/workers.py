@@ -124,7 +124,7 @@ class WorkerDiedError(Exception):
 
 
 @dataclass(frozen=True)
-class Limits:
+class WorkLimits:
     """What one work may take: ``limit_s`` of time [s] and ``memory_bytes`` beyond its loaded modules; None: no limit.
 
     The start of the process and the import of the work's module and of ``libraries``, which it imports only when it
@@ -159,10 +159,10 @@ class Offload:
     ``died`` is called with a cause when the process dies without having been ended. Belongs to one event loop.
     """
 
-    def __init__(self, died: Callable[[str], object], niceness: int = POLITE, limits: Limits | None = None) -> None:
+    def __init__(self, died: Callable[[str], object], niceness: int = POLITE, limits: WorkLimits | None = None) -> None:
         self._died = died
         self._niceness = niceness
-        self._limits = limits or Limits()
+        self._limits = limits or WorkLimits()
         self._worker: _Worker | None = None
         self._turn = asyncio.Lock()
         self._closed = False
@@ -465,19 +465,19 @@ def _send(connection: Connection, work: Callable[..., Iterable[bytes]], argument
 
 _AGAIN = "What it worked on is done once more."
 
-DRY_RUNS = Limits(600.0, 4_000_000_000, "play a shorter experiment, or play it with `sinew experiment`")
+DRY_RUNS = WorkLimits(600.0, 4_000_000_000, "play a shorter experiment, or play it with `sinew experiment`")
 """What a dry run may take; of ten minutes of motion it is about one minute."""
 
-TEXTS = Limits(30.0, 1_000_000_000, "shorten the text, or split it", SCIENCE)
+TEXTS = WorkLimits(30.0, 1_000_000_000, "shorten the text, or split it", SCIENCE)
 """What looking over a text that a person wrote or brought in may take; what is accepted takes about a second."""
 
-SHEETS = Limits(60.0, 1_000_000_000, "draw fewer curves, or shorter texts", ("typst",))
+SHEETS = WorkLimits(60.0, 1_000_000_000, "draw fewer curves, or shorter texts", ("typst",))
 """What a sheet of charts may take to become a PDF; the largest that is accepted takes about a second."""
 
-REPORTS = Limits(1800.0, None, "report fewer runs, or shorter ones")
+REPORTS = WorkLimits(1800.0, None, "report fewer runs, or shorter ones")
 """What a report, or the envelope of a long recording, may take: an hour at 1 kHz takes minutes."""
 
-EVALUATIONS = Limits(1800.0, None, "evaluate a shorter run")
+EVALUATIONS = WorkLimits(1800.0, None, "evaluate a shorter run")
 """What it may take to evaluate a stored run once more."""
 
 
@@ -489,7 +489,7 @@ class Processes:
     """
 
     def __init__(self, supervision: Supervision) -> None:
-        def process(works: str, niceness: int = POLITE, limits: Limits | None = None) -> Offload:
+        def process(works: str, niceness: int = POLITE, limits: WorkLimits | None = None) -> Offload:
             return Offload(partial(supervision.died, Part(f"The process for {works}", _AGAIN)), niceness, limits)
 
         self.computing = process("results and banks", niceness=0)

@@ -206,7 +206,7 @@ def compiled(function: _F) -> _F:
     return kept(cast(_F, dispatcher))
 
 
-class Specialised(Generic[_R, *_Arguments]):
+class PrecompiledCall(Generic[_R, *_Arguments]):
     """The machine code of a compiled function for arguments like these, to be called in the tick.
 
     numba looks at the type of each argument of each call, tuple by tuple: for the constants of the plant that takes ten
@@ -239,7 +239,7 @@ class Specialised(Generic[_R, *_Arguments]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it was made from: machine code stays in its process."""
-        return Specialised, (self._made_from[0], *self._made_from[1])
+        return PrecompiledCall, (self._made_from[0], *self._made_from[1])
 
 
 _KNOWN: dict[object, Callable[..., Any]] = {}
@@ -310,7 +310,7 @@ class CellType(types.Type):
         super().__init__(name=f"Cell({holds})")
 
 
-class Cell(Generic[_T]):
+class StateBlock(Generic[_T]):
     """Memory for values like ``first``, a named tuple of numbers, of arrays and of such tuples; holds it at once.
 
     Arrays are not copied: the cell sees what they hold, and keeps them alive.
@@ -320,7 +320,7 @@ class Cell(Generic[_T]):
         layout = _layout_for(first)
         self._memory = np.zeros(layout.size // 8 + 1)  # of doubles: numbers stand at multiples of their size
         self._arrays: _Arrays = {}
-        self._whole: tuple[Cell[Any], str] | None = None
+        self._whole: tuple[StateBlock[Any], str] | None = None
         self._lie(layout, self._memory.ctypes.data)
         self.put(first)
 
@@ -331,10 +331,10 @@ class Cell(Generic[_T]):
         self._bytes = self._memory.data.cast("B")
         self._layout = layout
 
-    def field(self, name: str) -> Cell[Any]:
+    def field(self, name: str) -> StateBlock[Any]:
         """Return the cell of a field."""
         offset, layout = self._layout.field(name)
-        part: Cell[Any] = object.__new__(Cell)
+        part: StateBlock[Any] = object.__new__(StateBlock)
         part._memory, part._arrays, part._whole = self._memory, self._arrays, (self, name)
         part._lie(layout, self.address + offset)
         return part
@@ -354,11 +354,11 @@ class Cell(Generic[_T]):
     if TYPE_CHECKING:  # what compiled functions say
         value: _T
 
-        def __getattr__(self, name: str) -> Cell[Any]: ...
+        def __getattr__(self, name: str) -> StateBlock[Any]: ...
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it holds, the cell of a field as that of the whole."""
-        return (Cell, (self.get(),)) if self._whole is None else (Cell.field, self._whole)
+        return (StateBlock, (self.get(),)) if self._whole is None else (StateBlock.field, self._whole)
 
 
 _Flat = Callable[[Any, list[object], _Arrays, int], None]
@@ -479,8 +479,8 @@ class _CellModel(models.PrimitiveModel):
         super().__init__(manager, kind, cgutils.intp_t)
 
 
-@typeof_impl.register(Cell)
-def _typeof(cell: Cell[Any], _context: Any) -> CellType:
+@typeof_impl.register(StateBlock)
+def _typeof(cell: StateBlock[Any], _context: Any) -> CellType:
     return cell.numba_type
 
 
@@ -524,5 +524,5 @@ def _keep(_context: Any, cell: Any, value: Any) -> Any:
     return types.void(cell, cell.holds), generate
 
 
-keep: Callable[[Cell[_T], _T], None] = cast(Any, intrinsic)(_keep)
+keep: Callable[[StateBlock[_T], _T], None] = cast(Any, intrinsic)(_keep)
 """Let a cell hold a value of its type; for compiled functions."""

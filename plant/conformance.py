@@ -42,7 +42,7 @@ PERIODS = round(1.0 / T_s)
 """Ticks of a second."""
 
 
-class Outcome(StrEnum):
+class CheckOutcome(StrEnum):
     """What became of a check."""
 
     HOLDS = "holds"
@@ -70,12 +70,12 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckFinding:
     """A sentence of the contract, what became of it, and what was seen."""
 
     name: str
     sentence: str
-    outcome: Outcome
+    outcome: CheckOutcome
     seen: str = ""
 
 
@@ -432,17 +432,17 @@ CHECKS: tuple[Check, ...] = (
 """In the order in which they are made: nothing is driven before it is known to stand still at zero volts."""
 
 
-def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterator[Finding]:
+def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterator[CheckFinding]:
     """Make each check on a plant of its own and yield what came of it."""
     for check in checks:
         try:
-            outcome, seen = Outcome.HOLDS, check.make(subject) or ""
+            outcome, seen = CheckOutcome.HOLDS, check.make(subject) or ""
         except BrokenPromiseError as broken:
-            outcome, seen = Outcome.BROKEN, str(broken)
+            outcome, seen = CheckOutcome.BROKEN, str(broken)
         except NotTriedError as reason:
-            outcome, seen = Outcome.NOT_TRIED, str(reason)
+            outcome, seen = CheckOutcome.NOT_TRIED, str(reason)
         except PlantError as error:
-            outcome, seen = Outcome.BROKEN, f"it failed: {error}"
+            outcome, seen = CheckOutcome.BROKEN, f"it failed: {error}"
         except Exception as error:
-            outcome, seen = Outcome.BROKEN, f"{type(error).__name__} in place of a PlantError: {error}"
-        yield Finding(check.name, check.sentence, outcome, seen)
+            outcome, seen = CheckOutcome.BROKEN, f"{type(error).__name__} in place of a PlantError: {error}"
+        yield CheckFinding(check.name, check.sentence, outcome, seen)

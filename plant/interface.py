@@ -212,7 +212,7 @@ class Plant(Protocol):
 
 
 @runtime_checkable
-class Switched(Protocol):
+class SupportsDriveEnable(Protocol):
     """A plant whose drives can be taken away while people have their hands in it."""
 
     def switch_drives(self, *, on: bool) -> None:
@@ -224,14 +224,14 @@ class Switched(Protocol):
 
 
 @runtime_checkable
-class Wired(Protocol):
+class HasWiring(Protocol):
     """A plant behind a card; ``wired`` is the fingerprint of the wiring file as it was read for it."""
 
     wired: str
 
 
 @runtime_checkable
-class Proven(Protocol):
+class SupportsDirectionCheck(Protocol):
     """A plant whose motors' directions have to be proven before it may be controlled."""
 
     def prove_directions(self, *, proven: bool) -> None:
@@ -240,7 +240,7 @@ class Proven(Protocol):
 
 
 @runtime_checkable
-class EndSwitched(Protocol):
+class HasLimitSwitch(Protocol):
     """A plant whose joint can be driven to an end switch; ``zeroed`` tells that its encoder counts from its middle."""
 
     zeroed: bool

@@ -11,7 +11,7 @@ _MOTOR_V_PER_RAD, _MOTOR_V_S_PER_RAD, _MOTOR_MAX_V = 3.0, 0.3, 4.0
 
 
 @dataclass(frozen=True)
-class Hand:
+class ManualInput:
     """What hands do from now on: joint and motors brought to where they are named [rad], None: let alone.
 
     ``pull_A``, ``pull_B`` [N] pull at the load cells, as a weight does that hangs there. ``F_limit`` [N] is the tension
@@ -36,14 +36,14 @@ class Hand:
         return MotorCommand(_turn(self.theta_A, x.theta_A, x.omega_A), _turn(self.theta_B, x.theta_B, x.omega_B))
 
 
-NO_HAND = Hand()
+NO_HAND = ManualInput()
 
 
 @runtime_checkable
 class Handled(Protocol):
     """A plant that hands of this program can reach: what moves is computed."""
 
-    def by_hand(self, hand: Hand) -> None:
+    def by_hand(self, hand: ManualInput) -> None:
         """Let ``hand`` act from the next period on."""
         ...
 

@@ -41,7 +41,7 @@ _JITTER = 0.1
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedSamples:
     """Samples by column name, shape (N,) each, one every millisecond; further columns of the file as they are."""
 
     path: Path
@@ -56,7 +56,7 @@ class Recording:
         return len(self) * T_s
 
 
-_looked_over: dict[Path, tuple[tuple[int, int], Recording]] = {}
+_looked_over: dict[Path, tuple[tuple[int, int], RecordedSamples]] = {}
 """What was read before it is asked for, with time of change [ns] and size [bytes] of the file."""
 
 
@@ -66,7 +66,7 @@ def look_over(path: str | Path) -> None:
     _looked_over[path] = _stamp(path), _read(path)
 
 
-def load_recording(path: str | Path) -> Recording:
+def load_recording(path: str | Path) -> RecordedSamples:
     """Read a recording. Raises PlantError that says what is wrong with the file, where, and what it has to hold."""
     path = Path(path)
     stamp, recording = _looked_over.pop(path, (None, None))
@@ -81,7 +81,7 @@ def _stamp(path: Path) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_size
 
 
-def _read(path: Path) -> Recording:
+def _read(path: Path) -> RecordedSamples:
     table = _table(path)
     columns = {name: _column(path, table, name, unit) for name, unit in UNITS.items()}
     rows = columns["t"].size
@@ -93,7 +93,7 @@ def _read(path: Path) -> Recording:
     columns |= _further(table, set(table.column_names) - columns.keys())
     _check_times(path, columns["t"])
     _check_values(path, columns)
-    return Recording(path, columns)
+    return RecordedSamples(path, columns)
 
 
 def _unusable(path: Path, problem: str) -> PlantError:
@@ -199,7 +199,7 @@ SAFETY_MODULE = 12.0
 _REFUSED = "a recording is what it is: nothing can {} in it; choose the simulator for that"
 
 
-class Difference(NamedTuple):
+class ReplayDifference(NamedTuple):
     """Largest difference between what was written and what the recording has [V]; at which output, at which t [s]."""
 
     volts: float
@@ -222,7 +222,7 @@ class Replay:
     unattended_max_s = 0.4
     unready = ""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: RecordedSamples) -> None:
         self.recording, columns = recording, recording.columns
         names = ("q", "theta_A", "theta_B", "F_A", "F_B", "S_true", "F_push")
         F_wall = columns["F_wall"]
@@ -235,7 +235,7 @@ class Replay:
         self.description = f"replay of {recording.path.name}, {recording.duration_s:.3f} s"
         self.samples = len(recording)
         self.sample = 0
-        self.difference = Difference(0.0, "u_A", float(self._t[0]))
+        self.difference = ReplayDifference(0.0, "u_A", float(self._t[0]))
         self.raw = NO_RAW
 
     def open(self) -> None:
@@ -244,7 +244,7 @@ class Replay:
 
     def _rewind(self) -> None:
         self.sample = 0
-        self.difference = Difference(0.0, "u_A", float(self._t[0]))
+        self.difference = ReplayDifference(0.0, "u_A", float(self._t[0]))
         self._ended = False
 
     def read(self) -> Measurement:
@@ -268,7 +268,7 @@ class Replay:
         recorded = self._written[self.sample].tolist()
         for output, written, then in zip(("u_A", "u_B"), command, recorded, strict=True):
             if abs(written - then) > self.difference.volts:
-                self.difference = Difference(abs(written - then), output, float(self._t[self.sample]))
+                self.difference = ReplayDifference(abs(written - then), output, float(self._t[self.sample]))
         self.sample += 1
 
     def push(self, F_push: float) -> None:

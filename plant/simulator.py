@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import Cell, Specialised, compiled, keep
+from plant.compiled import PrecompiledCall, StateBlock, compiled, keep
 from plant.dynamics import (
     AT_REST,
     NO_OBSTACLE,
@@ -279,7 +279,7 @@ class Simulated(NamedTuple):
 
 
 @compiled
-def period(simulated: Cell[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
+def period(simulated: StateBlock[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
     """Advance by a period under voltages [V]; return what is measured in ``tick``, its end."""
     s = simulated.value
     x = actuate(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load, s.obstacle)
@@ -290,7 +290,7 @@ def period(simulated: Cell[Simulated], u_A: float, u_B: float, tick: int) -> Mea
 
 
 @compiled
-def _measured(simulated: Cell[Simulated], tick: int) -> Measurement:
+def _measured(simulated: StateBlock[Simulated], tick: int) -> Measurement:
     s = simulated.value
     row = tick % s.noise.shape[0]
     trip = 1.0 if s.tripped else 0.0
@@ -300,7 +300,7 @@ def _measured(simulated: Cell[Simulated], tick: int) -> Measurement:
 
 
 @compiled
-def _exceeds(simulated: Cell[Simulated]) -> bool:
+def _exceeds(simulated: StateBlock[Simulated]) -> bool:
     return exceeded(simulated.plant.value, simulated.bounds.value, simulated.x.value)
 
 
@@ -334,7 +334,7 @@ class Simulator:
         self._broken: BrokenPart | None = None
         self.module_cuts = True, True
         self._tripped = False
-        self.simulated = simulated = Cell(
+        self.simulated = simulated = StateBlock(
             Simulated(
                 parameters.dynamics(),
                 sensor_model(parameters.sensors, F_max, u_max),
@@ -350,9 +350,9 @@ class Simulator:
                 NOT_MEASURED,
             )
         )
-        self._period = Specialised(period, simulated, 0.0, 0.0, 0)
-        self._sense = Specialised(_measured, simulated, 0)
-        self._exceeds = Specialised(_exceeds, simulated)
+        self._period = PrecompiledCall(period, simulated, 0.0, 0.0, 0)
+        self._sense = PrecompiledCall(_measured, simulated, 0)
+        self._exceeds = PrecompiledCall(_exceeds, simulated)
         self._x, self._pushed, self._trip = (simulated.field(name) for name in ("x", "F_push", "tripped"))
         self._felt = simulated.field("m").field("F_wall")
 

@@ -22,7 +22,7 @@ _STEP_V = 2.0 * RANGE_V / 2**16
 _LOWEST, _HIGHEST = -(2.0**15), 2.0**15 - 1.0
 
 
-class Cell(NamedTuple):
+class LoadCellScaling(NamedTuple):
     """A load cell's numbers: ``slope`` [N/V], ``offset`` [V]; ``table`` (n, 2) of N and V instead, or no rows."""
 
     slope: float
@@ -40,8 +40,8 @@ class Encoder(NamedTuple):
 class Wires(NamedTuple):
     """What is at the terminals, for the compiled functions."""
 
-    cell_A: Cell
-    cell_B: Cell
+    cell_A: LoadCellScaling
+    cell_B: LoadCellScaling
     encoder_q: Encoder
     encoder_A: Encoder
     encoder_B: Encoder
@@ -74,7 +74,7 @@ def counts_of(encoder: Encoder, angle: float) -> float:
 
 
 @compiled
-def volts_of(cell: Cell, F: float) -> float:
+def volts_of(cell: LoadCellScaling, F: float) -> float:
     """Give the volts of a load cell under a tension F [N]: its calibration the other way round, beyond a table too."""
     points = cell.table
     if points.shape[0] == 0:
@@ -94,9 +94,9 @@ def converted(V: float) -> float:
     return float(np.rint(min(max(V / _STEP_V, _LOWEST), _HIGHEST))) * _STEP_V
 
 
-def _cell(wired: LoadCellWiring) -> Cell:
+def _cell(wired: LoadCellWiring) -> LoadCellScaling:
     points = sorted((newtons, volts) for volts, newtons in wired.table)
-    return Cell(float(wired.slope), float(wired.offset), np.array(points, dtype=np.float64).reshape(-1, 2))
+    return LoadCellScaling(float(wired.slope), float(wired.offset), np.array(points, dtype=np.float64).reshape(-1, 2))
 
 
 def _encoder(wired: EncoderWiring) -> Encoder:

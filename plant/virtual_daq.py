@@ -21,7 +21,7 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 from nidaqmx.constants import AcquisitionType, Level, WDTTaskAction
 from nidaqmx.error_codes import DAQmxErrors
 
-from plant.compiled import Specialised
+from plant.compiled import PrecompiledCall
 from plant.daq import Daq
 from plant.dynamics import Obstacle
 from plant.interface import (
@@ -36,7 +36,7 @@ from plant.interface import (
     ShaftLoad,
     T_s,
 )
-from plant.manual_input import NO_HAND, Hand
+from plant.manual_input import NO_HAND, ManualInput
 from plant.rig import Rig
 from plant.safety_card import WATCHDOG_S, Card, CardState, WatchdogExpiredError
 from plant.simulator import Simulator
@@ -408,7 +408,7 @@ class VirtualCard(TaskCalls):
         self._hand = NO_HAND
         self._raw: tuple[float, ...] | None = None
         self._connect(wiring)
-        self._at_terminals = Specialised(at_terminals, self._wires, NOT_MEASURED, 0.0, 0.0)
+        self._at_terminals = PrecompiledCall(at_terminals, self._wires, NOT_MEASURED, 0.0, 0.0)
         self.faults = CardFaults()
         self._held = ZERO_VOLTS
         self._unheard_s = self._next_s = 0.0
@@ -430,7 +430,7 @@ class VirtualCard(TaskCalls):
         """Return what makes a nidaqmx task one of this card."""
         return GrpcSessionOptions(InProcess(self), "")
 
-    def by_hand(self, hand: Hand) -> None:
+    def by_hand(self, hand: ManualInput) -> None:
         """Let a hand act on what stands behind the terminals."""
         if self._hand.q is not None:
             self._simulator.push(0.0)
@@ -739,6 +739,6 @@ class VirtualRig(Rig):
         if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH:
             self._card_registers.kill_watchdog()
 
-    def by_hand(self, hand: Hand) -> None:
+    def by_hand(self, hand: ManualInput) -> None:
         """Let a hand act from the next period on."""
         self.card.by_hand(hand)

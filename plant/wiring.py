@@ -20,7 +20,7 @@ from plant.interface import FILE_NAME_MAX
 # What is wrong with a wiring file, each with its line and what to do.
 
 
-class Problem(NamedTuple):
+class WiringProblem(NamedTuple):
     """One thing that is wrong: ``line`` of the file from 1 (0: of the whole), the entry, what and what to do."""
 
     line: int
@@ -37,7 +37,7 @@ class Problem(NamedTuple):
 class WiringError(ValueError):
     """A wiring file is refused; ``problems`` are all that was found."""
 
-    def __init__(self, file: str, problems: tuple[Problem, ...]) -> None:
+    def __init__(self, file: str, problems: tuple[WiringProblem, ...]) -> None:
         self.problems = problems
         self.sentences = [problem.sentence(file) for problem in problems]
         super().__init__("\n".join(self.sentences))
@@ -214,12 +214,12 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
         document = tomllib.loads(text)
     except OSError:
         remedy = f"use one of {', '.join(SHIPPED)}, or a TOML file"
-        raise WiringError(str(name_or_path), (Problem(0, "file", "it cannot be read", remedy),)) from None
+        raise WiringError(str(name_or_path), (WiringProblem(0, "file", "it cannot be read", remedy),)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WiringError(path.name, (Problem(0, "file", f"it is not TOML, {error}", "mend it there"),)) from None
+        raise WiringError(path.name, (WiringProblem(0, "file", f"it is not TOML, {error}", "mend it there"),)) from None
     if len(path.stem) > FILE_NAME_MAX:
         told = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the most"
-        raise WiringError(f"{path.stem[:40]}...", (Problem(0, "file", told, "rename the file"),))
+        raise WiringError(f"{path.stem[:40]}...", (WiringProblem(0, "file", told, "rename the file"),))
     return wiring_of(path.stem, document, text, path.name)
 
 
@@ -245,14 +245,14 @@ class _Reader:
     """Reads sections, and keeps all that is wrong with them."""
 
     def __init__(self, lines: dict[str, int]) -> None:
-        self.problems: list[Problem] = []
+        self.problems: list[WiringProblem] = []
         self.sources: dict[str, str] = {}
         self._lines = lines
 
     def refuse(self, section: str, entry: str, text: str, remedy: str) -> None:
         label = f"{section}.{entry}" if entry else section
         line = self._lines.get(label, self._lines.get(section, 0))
-        self.problems.append(Problem(line, label, text, remedy))
+        self.problems.append(WiringProblem(line, label, text, remedy))
 
     def section(self, section: str, kind: type, given: Any) -> dict[str, Any]:
         if not isinstance(given, dict):

@@ -12,7 +12,7 @@ import pytest
 from backend.services.tuning_state import KeptFigures
 from backend.tuning import robustness
 from backend.tuning.gains import MotorModel
-from backend.tuning.preview import Previewer
+from backend.tuning.preview import TuningPreviewer
 from plant.parameters import load_parameters
 
 LATER = ("scipy.optimize", "scipy.signal", "scipy.stats", "control", "matplotlib", "pyarrow", "typst", "alembic")
@@ -48,7 +48,7 @@ def test_no_start_but_the_first_loads_what_the_first_curve_does_not_need(
     tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]
 ) -> None:
     assert "control" in loaded(tmp_path)  # nothing has been computed yet
-    Previewer(load_parameters("lab"))
+    TuningPreviewer(load_parameters("lab"))
     KeptFigures(tmp_path).keep()
     assert loaded(tmp_path) == []
 
@@ -101,10 +101,10 @@ def test_a_damaged_file_is_not_believed(
 def test_figures_of_another_form_are_computed_anew(
     nothing_known: dict[str, tuple[float, ...]], known: tuple[float, ...]
 ) -> None:
-    assert robustness.remembered(("question",), 2, lambda: (1.0, 2.0)) == (1.0, 2.0)
+    assert robustness.cached(("question",), 2, lambda: (1.0, 2.0)) == (1.0, 2.0)
     (key,) = nothing_known
     nothing_known[key] = known
-    assert robustness.remembered(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
+    assert robustness.cached(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
 
 
 def test_figures_that_were_asked_for_least_lately_are_forgotten_first(
@@ -113,7 +113,7 @@ def test_figures_that_were_asked_for_least_lately_are_forgotten_first(
     """The first ones are those of the tuning in force: they are asked for again and again."""
     for number in range(robustness.MOST + 1):
         for asked in (0, number):
-            robustness.remembered((asked,), 1, partial(lambda value: (value,), float(asked)))
+            robustness.cached((asked,), 1, partial(lambda value: (value,), float(asked)))
     assert len(nothing_known) == robustness.MOST
     assert (0.0,) in nothing_known.values()
     assert (1.0,) not in nothing_known.values()

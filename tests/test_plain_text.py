@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from backend.banks.builder import BankError, read_file, require_name
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.experiments import parser
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import read_strict
@@ -56,7 +56,7 @@ def as_yaml(title: str = "", description: str = "") -> str:
 PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a text": (PlainTextError, require_plain),
     "a key": (PlainTextError, lambda words: require_plain_texts([{"a": {words: 1}}])),
-    "a request": (RefusalError, lambda words: require_writable(json.dumps({"note": words}).encode())),
+    "a request": (RequestRejectedError, lambda words: require_writable(json.dumps({"note": words}).encode())),
     "YAML": (ExperimentError, lambda words: parser.read(as_yaml(description=words))),
     "JSON as a text": (ExperimentError, lambda words: parser.read(json.dumps(described(f"x{words}y")))),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.units import Angles, counted, in_words, percent, read, told, typed
+from backend.units import AngleUnit, counted, format_angles, format_quantity, percent, read, typed
 
-DEG, RAD = Angles.DEGREES, Angles.RADIANS
+DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
 
 @pytest.mark.parametrize(
@@ -30,8 +30,8 @@ DEG, RAD = Angles.DEGREES, Angles.RADIANS
 )
 def test_what_is_converted_hangs_on_the_unit(value: float, unit: str, degrees: str, radians: str) -> None:
     """Angles and their rates are converted, gains per radian stay as the paper has them."""
-    assert told(value, unit, DEG) == degrees
-    assert told(value, unit, RAD) == radians
+    assert format_quantity(value, unit, DEG) == degrees
+    assert format_quantity(value, unit, RAD) == radians
 
 
 @given(st.decimals(min_value=-1000, max_value=1000, places=6))
@@ -63,14 +63,14 @@ def test_what_was_typed_in_degrees_is_read_again(typed: Fraction) -> None:
 )
 def test_angles_in_a_text_are_turned_and_nothing_else(text: str, degrees: str) -> None:
     """Marks, faults and ends of runs are kept in SI; whoever reads radians reads them as they are kept."""
-    assert in_words(text, DEG) == degrees
+    assert format_angles(text, DEG) == degrees
     if not re.search(r"deg|e-", text):
-        assert in_words(text, RAD) == text
+        assert format_angles(text, RAD) == text
 
 
 def test_a_text_in_degrees_can_be_read_in_radians() -> None:
     """Somebody who changes the unit while a refusal stands reads it in the new one."""
-    assert in_words("120 deg is outside -100 to 100 deg", RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
+    assert format_angles("120 deg is outside -100 to 100 deg", RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
 
 
 @pytest.mark.parametrize(
@@ -96,8 +96,8 @@ def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> 
 
 @pytest.mark.parametrize("unit", ["rad", "rad/s", "N", "1"])
 def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> None:
-    for angles in Angles:
-        assert told(10**399, unit, angles).startswith("a number of 400 digits")
+    for angles in AngleUnit:
+        assert format_quantity(10**399, unit, angles).startswith("a number of 400 digits")
 
 
 @pytest.mark.parametrize(

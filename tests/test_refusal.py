@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.errors import Because, OutOfRangeError, RefusalError, RefusedValueError, bound_text, require_within
+from backend.errors import ErrorCode, InvalidValueError, OutOfRangeError, RequestRejectedError, bound_text, check_range
 from backend.experiments.library import ready_plan
 from backend.experiments.parser import ExperimentError
 from backend.experiments.plans import SequencePlan
 from backend.models.settings import SettingError
-from backend.units import Angles
+from backend.units import AngleUnit
 
-DEG, RAD = Angles.DEGREES, Angles.RADIANS
+DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
 
-def said(refused: RefusedValueError, angles: Angles = DEG) -> str:
+def said(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
     return refused.sentence(angles)
 
 
@@ -55,7 +55,7 @@ def test_a_setting_is_named_as_its_form_labels_it() -> None:
 )
 def test_one_bound_or_two(minimum: float | None, maximum: float | None, sentence: str) -> None:
     with pytest.raises(OutOfRangeError) as refused:
-        require_within("tension_N", 0.5, minimum, maximum, "N")
+        check_range("tension_N", 0.5, minimum, maximum, "N")
     assert said(refused.value) == sentence
 
 
@@ -94,7 +94,7 @@ def test_a_bound_has_no_more_digits_than_it_needs(low: float, high: float, unit:
 def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:
     for figure in (math.nan, math.inf):
         with pytest.raises(OutOfRangeError) as refused:
-            require_within("F_push", figure, None, None, "N")
+            check_range("F_push", figure, None, None, "N")
         assert said(refused.value) == f"push: {figure} N is not a finite number; choose a finite one"
 
 
@@ -104,5 +104,5 @@ def test_a_refusal_comes_whole_from_one_process_to_another() -> None:
         come = pickle.loads(pickle.dumps(refused))
         assert type(come) is type(refused)
         assert (str(come), come.path, said(come)) == (str(refused), refused.path, said(refused))
-    late = pickle.loads(pickle.dumps(RefusalError(Because.NOT_NOW, "later", retry_after_s=3)))
-    assert (str(late), late.because, late.retry_after_s) == ("later", Because.NOT_NOW, 3)
+    late = pickle.loads(pickle.dumps(RequestRejectedError(ErrorCode.NOT_NOW, "later", retry_after_s=3)))
+    assert (str(late), late.because, late.retry_after_s) == ("later", ErrorCode.NOT_NOW, 3)

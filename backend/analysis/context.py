@@ -6,11 +6,11 @@ from typing import Any
 
 from backend.analysis.step_metrics import timed
 from backend.banks.builder import BankError, HasEntries, points_of
-from backend.banks.tuning_settings import NAMES, TuningChoice
+from backend.banks.tuning_settings import NAMES, TuningSettings
 from backend.control import cascade
-from backend.experiments.plans import ComposedPlan
+from backend.experiments.plans import ExperimentPlan
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import KeptLoop, with_motion
+from backend.models.run import StoredLoopSettings, with_motion
 from backend.realtime.program import Law, left_at
 from backend.tuning.gains import PointModel, TuningError, cascade_tuning
 from plant.parameters import PlantParameters
@@ -20,10 +20,10 @@ class NotPredictedError(ValueError):
     """There is nothing to compare a measurement with; says why."""
 
 
-def kept_tuning(loop: KeptLoop) -> TuningChoice:
+def kept_tuning(loop: StoredLoopSettings) -> TuningSettings:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
     known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
-    return TuningChoice(**with_motion(known))
+    return TuningSettings(**with_motion(known))
 
 
 def points_in(bank: HasEntries | None) -> tuple[PointModel, ...]:
@@ -35,12 +35,12 @@ def points_in(bank: HasEntries | None) -> tuple[PointModel, ...]:
 
 
 @dataclass(frozen=True)
-class InForce:
+class EvaluationContext:
     """``tuning`` is the one that the run began with, ``points`` the models of its bank, none for geometry."""
 
     parameters: PlantParameters
-    plan: ComposedPlan
-    tuning: TuningChoice
+    plan: ExperimentPlan
+    tuning: TuningSettings
     points: Sequence[PointModel] = ()
 
     @property
@@ -48,7 +48,7 @@ class InForce:
         """Whether the joint loop is closed."""
         return self.plan.law is not Law.COMPLIANCE
 
-    def choice_at(self, sample: int) -> TuningChoice:
+    def choice_at(self, sample: int) -> TuningSettings:
         """Return the tuning in use at a sample of the program."""
         number = 0
         for start, _, segment in timed(self.plan.program()):

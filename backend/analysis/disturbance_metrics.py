@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import InForce, NotPredictedError
+from backend.analysis.context import EvaluationContext, NotPredictedError
 from backend.analysis.step_metrics import (
     AT_REST,
     NO_NUMBER,
@@ -221,7 +221,7 @@ JOINT_STEP, MOTOR_STEP = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
 
 
 @dataclass(frozen=True)
-class Held:
+class HoldWindow:
     """One stretch of rest from ``start_s`` to ``end_s`` [s] at ``q_ref`` [rad] and ``S_ref`` [N·m/rad].
 
     Peak to peak of q [rad, counts], S [N·m/rad] and of the motor that swings more [V]; ``off_counts``: the joint's
@@ -298,20 +298,20 @@ def hold_windows(program: Program) -> tuple[slice, ...]:
     return tuple(one for one in found if (one.stop - one.start) * T_s >= LEAST_S)
 
 
-def holds_seen(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[Held, ...]:
+def holds_seen(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[HoldWindow, ...]:
     """Measure each stretch that was held to its end."""
     size = columns["q"].size
     return tuple(_seen_hold(columns, one, parameters) for one in hold_windows(program) if one.stop <= size)
 
 
-def _seen_hold(columns: Columns, window: slice, parameters: PlantParameters) -> Held:
+def _seen_hold(columns: Columns, window: slice, parameters: PlantParameters) -> HoldWindow:
     count, motor = parameters.sensors.joint_step or JOINT_STEP, parameters.sensors.motor_step or MOTOR_STEP
     of = {name: np.asarray(columns[name][window]) for name in ("q", "q_ref", "S", "u_A", "u_B", "theta_A", "theta_B")}
     granted = 0.5 if parameters.sensors.joint_step else 0.0  # a reading tells to half a count
     off = of["q"] - of["q_ref"]
     turned = [np.diff(np.rint(of[name] / motor)) != 0.0 for name in ("theta_A", "theta_B")]
     swing = float(np.ptp(of["q"]))
-    return Held(
+    return HoldWindow(
         start_s=float(columns["t"][window.start]),
         end_s=float(columns["t"][window.stop - 1]),
         q_ref=float(of["q_ref"][-1]),
@@ -570,7 +570,7 @@ class Window(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Push:
+class MeasuredPush:
     """One push, measured. Deviations are of q [rad] and S [N·m/rad] from before it.
 
     ``F`` [N]: its largest force, ``impulse`` [N·s], ``S`` [N·m/rad] at which it came. ``back_s``: from its end until
@@ -620,7 +620,7 @@ class PushFigures(Whole):
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def push_figures(columns: Columns, program: Program, in_force: InForce) -> PushFigures:
+def push_figures(columns: Columns, program: Program, in_force: EvaluationContext) -> PushFigures:
     """Measure one run; ``columns`` holds q, S, their references, F_push, tensions, voltages, a sample a millisecond.
 
     Raises NoSamplesError when the run ended before the first push was over.
@@ -674,7 +674,7 @@ def _window(program: Program, pushed: slice, shapes: set[Shape]) -> Window:
     return Window(pushed, shape, max(undisturbed_from(program, pushed.stop), pushed.stop))
 
 
-def pushes_seen(columns: Columns, program: Program, in_force: InForce) -> tuple[Push, ...]:
+def pushes_seen(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[MeasuredPush, ...]:
     """Measure each push that was over before the run was."""
     size = columns["q"].size
     answers: dict[tuple[object, ...], Array] = {}
@@ -682,7 +682,9 @@ def pushes_seen(columns: Columns, program: Program, in_force: InForce) -> tuple[
     return tuple(_seen_push(columns, one, in_force, answers) for one in windows)
 
 
-def _seen_push(columns: Columns, window: Window, in_force: InForce, answers: dict[tuple[object, ...], Array]) -> Push:
+def _seen_push(
+    columns: Columns, window: Window, in_force: EvaluationContext, answers: dict[tuple[object, ...], Array]
+) -> MeasuredPush:
     start, stop = window.pushed.start, window.pushed.stop
     seen = slice(start, min(window.until, columns["q"].size))
     before = slice(max(start - round(PUSH_REST_S / T_s), 0), max(start, 1))
@@ -699,7 +701,7 @@ def _seen_push(columns: Columns, window: Window, in_force: InForce, answers: dic
     except NotPredictedError as error:
         expected, why = None, str(error)
     static = r_j * abs(F) / S
-    return Push(
+    return MeasuredPush(
         window, F, float(force[: stop - start].sum() * T_s), S, float(np.abs(q).max()), float(np.abs(S_seen).max()),
         back_s, reason, static, expected, why,
     )  # fmt: skip
@@ -718,7 +720,9 @@ def _back(off: Array, stop: int) -> tuple[float | None, str]:
     return (0.0 if away.size == 0 else float(away[-1] + 1) * T_s), ""
 
 
-def _expected(in_force: InForce, start: int, S: float, tau: Array, answers: dict[tuple[object, ...], Array]) -> Array:
+def _expected(
+    in_force: EvaluationContext, start: int, S: float, tau: Array, answers: dict[tuple[object, ...], Array]
+) -> Array:
     """Return the deviation of q [rad] that a torque (n,) [N·m] from the sample ``start`` on should give."""
     from scipy.signal import fftconvolve
 
@@ -732,7 +736,7 @@ def _expected(in_force: InForce, start: int, S: float, tau: Array, answers: dict
     return np.asarray(sum(fftconvolve(act, answer)[: tau.size] for act, answer in zip(acts, known, strict=True)))
 
 
-def _impulse_responses(in_force: InForce, start: int, S: float, size: int, count: int) -> Array:
+def _impulse_responses(in_force: EvaluationContext, start: int, S: float, size: int, count: int) -> Array:
     """Return what q becomes (count, size) of an impulse of the torque, and of what a rejection adds."""
     closed = sampled_loop(in_force.parameters, in_force.gains_at(start), S, position_loop=in_force.position_loop).closed
     found = np.empty((count, size))

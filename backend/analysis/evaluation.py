@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from backend import __version__
-from backend.analysis.context import InForce, kept_tuning, points_in
+from backend.analysis.context import EvaluationContext, kept_tuning, points_in
 from backend.analysis.disturbance_metrics import (
     ComplianceColumns,
     ComplianceFigures,
@@ -63,7 +63,7 @@ from backend.experiments.parser import (
 )
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
-    ComposedPlan,
+    ExperimentPlan,
     IdentificationPlan,
     MotorIdentificationPlan,
     Plan,
@@ -72,7 +72,7 @@ from backend.experiments.plans import (
 )
 from backend.experiments.schema import Bound, Experiment, Measure
 from backend.identification.fitting import Method
-from backend.models.run import Criterion, DeclaredValue, Figure, Metrics, Phase, StepFigures, Value
+from backend.models.run import DeclaredValue, MeasuredFigure, Metrics, Phase, RunCriterion, StepFigures, Value
 from backend.realtime.program import IDENTIFYING, Law
 from backend.recording.reader import Columns as ReaderColumns
 from backend.recording.reader import recorded_columns
@@ -81,7 +81,7 @@ from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run, RunKind
-from backend.tuning.gains import Lambdas, PointModel
+from backend.tuning.gains import PointModel, TuningParameters
 from backend.tuning.preview import least_reach_time
 from plant.interface import T_s
 from plant.parameters import PlantParameters, parameters_of
@@ -107,14 +107,14 @@ def tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase], missing
     )
 
 
-def figure_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> tuple[Figure, ...]:
+def figure_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> tuple[MeasuredFigure, ...]:
     """Return the fields of a dataclass made of ``figure`` declarations with their declarations.
 
     ``reasons`` tells by name what could not be measured, or not on all steps, and why.
     """
     why = reasons or {}
     return tuple(
-        Figure(
+        MeasuredFigure(
             name=item.name,
             **item.metadata,
             value=_finite(getattr(figures, item.name)),
@@ -160,7 +160,7 @@ def names_of(measures: tuple[Measure, ...]) -> tuple[str, ...]:
 
 
 def known_to_bounds(
-    values: dict[str, Value], parameters: PlantParameters, lambdas: Lambdas
+    values: dict[str, Value], parameters: PlantParameters, lambdas: TuningParameters
 ) -> dict[str, bool | int | float | str]:
     """Return what the bounds of an experiment's criteria may speak of, by name."""
     return {
@@ -211,8 +211,8 @@ def limit_of(bound: Bound) -> float | str:
 
 
 def composed_result(
-    columns: ComplianceColumns, in_force: InForce, outline: Metrics, missed: int
-) -> tuple[Metrics, tuple[Criterion, ...]]:
+    columns: ComplianceColumns, in_force: EvaluationContext, outline: Metrics, missed: int
+) -> tuple[Metrics, tuple[RunCriterion, ...]]:
     """Measure and judge a run of what was ``in_force``; ``outline`` tells how long it was.
 
     What one of several measures could not be made of is told figure by figure. Raises NoSamplesError where none could.
@@ -233,7 +233,7 @@ def composed_result(
     return metrics, criteria_of(plan.experiment, metrics.figures, known, unseen(missed, early))
 
 
-def _measured(measure: Measure, columns: ComplianceColumns, in_force: InForce, metrics: Metrics) -> Metrics:
+def _measured(measure: Measure, columns: ComplianceColumns, in_force: EvaluationContext, metrics: Metrics) -> Metrics:
     parameters, plan = in_force.parameters, in_force.plan
     program = plan.program()
     figures: Any
@@ -264,12 +264,12 @@ def _measured(measure: Measure, columns: ComplianceColumns, in_force: InForce, m
     return replace(metrics, figures=figure_documents(figures, figures.reasons))
 
 
-def _not_measured(measure: Measure, reason: str) -> tuple[Figure, ...]:
+def _not_measured(measure: Measure, reason: str) -> tuple[MeasuredFigure, ...]:
     declared = (item for item in fields(FIGURES[measure]) if item.metadata)
-    return tuple(Figure(name=item.name, **item.metadata, value=None, reason=reason) for item in declared)
+    return tuple(MeasuredFigure(name=item.name, **item.metadata, value=None, reason=reason) for item in declared)
 
 
-def _joined(figures: Sequence[Figure], more: Sequence[Figure]) -> tuple[Figure, ...]:
+def _joined(figures: Sequence[MeasuredFigure], more: Sequence[MeasuredFigure]) -> tuple[MeasuredFigure, ...]:
     """Return all of both; a figure that both have is that of the first, unless only the second could be measured."""
     by_name = {item.name: item for item in figures}
     for item in more:
@@ -281,10 +281,10 @@ def _joined(figures: Sequence[Figure], more: Sequence[Figure]) -> tuple[Figure, 
 
 def criteria_of(
     experiment: Experiment,
-    figures: Sequence[Figure],
+    figures: Sequence[MeasuredFigure],
     known: Mapping[str, bool | int | float | str],
     reason: str = "",
-) -> tuple[Criterion, ...]:
+) -> tuple[RunCriterion, ...]:
     """Judge figures by the criteria of an experiment; ``known`` are what its bounds may speak of.
 
     ``reason`` says why the run was not seen whole, if it was not: nothing passes then.
@@ -349,16 +349,16 @@ def computed(
     Raises NoSamplesError where there is nothing to compute from.
     """
     estimate: NewIdentification | None = None
-    criteria: tuple[Criterion, ...] = ()
+    criteria: tuple[RunCriterion, ...] = ()
     problem = ""
     match plan:
         case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
             metrics, estimate, problem = _identified(columns, parameters, plan, run)
-        case ComposedPlan():
+        case ExperimentPlan():
             outline = _outline(columns, plan, run)
             if columns["t"].size == 0:
                 raise NoSamplesError("the run holds no samples of its program")
-            in_force = InForce(parameters, plan, kept_tuning(run.set_to.loop), points)
+            in_force = EvaluationContext(parameters, plan, kept_tuning(run.set_to.loop), points)
             metrics, criteria = composed_result(columns, in_force, outline, missed)
         case SequencePlan():
             metrics = _followed(columns, parameters, plan)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import InForce, NotPredictedError
+from backend.analysis.context import EvaluationContext, NotPredictedError
 from backend.analysis.step_metrics import NO_NUMBER, Columns, Excited, NoSamplesError, Whole, excitations, figure, whole
 from backend.control import cascade
 from backend.faults import Limit
@@ -199,13 +199,13 @@ _GRID = 2000
 
 
 @dataclass(frozen=True)
-class Predicted:
+class PredictedResponse:
     """The response to one excitation: at any frequency, until the loop's references ask for more than there is."""
 
     signal: str
     S: float
     tuning: cascade.CascadeTuning
-    in_force: InForce
+    in_force: EvaluationContext
 
     def response(self, f: Array) -> Complex:
         """Return it at ``f`` (n,) [Hz]."""
@@ -224,7 +224,7 @@ class Predicted:
         return found
 
 
-def predicted(in_force: InForce, excited: Excited, references: Array) -> Predicted:
+def predicted(in_force: EvaluationContext, excited: Excited, references: Array) -> PredictedResponse:
     """Return what is expected of an excitation whose references (n, 2) were these. Raises NotPredictedError."""
     tuning = in_force.gains_at(excited.window.start)
     _, S = in_force.references_before(excited.window.start)
@@ -235,7 +235,7 @@ def predicted(in_force: InForce, excited: Excited, references: Array) -> Predict
             raise NotPredictedError(
                 f"the excitation asks the plan for {asked:.1f} V of its {budget:g} V: take a smaller amplitude"
             )
-    return Predicted(excited.signal, S, tuning, in_force)
+    return PredictedResponse(excited.signal, S, tuning, in_force)
 
 
 def asked_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
@@ -288,7 +288,7 @@ class Lines:
     residual: float
     reasons: tuple[str, ...]
     expected: Complex | None
-    predicted: Predicted | None
+    predicted: PredictedResponse | None
     unpredicted: str
 
     @property
@@ -346,7 +346,7 @@ class BodeFigures(Whole):
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def bode_figures(columns: Columns, program: Program, in_force: InForce) -> BodeFigures:
+def bode_figures(columns: Columns, program: Program, in_force: EvaluationContext) -> BodeFigures:
     """Measure both responses; ``columns`` holds q, S, their references, tensions, voltages, limits, a sample a ms.
 
     Raises NoSamplesError when no excitation was played to its end.
@@ -425,13 +425,13 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     return values, missing
 
 
-def bode_lines(columns: Columns, program: Program, in_force: InForce) -> tuple[Lines, ...]:
+def bode_lines(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[Lines, ...]:
     """Return the response to each excitation that was played to its end; of one signal the first comes first."""
     size = columns["q"].size
     return tuple(_lines(columns, one, in_force) for one in excitations(program) if one.window.stop <= size)
 
 
-def _lines(columns: Columns, excited: Excited, in_force: InForce) -> Lines:
+def _lines(columns: Columns, excited: Excited, in_force: EvaluationContext) -> Lines:
     window, period = excited.window, excited.period
     last = window if period is None else slice(window.stop - period, window.stop)
     f, U, Y = _spectra(columns, excited.signal, last)

@@ -15,8 +15,8 @@ from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentific
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification
 from backend.identification.actuator import identify_actuator as estimate_actuator
 from backend.identification.estimation import (
-    Beside,
     Candidates,
+    ModelComparison,
     fit_percent,
     held_out,
     last_part,
@@ -28,7 +28,7 @@ from backend.identification.friction import COLUMNS, LoadFrictionResult, Tension
 from backend.identification.models import CorrelationTest, Estimate, Grade, Model, joint_method, structure
 from backend.identification.motor import (
     MotorIdentification,
-    VoltageStep,
+    VoltageStepRecord,
     identify_motor,
     steady_speed,
     step_beside,
@@ -50,16 +50,15 @@ from backend.models.identification import (
     ActuatorModel,
     ActuatorQuality,
     ArxEstimate,
-    Candidate,
-    Channel,
     ChannelModel,
     ChannelName,
     ChannelQuality,
     FailedCandidate,
     Fitted,
     FrequencyEstimate,
+    IdentifiedChannel,
+    IdentifiedMotor,
     MotorFound,
-    MotorModel,
     MotorModels,
     MotorQualities,
     MotorQuality,
@@ -70,13 +69,14 @@ from backend.models.identification import (
     ResidualTest,
     ResidualTests,
     RuleStep,
-    SpringFit,
     SpringModel,
     SpringModels,
     SpringQualities,
     SpringQuality,
-    StepCurve,
+    StoredSpringFit,
+    StoredStepCurve,
     TableReading,
+    TriedStructure,
 )
 from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.realtime.program import Excitation
@@ -240,10 +240,10 @@ def _arx(found: Estimate | str) -> ArxEstimate | NoArx:
     return ArxEstimate(method=found.method, fit_percent=found.fit_percent, **asdict(found.first_order))
 
 
-def _candidates(candidates: Candidates) -> tuple[Candidate | FailedCandidate, ...]:
+def _candidates(candidates: Candidates) -> tuple[TriedStructure | FailedCandidate, ...]:
     """List every structure that was tried, best first, in brief; one that gave no model says why."""
     ranked = [
-        Candidate(
+        TriedStructure(
             structure=candidate.model.structure,
             parameters=candidate.model.parameters,
             K=candidate.first_order.K,
@@ -288,7 +288,7 @@ def _motor(side: Side, found: MotorFound) -> Document:
     return {"side": side, "steps": [asdict(step) for step in found.quality.steps]}
 
 
-def _curve_channel(name: ChannelName, channel: Channel) -> Document:
+def _curve_channel(name: ChannelName, channel: IdentifiedChannel) -> Document:
     from scipy.signal import step
 
     model, quality = channel.model, channel.quality
@@ -336,9 +336,9 @@ def _correlation(test: ResidualTest | CorrelationTest) -> Document:
     }
 
 
-def _candidate(item: Candidate | FailedCandidate) -> Document:
+def _candidate(item: TriedStructure | FailedCandidate) -> Document:
     figures = {name: getattr(item, name, None) for name in ("K", "T", "fit_percent", "BIC")}
-    grade = item.grade if isinstance(item, Candidate) else ""
+    grade = item.grade if isinstance(item, TriedStructure) else ""
     return {"structure": item.structure, "grade": grade, "problem": item.problem, **figures}
 
 
@@ -369,7 +369,7 @@ _MOTOR_CURVE_POINTS = 120
 class SideSteps:
     """Steps of one motor that can be used, and why the others cannot: (voltage [V], reason)."""
 
-    steps: tuple[VoltageStep, ...]
+    steps: tuple[VoltageStepRecord, ...]
     refused: tuple[tuple[float, str], ...]
 
 
@@ -400,7 +400,7 @@ def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -
 
     Raises NoSamplesError where the run holds no step.
     """
-    steps: list[VoltageStep] = []
+    steps: list[VoltageStepRecord] = []
     refused: list[tuple[float, str]] = []
     for stretch in stretches(columns):
         u = columns[f"u_{side}"][stretch]
@@ -412,7 +412,7 @@ def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -
         end = first + int(changed[0]) if changed.size else u.size
         try:
             steps.append(
-                VoltageStep(
+                VoltageStepRecord(
                     T_s,
                     u[:end],
                     columns[f"theta_{side}"][stretch][:end],
@@ -485,9 +485,9 @@ def to_store_motors(
     )
 
 
-def _motor_model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> MotorModel:
+def _motor_model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> IdentifiedMotor:
     known = parameters.identified_of(side)
-    return MotorModel(
+    return IdentifiedMotor(
         parameters=Fitted(result.K_m, result.T_m, result.u_c),
         std_errors=Fitted(*result.std_errors),
         coulomb=result.coulomb,
@@ -508,13 +508,13 @@ def _motor_quality(cut: SideSteps, result: MotorIdentification) -> MotorQuality:
     )
 
 
-def _curve(step: VoltageStep, result: MotorIdentification) -> StepCurve:
+def _curve(step: VoltageStepRecord, result: MotorIdentification) -> StoredStepCurve:
     """Return a few points of a step as measured and as the model says, to draw: t [s], turn [rad]."""
     t = np.arange(step.u.size - step.first) * step.period_s
     model = turn_from_rest(t, steady_speed(step.voltage, result.K_m, result.u_c), result.T_m)
     turned = step.theta[step.first :] - step.theta[step.first]
     shown = np.unique(np.linspace(0, t.size - 1, _MOTOR_CURVE_POINTS).astype(int))
-    return StepCurve(
+    return StoredStepCurve(
         voltage=step.voltage,
         t=_listed_motors(t[shown]),
         measured=_listed_motors(turned[shown]),
@@ -721,7 +721,7 @@ def _record(
 
 def _spring_model(result: SpringIdentification, before: tuple[float, ...] | None) -> SpringModel:
     fits = tuple(
-        SpringFit(
+        StoredSpringFit(
             order=fit.order,
             k=tuple(fit.k),
             std_errors=tuple(fit.std_errors),
@@ -818,7 +818,7 @@ class NotComparableError(ValueError):
 class _Stretch:
     label: str
     t: NDArray[np.float64]
-    beside: Beside
+    beside: ModelComparison
 
 
 def unseen_of(database: Database, run_id: int, of: int) -> Document:
@@ -859,7 +859,7 @@ def _channels(estimate: Identification, source: Run, columns: Columns, *, own: b
             yield _nothing(name, signal, unit, str(error))
 
 
-def _of_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> Beside:
+def _of_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> ModelComparison:
     if own:
         return held_out(fit(record, structure(model.structure), method))
     return predict(Model(model.structure, model.parameters), last_part(record))
@@ -878,7 +878,7 @@ def _motors(
 
 
 def _of_step(
-    estimate: Identification, side: Side, steps: tuple[VoltageStep, ...], number: int, *, own: bool
+    estimate: Identification, side: Side, steps: tuple[VoltageStepRecord, ...], number: int, *, own: bool
 ) -> _Stretch:
     step = steps[number]
     if own:
@@ -1044,7 +1044,7 @@ def _row(found: Identification, run: Run) -> Document:
 
 
 def _stiffness_channel(found: Identification, name: ChannelName, K: float, T: float) -> Document:
-    channel: Channel = found.actuator.channel(name)
+    channel: IdentifiedChannel = found.actuator.channel(name)
     model = channel.model.first_order
     gain, lag = _against(model.K, model.K_std, K), _against(model.T, model.T_std, T)
     return {"K": gain, "T": lag, "grade": channel.quality.grade}

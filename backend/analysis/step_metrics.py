@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.models.run import Criterion, Phase
+from backend.models.run import Phase, RunCriterion
 from backend.realtime.program import Program, Segment, Shape, left_at
 from plant.interface import T_s
 from plant.parameters import SIDES, Side
@@ -31,14 +31,14 @@ def unseen(missed: int, early: str) -> str:
 
 def judge(
     name: str, title: str, relation: str, bound: float, figure: float | None, unit: str, reason: str = ""
-) -> Criterion:
+) -> RunCriterion:
     """Judge one figure. With a ``reason`` why not all of it was measured it can fail and cannot pass."""
     if figure is None or math.isnan(figure):
-        return Criterion(name, title, relation, bound, None, unit, None, reason or "the signal holds no number")
+        return RunCriterion(name, title, relation, bound, None, unit, None, reason or "the signal holds no number")
     held = figure < bound if relation == "<" else figure > bound
     if held and reason:
-        return Criterion(name, title, relation, bound, figure, unit, None, reason)
-    return Criterion(name, title, relation, bound, figure, unit, held, reason)
+        return RunCriterion(name, title, relation, bound, figure, unit, None, reason)
+    return RunCriterion(name, title, relation, bound, figure, unit, held, reason)
 
 
 # Rest ----------------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ STEADY_WINDOW_S = 0.5
 
 
 @dataclass(frozen=True)
-class Step:
+class ReferenceStep:
     """One reference step: ``signal`` is "q" or "S"; ``alone`` when the other reference stays where it is."""
 
     signal: str
@@ -157,7 +157,7 @@ class StepMetrics:
     largest value what was seen of it, so that it is at least that.
     """
 
-    step: Step
+    step: ReferenceStep
     rise_s: float | None
     reach_s: float | None
     settling_s: float | None
@@ -167,9 +167,9 @@ class StepMetrics:
     reasons: Mapping[str, str]
 
 
-def steps_of(program: Program, phases: Sequence[Phase]) -> tuple[Step, ...]:
+def steps_of(program: Program, phases: Sequence[Phase]) -> tuple[ReferenceStep, ...]:
     """Return the reference steps of a program. The first segment leads in from wherever the joint is, so it is none."""
-    steps: list[Step] = []
+    steps: list[ReferenceStep] = []
     start = program.segments[0].duration_s
     for before, segment in zip(program.segments, program.segments[1:], strict=False):
         end = start + segment.duration_s
@@ -177,12 +177,16 @@ def steps_of(program: Program, phases: Sequence[Phase]) -> tuple[Step, ...]:
         moving = [signal for signal, (old, new) in moves.items() if old != new]
         if segment.shape is Shape.STEP and before.shape is not Shape.SINE:
             phase = next(item.name for item in phases if item.start_s <= start + 1e-9 < item.end_s)
-            steps += [Step(signal, phase, start, end, *moves[signal], alone=len(moving) == 1) for signal in moving]
+            steps += [
+                ReferenceStep(signal, phase, start, end, *moves[signal], alone=len(moving) == 1) for signal in moving
+            ]
         start = end
     return tuple(steps)
 
 
-def step_metrics(t: Array, y: Array, step: Step, before: Array | None = None, count: float = 0.0) -> StepMetrics:
+def step_metrics(
+    t: Array, y: Array, step: ReferenceStep, before: Array | None = None, count: float = 0.0
+) -> StepMetrics:
     """Measure one step on its own samples, ``t`` and ``y`` of shape (N,), first tick to before the next step.
 
     ``before`` holds the signal just before the step, shape (M,): one that still moves there begins no step to measure.
@@ -357,7 +361,7 @@ def tracking_metrics(
     return TrackingMetrics(played_s + slack_s >= planned_s, played_s, planned_s, steps, overall, reasons)
 
 
-def _measured(columns: Columns, step: Step, count: float) -> StepMetrics:
+def _measured(columns: Columns, step: ReferenceStep, count: float) -> StepMetrics:
     t = columns["t"]
     early, first, end = np.searchsorted(t, [step.start_s - REST_S - 1e-9, step.start_s - 1e-9, step.end_s - 1e-9])
     y = columns[step.signal]

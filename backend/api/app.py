@@ -11,11 +11,11 @@ from starlette.types import ASGIApp
 from backend import __version__
 from backend.api import errors
 from backend.api.dependencies import angles_of
-from backend.api.middleware import Admission, tell_refused
+from backend.api.middleware import AuthenticationMiddleware, tell_refused
 from backend.api.routers import actuator, experiments, identifications, runs, session, system, tuning
 from backend.public_url import PublicUrl
-from backend.server.connections import RequestTurns
-from backend.server.security import Guard, SessionEnds
+from backend.server.connections import RequestSchedulingMiddleware
+from backend.server.security import HostOriginMiddleware, SessionExpiryMiddleware
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "
@@ -41,7 +41,7 @@ class _Application(FastAPI):
 
     def build_middleware_stack(self) -> ASGIApp:
         """Return what each request goes through."""
-        return Guard(super().build_middleware_stack(), self._allowed_hosts, self._public)
+        return HostOriginMiddleware(super().build_middleware_stack(), self._allowed_hosts, self._public)
 
 
 def create_app(
@@ -89,9 +89,9 @@ def create_app(
         app.include_router(router)
     system.mount_static(app)
     errors.install(app, angles_of, tell_refused)
-    app.add_middleware(RequestTurns)
-    app.add_middleware(SessionEnds)
-    app.add_middleware(Admission)
+    app.add_middleware(RequestSchedulingMiddleware)
+    app.add_middleware(SessionExpiryMiddleware)
+    app.add_middleware(AuthenticationMiddleware)
     return app
 
 

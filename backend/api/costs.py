@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from backend import workers
 from backend.services import background_work, downloads, queue, signals
-from backend.workers import Limits
+from backend.workers import WorkLimits
 
-_UNLIMITED = Limits()
+_UNLIMITED = WorkLimits()
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Cost:
     """``where`` it is computed, within which ``limits``, and how many of them there may be ``at_a_time``."""
 
     where: str
-    limits: Limits = _UNLIMITED
+    limits: WorkLimits = _UNLIMITED
     at_a_time: str = "one after the other"
 
     @property

@@ -12,34 +12,34 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
-from backend.auth.authentication import BEARER, OPEN, Person
-from backend.auth.control_lease import HEADER, Control, read_stamp
-from backend.auth.handover import HandOver
-from backend.errors import Because, RefusalError
+from backend.auth.authentication import BEARER, OPEN, User
+from backend.auth.control_lease import HEADER, ControlLease, read_stamp
+from backend.auth.handover import ControlHandover
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.state import Ping, Pong, Role
 from backend.server.security import COOKIE, SHEETS, authentication_of, shown_by
-from backend.services.actuator import Actuator
+from backend.services.actuator import ActuatorService
 from backend.services.background_work import ChartSheets, TextWork, WorkPlaces
 from backend.services.banks import StoredBanks
 from backend.services.commissioning import BringUp
 from backend.services.downloads import Downloads
 from backend.services.event_log import Refusals
 from backend.services.identifications import StoredIdentifications
-from backend.services.jobs import OrderedRuns
+from backend.services.jobs import JobManager
 from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
 from backend.services.lineage import History
 from backend.services.live_stream import Client, LiveStream
 from backend.services.maintenance import Maintenance, Retention
 from backend.services.parameters import Applied
 from backend.services.queue import DryRuns
-from backend.services.runs import Evaluations, Replay, StoredRuns, StoredTimeline
+from backend.services.runs import Evaluations, ReplayView, StoredRuns, StoredTimeline
 from backend.services.signals import Formulas, RecordedFigures
-from backend.services.studies import StudiesUnderWay
+from backend.services.studies import StudyScheduler
 from backend.services.triggers import Triggers
 from backend.services.tuning import SavedTunings
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
-from backend.units import Angles
+from backend.units import AngleUnit
 
 # Auth ----------------------------------------------------------------------------------------------
 #
@@ -47,24 +47,24 @@ from backend.units import Angles
 # STOP.
 
 
-__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "may_stop", "signed_in"]
+__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "SignedIn", "User", "may_stop", "signed_in"]
 
 _SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
 
 
-def signed_in(connection: HTTPConnection) -> Person:
-    """Return the signed-in person. Raises RefusalError for anybody else."""
+def signed_in(connection: HTTPConnection) -> User:
+    """Return the signed-in person. Raises RequestRejectedError for anybody else."""
     person = authentication_of(connection).recognise(shown_by(connection))
     if person is None:
-        raise RefusalError(Because.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
+        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
     return person
 
 
-def may_stop(connection: HTTPConnection) -> Person:
-    """Return who presses STOP: also somebody whose session is not live any more. Raises RefusalError."""
+def may_stop(connection: HTTPConnection) -> User:
+    """Return who presses STOP: also somebody whose session is not live any more. Raises RequestRejectedError."""
     person = authentication_of(connection).recognise_for_stop(shown_by(connection))
     if person is None:
-        raise RefusalError(Because.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
+        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
     return person
 
 
@@ -79,33 +79,33 @@ _cookie = APIKeyCookie(
 
 async def _signed_in(
     request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
-) -> Person:
+) -> User:
     return signed_in(request)
 
 
-SignedIn = Annotated[Person, Depends(_signed_in)]
+SignedIn = Annotated[User, Depends(_signed_in)]
 
 
 async def _may_stop(
     request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
-) -> Person:
+) -> User:
     return may_stop(request)
 
 
-MayStop = Annotated[Person, Depends(_may_stop)]
+MayStop = Annotated[User, Depends(_may_stop)]
 
 
-async def _operator(request: Request, person: SignedIn) -> Person:
+async def _operator(request: Request, person: SignedIn) -> User:
     if person.role is not Role.OPERATOR:
         if request.method not in ("GET", "HEAD"):
             request.state.commanding = person, b""  # the log tells who asked for what; a viewer's values are not read
-        raise RefusalError(
-            Because.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
+        raise RequestRejectedError(
+            ErrorCode.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
         )
     return person
 
 
-Operator = Annotated[Person, Depends(_operator)]
+Operator = Annotated[User, Depends(_operator)]
 
 
 # Live ----------------------------------------------------------------------------------------------
@@ -196,11 +196,11 @@ RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the datab
 class Service:
     """What the routes act on."""
 
-    actuator: Actuator
+    actuator: ActuatorService
     applied: Applied
-    control: Control
-    hand_over: HandOver
-    ordered_runs: OrderedRuns
+    control: ControlLease
+    hand_over: ControlHandover
+    ordered_runs: JobManager
     experiments: OwnExperiments
     saved_tunings: SavedTunings
     bring_up: BringUp
@@ -215,7 +215,7 @@ class Service:
     preferences: StoredPreferences
     history: History
     timeline: StoredTimeline
-    replay: Replay
+    replay: ReplayView
     texts: TextWork
     sheets: ChartSheets
     dry_runs: DryRuns
@@ -223,7 +223,7 @@ class Service:
     downloads: Downloads
     maintenance: Maintenance
     retention: Retention
-    studies: StudiesUnderWay
+    studies: StudyScheduler
     triggers: Triggers
     formulas: Formulas
 
@@ -262,22 +262,22 @@ Stamped = Annotated[
 
 async def _holds_control(
     request: Request, service: ServiceInUse, person: Operator, stamp: Stamped = None
-) -> AsyncIterator[Person]:
+) -> AsyncIterator[User]:
     request.state.commanding = person, await request.body()  # the log tells who asked for what, if it is refused
     async with service.control.turn(person, read_stamp(stamp)):
         yield person
 
 
-HoldsControl = Annotated[Person, Depends(_holds_control, scope="function")]
+HoldsControl = Annotated[User, Depends(_holds_control, scope="function")]
 """An operator who holds control, of whatever is driven or played."""
 
 
-async def _in_control(service: ServiceInUse, person: HoldsControl) -> Person:
+async def _in_control(service: ServiceInUse, person: HoldsControl) -> User:
     service.actuator.player.require_none()
     return person
 
 
-InControl = Annotated[Person, Depends(_in_control, scope="function")]
+InControl = Annotated[User, Depends(_in_control, scope="function")]
 """An operator who holds control: only their commands move the actuator. Refused while a recording is played."""
 
 
@@ -290,25 +290,25 @@ ANGLES_PATIENCE_S = 1.0
 """No refusal waits longer for a preference: a database that does not answer must not keep anybody from reading it."""
 
 
-async def angles_of(connection: HTTPConnection) -> Angles:
+async def angles_of(connection: HTTPConnection) -> AngleUnit:
     """Return what the signed-in person prefers; degrees for who is not signed in, or is not known just now."""
     person = authentication_of(connection).recognise(shown_by(connection))
     if person is None:
-        return Angles.DEGREES
+        return AngleUnit.DEGREES
     try:
         async with asyncio.timeout(ANGLES_PATIENCE_S):
             return (await service_of(connection).preferences.of(person)).angles
     except (StorageError, TimeoutError):
-        return Angles.DEGREES
+        return AngleUnit.DEGREES
 
 
 async def _angles_read(
     request: Request,
     angles: Annotated[
-        Angles | None, Query(description="unit in which angles are printed; what the person prefers if left out")
+        AngleUnit | None, Query(description="unit in which angles are printed; what the person prefers if left out")
     ] = None,
-) -> Angles:
+) -> AngleUnit:
     return await angles_of(request) if angles is None else angles
 
 
-AnglesRead = Annotated[Angles, Depends(_angles_read)]
+AnglesRead = Annotated[AngleUnit, Depends(_angles_read)]

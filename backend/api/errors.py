@@ -14,7 +14,7 @@ from starlette.requests import HTTPConnection
 from backend.analysis.evaluation import NotEvaluableError
 from backend.analysis.identification import NotComparableError
 from backend.banks.builder import BankError
-from backend.errors import Because, OutOfRangeError, RefusalError
+from backend.errors import ErrorCode, OutOfRangeError, RequestRejectedError
 from backend.execution.runner import NotReadyError
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import ExportError
@@ -23,12 +23,12 @@ from backend.models.document import UnreadableDocumentError
 from backend.models.settings import SettingError
 from backend.realtime.ipc import ChannelError
 from backend.realtime.program import LEGAL
-from backend.realtime.supervisor import LoopDiedError
+from backend.realtime.supervisor import LoopExitedError
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
 from backend.schemas.base import (
-    Problem,
-    Refusal,
+    ErrorDetail,
+    ErrorResponse,
     plain,
     printable,
     problem_of,
@@ -41,28 +41,28 @@ from backend.server.security import message_page, wants_page
 from backend.storage.database import BackupError
 from backend.storage.orm import StorageError, UnknownRecordError
 from backend.tuning.gains import TuningError
-from backend.units import Angles, in_words
+from backend.units import AngleUnit, format_angles
 from backend.workers import WorkerDiedError, WorkLimitError
 
 _log = logging.getLogger(__name__)
 
 STATUS = {
-    Because.MALFORMED: 400,
-    Because.NOT_SIGNED_IN: 401,
-    Because.NOT_ALLOWED: 403,
-    Because.UNKNOWN: 404,
-    Because.NOT_NOW: 409,
-    Because.TOO_LARGE: 413,
-    Because.BAD_VALUE: 422,
-    Because.TOO_MANY: 429,
-    Because.UNAVAILABLE: 503,
+    ErrorCode.MALFORMED: 400,
+    ErrorCode.NOT_SIGNED_IN: 401,
+    ErrorCode.NOT_ALLOWED: 403,
+    ErrorCode.UNKNOWN: 404,
+    ErrorCode.NOT_NOW: 409,
+    ErrorCode.TOO_LARGE: 413,
+    ErrorCode.BAD_VALUE: 422,
+    ErrorCode.TOO_MANY: 429,
+    ErrorCode.UNAVAILABLE: 503,
 }
 """What HTTP calls each reason."""
 
 _CODES = {405: "method_not_allowed", 500: "internal_error"} | {status: str(why) for why, status in STATUS.items()}
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
-    status: {"model": Refusal, "description": description}
+    status: {"model": ErrorResponse, "description": description}
     for status, description in {
         400: "the body cannot be parsed",
         401: "not signed in",
@@ -79,28 +79,28 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 """The refusals that any route may answer with, for the documentation."""
 
 
-_BECAUSE: dict[type[Exception], Because] = {
-    UnknownRecordError: Because.UNKNOWN,
-    BackupError: Because.UNAVAILABLE,
-    BankError: Because.BAD_VALUE,
-    IdentificationError: Because.BAD_VALUE,
-    TuningError: Because.BAD_VALUE,
-    UnknownSignalError: Because.BAD_VALUE,
-    ChannelError: Because.BAD_VALUE,
-    ExportError: Because.BAD_VALUE,
-    NotComparableError: Because.BAD_VALUE,
-    NotRemovableError: Because.NOT_NOW,
-    LoopDiedError: Because.UNAVAILABLE,
-    NotEvaluableError: Because.NOT_NOW,
-    StorageError: Because.UNAVAILABLE,
-    UnreadableDocumentError: Because.UNAVAILABLE,
-    WorkerDiedError: Because.UNAVAILABLE,
+_BECAUSE: dict[type[Exception], ErrorCode] = {
+    UnknownRecordError: ErrorCode.UNKNOWN,
+    BackupError: ErrorCode.UNAVAILABLE,
+    BankError: ErrorCode.BAD_VALUE,
+    IdentificationError: ErrorCode.BAD_VALUE,
+    TuningError: ErrorCode.BAD_VALUE,
+    UnknownSignalError: ErrorCode.BAD_VALUE,
+    ChannelError: ErrorCode.BAD_VALUE,
+    ExportError: ErrorCode.BAD_VALUE,
+    NotComparableError: ErrorCode.BAD_VALUE,
+    NotRemovableError: ErrorCode.NOT_NOW,
+    LoopExitedError: ErrorCode.UNAVAILABLE,
+    NotEvaluableError: ErrorCode.NOT_NOW,
+    StorageError: ErrorCode.UNAVAILABLE,
+    UnreadableDocumentError: ErrorCode.UNAVAILABLE,
+    WorkerDiedError: ErrorCode.UNAVAILABLE,
 }
 """Refusals of the parts below whose message says everything."""
 
 
 Handler = Callable[[Request, Exception], Awaitable[JSONResponse]]
-AnglesOf = Callable[[HTTPConnection], Awaitable[Angles]]
+AnglesOf = Callable[[HTTPConnection], Awaitable[AngleUnit]]
 """Tells in which unit whoever asks reads angles."""
 Told = Callable[[HTTPConnection, str], None]
 """Hears of each refusal: of which request, and why, with angles in SI."""
@@ -110,16 +110,19 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
     """Register the handlers on ``app``; ``angles_of`` is asked where a refusal speaks of an angle, all are ``told``."""
 
     async def answer(
-        request: Request, status: int, problem: Callable[[Angles], Problem], headers: Mapping[str, str] | None = None
+        request: Request,
+        status: int,
+        problem: Callable[[AngleUnit], ErrorDetail],
+        headers: Mapping[str, str] | None = None,
     ) -> JSONResponse:
-        said, reason = problem(Angles.DEGREES), problem(Angles.RADIANS).message
+        said, reason = problem(AngleUnit.DEGREES), problem(AngleUnit.RADIANS).message
         told(request, reason)
         if said.message != reason:
             said = problem(await angles_of(request))
         return _answer(status, said, headers)
 
-    @app.exception_handler(RefusalError)
-    async def refused(request: Request, error: RefusalError) -> JSONResponse:
+    @app.exception_handler(RequestRejectedError)
+    async def refused(request: Request, error: RequestRejectedError) -> JSONResponse:
         return await answer(
             request, STATUS[error.because], partial(_in_words, _problem_of_refusal(error)), _headers(error)
         )
@@ -139,14 +142,16 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
     @app.exception_handler(NotReadyError)
     async def not_ready(request: Request, error: NotReadyError) -> JSONResponse:
         told(request, str(error))
-        return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
+        return _answer(
+            409, ErrorDetail(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]])
+        )
 
     @app.exception_handler(WorkLimitError)
     async def beyond_limit(request: Request, error: WorkLimitError) -> JSONResponse:
         told(request, str(error))
         return _answer(
             422,
-            Problem(
+            ErrorDetail(
                 code="work_limit",
                 message=str(error),
                 quantity=error.quantity,
@@ -158,7 +163,7 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
     @app.exception_handler(DataFileError)
     async def file_refused(request: Request, error: DataFileError) -> JSONResponse:
         field = {"--header": "header", "--decimal": "decimal"}.get(error.option or "", "table")
-        problem = Problem(code=error.fault, message=str(error), quantity=field, path=[field], line=error.line)
+        problem = ErrorDetail(code=error.fault, message=str(error), quantity=field, path=[field], line=error.line)
         return await answer(request, 422, partial(_in_words, problem))
 
     for kind, because in _BECAUSE.items():
@@ -173,45 +178,47 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
         path = request.url.path
         if error.status_code == 404 and not path.startswith("/api/") and wants_page(request.headers, request.method):
             return message_page(404, no_such_page(path))
-        problem = Problem(code=_CODES.get(error.status_code, "error"), message=str(error.detail))
+        problem = ErrorDetail(code=_CODES.get(error.status_code, "error"), message=str(error.detail))
         return _answer(error.status_code, problem, error.headers)
 
     @app.exception_handler(Exception)
     async def unexpected(request: Request, error: Exception) -> JSONResponse:
         _log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
-        return _answer(500, Problem(code="internal_error", message="the service failed on this request; see its log"))
+        return _answer(
+            500, ErrorDetail(code="internal_error", message="the service failed on this request; see its log")
+        )
 
 
-def answer_to(error: RefusalError) -> JSONResponse:
+def answer_to(error: RequestRejectedError) -> JSONResponse:
     """Return the answer that a refusal is."""
     return _answer(STATUS[error.because], _problem_of_refusal(error), _headers(error))
 
 
-def _problem_of_refusal(error: RefusalError) -> Problem:
-    return Problem(code=error.code, message=str(error), legal=error.legal)
+def _problem_of_refusal(error: RequestRejectedError) -> ErrorDetail:
+    return ErrorDetail(code=error.code, message=str(error), legal=error.legal)
 
 
-def _headers(error: RefusalError) -> dict[str, str]:
+def _headers(error: RequestRejectedError) -> dict[str, str]:
     return {"Retry-After": str(error.retry_after_s)} if error.retry_after_s else {}
 
 
-def _plain_handler(answer: Callable[..., Awaitable[JSONResponse]], because: Because) -> Handler:
+def _plain_handler(answer: Callable[..., Awaitable[JSONResponse]], because: ErrorCode) -> Handler:
     async def handle(request: Request, error: Exception) -> JSONResponse:
-        return await answer(request, STATUS[because], partial(_in_words, Problem(code=because, message=str(error))))
+        return await answer(request, STATUS[because], partial(_in_words, ErrorDetail(code=because, message=str(error))))
 
     return handle
 
 
-def _in_words(problem: Problem, angles: Angles) -> Problem:
-    return problem.model_copy(update={"message": in_words(problem.message, angles)})
+def _in_words(problem: ErrorDetail, angles: AngleUnit) -> ErrorDetail:
+    return problem.model_copy(update={"message": format_angles(problem.message, angles)})
 
 
-def _form_problem(request: Request, error: Mapping[str, Any], angles: Angles) -> Problem:
+def _form_problem(request: Request, error: Mapping[str, Any], angles: AngleUnit) -> ErrorDetail:
     wanted = getattr(request.scope.get("route"), "body_field", None) if error["loc"][:1] == ("body",) else None
     problem = problem_of_form(error, None if wanted is None else wanted.field_info.annotation, angles)
     return problem.model_copy(update={"value": plain(problem.value)})
 
 
-def _answer(status: int, problem: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    body = printable(Refusal(error=problem).model_dump(exclude_none=True))
+def _answer(status: int, problem: ErrorDetail, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    body = printable(ErrorResponse(error=problem).model_dump(exclude_none=True))
     return JSONResponse(body, status_code=status, headers=dict(headers or {}))

@@ -10,10 +10,18 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from backend.api.dependencies import Service, service_of, signed_in
 from backend.api.errors import answer_to
-from backend.auth.authentication import Person
-from backend.errors import Because, RefusalError
+from backend.auth.authentication import User
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.base import UNITS
-from backend.server.connections import ALL_PLACES, LONGEST_WAIT_S, PASSES_BY, PLACE, Arrivals, Place, Places
+from backend.server.connections import (
+    ALL_PLACES,
+    LONGEST_WAIT_S,
+    PASSES_BY,
+    PLACE,
+    Arrivals,
+    ConnectionLimiter,
+    ConnectionSlot,
+)
 from backend.server.security import (
     authentication_of,
     has_body,
@@ -37,7 +45,7 @@ OPEN = {"/api/session", "/api/health", "/api/page-address"}
 CLOSED = ("/api/", "/scene", "/replay")
 
 
-class Admission:
+class AuthenticationMiddleware:
     """ASGI middleware before the routes: nobody who is not signed in has a body or a websocket taken.
 
     Whoever is signed in gets a place; costly work has to find one of its own before its body is read. A body is read
@@ -66,19 +74,19 @@ class Admission:
                     body = await read_whole(receive, most_bytes(scope["path"]))
                     await self._look_over(body, scope["path"])
                     receive = once_more(body, receive)
-            except RefusalError as error:
+            except RequestRejectedError as error:
                 await answer_to(error)(scope, receive, send)
             except ClientDisconnect:
                 return
             else:
                 await self._app(scope, receive, send)
 
-    async def _wait_for_turn(self, person: Person) -> None:
-        """Wait until a session may open one more websocket. Raises RefusalError where that takes too long."""
+    async def _wait_for_turn(self, person: User) -> None:
+        """Wait until a session may open one more websocket. Raises RequestRejectedError where that takes too long."""
         pause_s = self._arrivals.wait_s(f"{person.role} {person.session}", asyncio.get_running_loop().time())
         if pause_s is None:
             message = "too many websockets were opened by this session: it may open a few in a second"
-            raise RefusalError(Because.TOO_MANY, message, retry_after_s=math.ceil(LONGEST_WAIT_S))
+            raise RequestRejectedError(ErrorCode.TOO_MANY, message, retry_after_s=math.ceil(LONGEST_WAIT_S))
         if pause_s > 0.0:
             await asyncio.sleep(pause_s)
 
@@ -94,8 +102,11 @@ class Admission:
                 await asyncio.sleep(0)
 
 
-def _take_place(connection: HTTPConnection, person: Person | None, stack: ExitStack) -> None:
-    """Take the place of a costly work until ``stack`` ends. Raises RefusalError, before any of the body is read."""
+def _take_place(connection: HTTPConnection, person: User | None, stack: ExitStack) -> None:
+    """Take the place of a costly work until ``stack`` ends.
+
+    Raises RequestRejectedError, before any of the body is read.
+    """
     scope = connection.scope
     if person is None or scope["type"] != "http":
         return
@@ -105,10 +116,10 @@ def _take_place(connection: HTTPConnection, person: Person | None, stack: ExitSt
         stack.enter_context(places.held(person))
 
 
-def _show_in(connection: HTTPConnection) -> Person | None:
+def _show_in(connection: HTTPConnection) -> User | None:
     """Give who is signed in a place, and return them.
 
-    Raises RefusalError for who has to be signed in, and for one websocket too many.
+    Raises RequestRejectedError for who has to be signed in, and for one websocket too many.
     """
     scope = connection.scope
     is_socket = scope["type"] == "websocket"
@@ -120,12 +131,12 @@ def _show_in(connection: HTTPConnection) -> Person | None:
             signed_in(connection)  # says what is to be done
         return None  # a route may still let in somebody whose session is over, to press STOP
     state = scope.get("state", {})
-    place: Place | None = state.get(PLACE)
-    places: Places | None = state.get(ALL_PLACES)
+    place: ConnectionSlot | None = state.get(PLACE)
+    places: ConnectionLimiter | None = state.get(ALL_PLACES)
     if places is None or place is None or places.recognise(place, person, is_socket=is_socket) or not is_socket:
         return person
-    raise RefusalError(
-        Because.UNAVAILABLE,
+    raise RequestRejectedError(
+        ErrorCode.UNAVAILABLE,
         f"{person.name} has too many connections open: close other pages first",
         code="too_many_connections",
     )

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from itsdangerous import BadData, URLSafeSerializer
 
 from backend.auth.sessions import Sessions, TokenFiles, Tokens
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.state import PersonView, Role
 from backend.supervision import Part
 
@@ -44,11 +44,13 @@ class Attempts:
         self._tried: dict[str, deque[float]] = {}
 
     def count(self, address: str) -> None:
-        """Count one more. Raises RefusalError where there were too many of them."""
+        """Count one more. Raises RequestRejectedError where there were too many of them."""
         tried = self._recent(address)
         if len(tried) >= self._most:
             wait_s = int(tried[0] + ATTEMPTS_WINDOW_S - self._clock()) + 1
-            raise RefusalError(Because.TOO_MANY, f"too many {self._of}; try again in {wait_s} s", retry_after_s=wait_s)
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY, f"too many {self._of}; try again in {wait_s} s", retry_after_s=wait_s
+            )
         tried.append(self._clock())
 
     def _recent(self, address: str) -> deque[float]:
@@ -76,7 +78,7 @@ LONGEST_NAME = 40
 
 
 @dataclass(frozen=True)
-class Person:
+class User:
     """Someone who is signed in: ``name`` as others see it, ``called`` as they gave it.
 
     ``session`` tells two browsers of one name apart.
@@ -95,19 +97,19 @@ class Person:
 
 @dataclass
 class _There:
-    person: Person
+    person: User
     is_page: bool
     since: datetime = field(default_factory=lambda: datetime.now(UTC))
 
 
-class People:
+class ActiveUsers:
     """Those who have a websocket open: pages, and the 3D views in them."""
 
     def __init__(self) -> None:
         self._there: dict[asyncio.Event, _There] = {}
 
     @contextmanager
-    def attending(self, person: Person, *, is_page: bool) -> Iterator[asyncio.Event]:
+    def attending(self, person: User, *, is_page: bool) -> Iterator[asyncio.Event]:
         """Count a websocket among the open ones; the event is set when its session ends."""
         over = asyncio.Event()
         self._there[over] = _There(person, is_page)
@@ -116,7 +118,7 @@ class People:
         finally:
             del self._there[over]
 
-    def connected(self) -> Iterator[tuple[asyncio.Event, Person]]:
+    def connected(self) -> Iterator[tuple[asyncio.Event, User]]:
         """Yield each open websocket's end and person."""
         yield from [(over, there.person) for over, there in self._there.items()]
 
@@ -135,12 +137,12 @@ class People:
         """Return whether somebody's page is open."""
         return any(there.is_page and there.person.session == session for there in self._there.values())
 
-    def named(self, name: str) -> Person | None:
+    def named(self, name: str) -> User | None:
         """Return whose page is open under this name."""
         there = (one.person for one in self._there.values() if one.is_page)
         return next((person for person in there if person.name == name), None)
 
-    def as_shown(self, person: Person) -> Person:
+    def as_shown(self, person: User) -> User:
         """Return somebody who comes back under the name by which the others know them.
 
         It may be another than before: while they were away, somebody else may have come under theirs.
@@ -167,17 +169,20 @@ class People:
             shown = f"{name} ({number})"
         return shown
 
-    def rename(self, person: Person, name: str) -> Person:
-        """Return ``person`` under another name, at all their pages. Raises RefusalError for a script, 422 for a name.
+    def rename(self, person: User, name: str) -> User:
+        """Return ``person`` under another name, at all their pages.
 
-        The session stays what it is, so that control is kept.
+        Raises RequestRejectedError for a script, and for a name that is not accepted. The session stays what it is,
+        so that control is kept.
         """
         if person.session in (BEARER, OPEN):
-            raise RefusalError(Because.NOT_NOW, "a script goes by its role: only a browser that signed in has a name")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "a script goes by its role: only a browser that signed in has a name"
+            )
         called = printable(name)
         if called == "" or called.casefold() in set(Role):
-            raise RefusalError(
-                Because.BAD_VALUE, "a name needs a letter, and is no role: type what the others here call you"
+            raise RequestRejectedError(
+                ErrorCode.BAD_VALUE, "a name needs a letter, and is no role: type what the others here call you"
             )
         renamed = replace(person, name=self.shown(called, person.role, person.session), called=called)
         for there in self._there.values():
@@ -252,22 +257,23 @@ class Authentication:
         self._replaced: _Replaced | None = None
         self._turn = asyncio.Lock()
         self.sessions = sessions or Sessions()
-        self.people = People()
+        self.people = ActiveUsers()
         self.tell: Callable[[str, str], None] = lambda _text, _who: None
         """Told of who signs in and out and of new tokens, for the log: what happened, and by whom."""
 
-    def sign_in(self, shown: Shown, token: str, name: str = "") -> Person:
-        """Return who ``token`` belongs to. Raises RefusalError for a wrong one, 429 after too many, right ones too.
+    def sign_in(self, shown: Shown, token: str, name: str = "") -> User:
+        """Return who ``token`` belongs to.
 
+        Raises RequestRejectedError for a wrong token, and after too many attempts for a right one too.
         A browser that is signed in already goes on with its session, or ends it where it is another person's now.
         """
         if self._files is None:
-            return Person(printable(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
+            return User(printable(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
         role = self._files.tokens.role_of(token[:LONGEST_TOKEN])
         if role is None:
             self._count_wrong(shown)
-            raise RefusalError(
-                Because.NOT_SIGNED_IN, "wrong token; use the sign-in link that the service printed at its start"
+            raise RequestRejectedError(
+                ErrorCode.NOT_SIGNED_IN, "wrong token; use the sign-in link that the service printed at its start"
             )
         called, before = printable(name), self._person_of_cookie(shown)
         if before is not None and before.role is role and called in ("", before.called):
@@ -278,11 +284,11 @@ class Authentication:
             self._dismiss()
         session = secrets.token_urlsafe(12)
         self.sessions.begin(session, role, in_use={person.session for _, person in self.people.connected()})
-        person = Person(self.people.shown(called, role, session), role, session, called or role)
+        person = User(self.people.shown(called, role, session), role, session, called or role)
         self.tell(f"signed in as {role}", person.name)
         return person
 
-    def cookie(self, person: Person) -> str | None:
+    def cookie(self, person: User) -> str | None:
         """Return what a browser shows from now on to be recognised as ``person``; None where it needs no cookie."""
         if self._files is None or person.session in (BEARER, OPEN):
             return None
@@ -298,38 +304,39 @@ class Authentication:
             self.tell("signed out", person.name)
             self._dismiss()
 
-    def recognise(self, shown: Shown) -> Person | None:
-        """Return who sends this request or opens this websocket, None when not signed in. Raises RefusalError.
+    def recognise(self, shown: Shown) -> User | None:
+        """Return who sends this request or opens this websocket, None when not signed in. Raises RequestRejectedError.
 
         May be asked as often as one likes: a wrong token counts once for each request.
         """
         if self._files is None:
-            return Person(Role.OPERATOR, Role.OPERATOR, OPEN)
+            return User(Role.OPERATOR, Role.OPERATOR, OPEN)
         if shown.token is not None:
             return self._person_of_bearer(shown, shown.token)
         return self._person_of_cookie(shown)
 
-    def recognise_for_stop(self, shown: Shown) -> Person | None:
+    def recognise_for_stop(self, shown: Shown) -> User | None:
         """Return who presses STOP: also somebody whose session fell asleep or was forgotten, not one signed out."""
         person = self.recognise(shown)
         if person is None:
             person = self._genuine(shown)
         return person
 
-    async def rotate(self, roles: list[Role], person: Person) -> Tokens:
+    async def rotate(self, roles: list[Role], person: User) -> Tokens:
         """Put new tokens in force at once; all sessions of ``roles`` end but that of ``person``.
 
-        Raises RefusalError where no token is asked for, 503 when they cannot be written: the old ones hold then.
+        Raises RequestRejectedError where no token is asked for, and when the tokens cannot be written: the old ones
+        hold.
         """
         if self._files is None:
-            raise RefusalError(Because.NOT_NOW, "this service asks for no token: there is nothing to rotate")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "this service asks for no token: there is nothing to rotate")
         async with self._turn:
             self._replaced = _Replaced(self._files.tokens, person.session, self._clock() + GRACE_S)
             try:
                 await asyncio.to_thread(self._files.rotate, roles)
             except OSError as error:
-                raise RefusalError(
-                    Because.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
+                raise RequestRejectedError(
+                    ErrorCode.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
                 ) from error
             await self._refresh(but=person.session)
         self.tell(f"new tokens for {' and '.join(roles)}", person.name)
@@ -368,21 +375,21 @@ class Authentication:
             if ended:
                 over.set()
 
-    def _person_of_bearer(self, shown: Shown, token: str) -> Person:
+    def _person_of_bearer(self, shown: Shown, token: str) -> User:
         # The right token passes whatever others have tried: a script that stops the rig must not be locked out.
         role = self._files.tokens.role_of(token[:LONGEST_TOKEN]) if self._files else Role.OPERATOR
         if role is None:
             self._count_wrong(shown)
-            raise RefusalError(Because.NOT_SIGNED_IN, "wrong token; use the one in the data folder")
-        return Person(role, role, BEARER)
+            raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, "wrong token; use the one in the data folder")
+        return User(role, role, BEARER)
 
-    def _person_of_cookie(self, shown: Shown) -> Person | None:
+    def _person_of_cookie(self, shown: Shown) -> User | None:
         person = self._genuine(shown, replaced=False)
         if person is None or not self.sessions.use(person.session):
             return None
         return self.people.as_shown(person)
 
-    def _genuine(self, shown: Shown, replaced: bool = True) -> Person | None:
+    def _genuine(self, shown: Shown, replaced: bool = True) -> User | None:
         """Return whose cookie this is, however old, unless it was signed out."""
         if self._files is None:
             return None
@@ -408,13 +415,13 @@ class Authentication:
             self._attempts.count(shown.address)
 
 
-def _read(value: str, tokens: Tokens) -> Person | None:
+def _read(value: str, tokens: Tokens) -> User | None:
     for role in Role:
         try:
             content = _signer(tokens, role).loads(value)
         except BadData:
             continue
-        return replace(Person(content["name"], role, content["session"]), called=content["called"])
+        return replace(User(content["name"], role, content["session"]), called=content["called"])
     return None
 
 

@@ -9,8 +9,8 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from backend.auth.authentication import BEARER, OPEN, Person
-from backend.errors import Because, RefusalError
+from backend.auth.authentication import BEARER, OPEN, User
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.state import HolderView, Lease
 from backend.supervision import Part
 
@@ -36,7 +36,7 @@ WAITING = 32
 _LOOK_S = 0.05
 
 
-class Turns:
+class CommandSequencer:
     """The order of one page's commands, which it numbers 1, 2, 3 ..."""
 
     def __init__(self) -> None:
@@ -47,16 +47,16 @@ class Turns:
 
     @asynccontextmanager
     async def turn(self, number: int) -> AsyncIterator[None]:
-        """Hold the turn of a command for the block. Raises RefusalError for an old one, 429 for too many."""
+        """Hold the turn of a command for the block. Raises RequestRejectedError for an old one, 429 for too many."""
         if number <= self._obeyed or number in self._waiting:
-            raise RefusalError(
-                Because.NOT_NOW,
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
                 "this command is older than one that was obeyed already: nothing done",
                 code="stale_command",
             )
         if len(self._waiting) >= WAITING:
-            raise RefusalError(
-                Because.TOO_MANY,
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY,
                 f"{WAITING} commands of this page wait already: nothing done",
                 code="too_many_commands",
             )
@@ -129,7 +129,7 @@ _LATE_LOOK_S = 2.0 * LOOK_S
 _STAMP = re.compile(r"([A-Za-z0-9_-]{16})\.([0-9]{1,15})")
 
 
-class Stamp(NamedTuple):
+class CommandToken(NamedTuple):
     """What a page's command carries."""
 
     page: str
@@ -137,14 +137,14 @@ class Stamp(NamedTuple):
 
 
 @dataclass
-class Holder:
+class LeaseHolder:
     """Who holds control, at a page or by a script; ``page`` is the page's key, ``epoch`` what others know it by."""
 
-    person: Person
+    person: User
     epoch: int
     is_page: bool
     page: str = field(default_factory=lambda: secrets.token_urlsafe(12))
-    turns: Turns = field(default_factory=Turns)
+    turns: CommandSequencer = field(default_factory=CommandSequencer)
     silent_s: float = 0.0
 
     @property
@@ -152,7 +152,7 @@ class Holder:
         """Whether the page is not heard any more."""
         return self.is_page and self.silent_s > LOST_S
 
-    def is_at(self, person: Person, page: str | None) -> bool:
+    def is_at(self, person: User, page: str | None) -> bool:
         """Return whether this is the page that holds control."""
         if page is None or not self.is_page or person.session != self.person.session:
             return False
@@ -163,19 +163,19 @@ class Holder:
         return Lease(epoch=self.epoch, page=self.page, name=self.person.name)
 
 
-def read_stamp(text: str | None) -> Stamp | None:
-    """Read the header, None where there is none. Raises RefusalError."""
+def read_stamp(text: str | None) -> CommandToken | None:
+    """Read the header, None where there is none. Raises RequestRejectedError."""
     if text is None:
         return None
     found = _STAMP.fullmatch(text)
     if found is None:
-        raise RefusalError(
-            Because.MALFORMED, f"{HEADER} has to be the key of the page, a dot and a whole number", code="bad_stamp"
+        raise RequestRejectedError(
+            ErrorCode.MALFORMED, f"{HEADER} has to be the key of the page, a dot and a whole number", code="bad_stamp"
         )
-    return Stamp(found[1], int(found[2]))
+    return CommandToken(found[1], int(found[2]))
 
 
-class Control:
+class ControlLease:
     """The one lease. ``lost`` is called when the page that held it was not heard for LOST_S + HOLD_S.
 
     ``told`` hears what happens to control: a sentence, and who did it. ``let_go`` is called when whoever held control
@@ -189,7 +189,7 @@ class Control:
         told: Callable[[str, str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.holder: Holder | None = None
+        self.holder: LeaseHolder | None = None
         self.let_go: Callable[[], None] = lambda: None
         self.holder_changed: Callable[[], None] = lambda: None
         self._last_session = ""
@@ -201,15 +201,17 @@ class Control:
         self._epoch = int(time.time())
         self._muted = False
 
-    def take(self, person: Person, *, is_page: bool, take_over: bool = False, handed: str = "") -> Holder:
-        """Give control to a person. Raises RefusalError while another one holds it, unless ``take_over``.
+    def take(self, person: User, *, is_page: bool, take_over: bool = False, handed: str = "") -> LeaseHolder:
+        """Give control to a person. Raises RequestRejectedError while another one holds it, unless ``take_over``.
 
         ``handed`` is what is told where it was handed over.
         """
         holder = self.holder
         if holder is not None and not take_over and not holder.lost:
-            raise RefusalError(
-                Because.NOT_NOW, f"{_whose(holder, person)} holds control: take it over to command", code="control_held"
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
+                f"{_whose(holder, person)} holds control: take it over to command",
+                code="control_held",
             )
         self._epoch += 1
         self._muted = False
@@ -217,23 +219,26 @@ class Control:
         if person.session != self._last_session:
             self.holder_changed()
         self._last_session = person.session
-        self.holder = Holder(person, self._epoch, is_page)
+        self.holder = LeaseHolder(person, self._epoch, is_page)
         if is_page:
             taken = "control taken" if holder is None else f"control taken over from {holder.person.name}"
             self._told(handed or taken, person.name)
         return self.holder
 
-    def resume(self, person: Person, page: str) -> Holder:
-        """Go on after a page was loaded again: its key is replaced. Raises RefusalError where it has lost control."""
+    def resume(self, person: User, page: str) -> LeaseHolder:
+        """Go on after a page was loaded again: its key is replaced.
+
+        Raises RequestRejectedError where it has lost control.
+        """
         self._holder_at(person, page)
         self._epoch += 1
         self.let_go()
         # What the page sent before it was loaded again and still waits carries a key that is gone.
-        self.holder = Holder(person, self._epoch, is_page=True)
+        self.holder = LeaseHolder(person, self._epoch, is_page=True)
         return self.holder
 
-    async def give_up(self, person: Person, stamp: Stamp | None) -> None:
-        """Hold control no longer. Raises RefusalError for those who do not hold it."""
+    async def give_up(self, person: User, stamp: CommandToken | None) -> None:
+        """Hold control no longer. Raises RequestRejectedError for those who do not hold it."""
         async with self.turn(person, stamp):
             self.holder = None
             self.let_go()
@@ -241,8 +246,8 @@ class Control:
             self._told("control given up", person.name)
 
     @asynccontextmanager
-    async def turn(self, person: Person, stamp: Stamp | None) -> AsyncIterator[None]:
-        """Let a command of the holder pass when it is its turn. Raises RefusalError for all others."""
+    async def turn(self, person: User, stamp: CommandToken | None) -> AsyncIterator[None]:
+        """Let a command of the holder pass when it is its turn. Raises RequestRejectedError for all others."""
         if stamp is None:
             self._require_script(person)
             yield
@@ -253,13 +258,13 @@ class Control:
             self._holder_at(person, stamp.page).silent_s = 0.0
             yield
 
-    def heard(self, person: Person, page: str | None) -> None:
+    def heard(self, person: User, page: str | None) -> None:
         """Take note that a page is there; ``page`` is the key of the control it believes to hold."""
         holder = self.holder
         if holder is not None and not self._muted and holder.is_at(person, page):
             holder.silent_s = 0.0
 
-    def rename(self, person: Person) -> None:
+    def rename(self, person: User) -> None:
         """Show the holder under the name that they have now."""
         if self.holder is not None and self.holder.person.session == person.session:
             self.holder.person = person
@@ -303,35 +308,41 @@ class Control:
             if holder.is_page:
                 await self._lost(holder.person.name)
 
-    def _holder_at(self, person: Person, page: str) -> Holder:
+    def _holder_at(self, person: User, page: str) -> LeaseHolder:
         holder = self.holder
         if holder is None:
-            raise RefusalError(Because.NOT_NOW, "nobody holds control: take it to command", code="control_lost")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "nobody holds control: take it to command", code="control_lost"
+            )
         if not holder.is_at(person, page):
             who = _whose(holder, person)
-            raise RefusalError(
-                Because.NOT_NOW,
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
                 f"this page does not hold control any more, {who} does: nothing done",
                 code="control_lost",
             )
         return holder
 
-    def _require_script(self, person: Person) -> None:
+    def _require_script(self, person: User) -> None:
         holder = self.holder
         if person.session not in (BEARER, OPEN):
-            raise RefusalError(
-                Because.NOT_NOW, f"a page takes control first and stamps its commands ({HEADER})", code="control_needed"
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
+                f"a page takes control first and stamps its commands ({HEADER})",
+                code="control_needed",
             )
         if holder is None:
             holder = self.take(person, is_page=False)
         if holder.is_page or holder.person != person:
-            raise RefusalError(
-                Because.NOT_NOW, f"{_whose(holder, person)} holds control: take it over to command", code="control_held"
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
+                f"{_whose(holder, person)} holds control: take it over to command",
+                code="control_held",
             )
         holder.silent_s = 0.0
 
 
-def _whose(holder: Holder, asking: Person) -> str:
+def _whose(holder: LeaseHolder, asking: User) -> str:
     if holder.person.session == asking.session:
         return "another page of yours" if holder.is_page else "a script of yours"
     return holder.person.name

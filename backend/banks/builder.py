@@ -7,11 +7,11 @@ from itertools import pairwise
 from math import isfinite
 from typing import Any, Protocol
 
-from backend.banks.tuning_settings import TuningChoice, default_lam_motor
+from backend.banks.tuning_settings import TuningSettings, default_lam_motor
 from backend.control import pid
 from backend.control.decoupler import decoupler_for, stiffness_slope
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
-from backend.models.run import ENTRY, PLANT_NUMBERS, EntryModel, PlantNumber
+from backend.models.run import ENTRY, PLANT_NUMBERS, EntryModel, StoredPlantNumber
 from backend.plain_text import PlainTextError, as_line, require_line, require_plain_texts
 from backend.realtime.gains import tuning_for
 from backend.realtime.program import SetTuning
@@ -19,8 +19,8 @@ from backend.storage import banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry, entry_name
 from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
-from backend.tuning.gains import Lambdas, PointModel, TuningError, motor_loops, position_gains, stiffness_gains
-from backend.tuning.preview import Previewer
+from backend.tuning.gains import PointModel, TuningError, TuningParameters, motor_loops, position_gains, stiffness_gains
+from backend.tuning.preview import TuningPreviewer
 from backend.tuning.robustness import OuterProcess, decoupled_model
 from plant.parameters import PlantParameters
 
@@ -81,7 +81,7 @@ def require_same_parameters(parameters: PlantParameters, name: str, recorded: Ma
     then = PLANT_NUMBERS.read(recorded, name)
     for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items():
         for entry, now in entries.items():
-            was = then.get(section, {}).get(entry, PlantNumber(None)).value
+            was = then.get(section, {}).get(entry, StoredPlantNumber(None)).value
             if was != now.value:
                 raise BankError(
                     f"{name} was made with other parameters: {section}.{entry} was {was}, it is {now.value} now; "
@@ -132,7 +132,7 @@ def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> 
 
 def _require_stable(parameters: PlantParameters, item: NamedEntry) -> None:
     try:
-        Previewer(parameters, (item.point,), lam_motor=default_lam_motor(parameters))
+        TuningPreviewer(parameters, (item.point,), lam_motor=default_lam_motor(parameters))
     except TuningError as error:
         raise BankError(f"{item.name} gives loops that are not robust at any λ: {error}") from None
 
@@ -202,7 +202,7 @@ def points_of(bank: HasEntries | None) -> tuple[PointModel, ...]:
     return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
 
 
-def tuning_command(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None) -> SetTuning:
+def tuning_command(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None) -> SetTuning:
     """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
     return tuning_for(
         parameters, choice.lambdas, points_of(bank), None, choice.interpolate, choice.budget, choice.k_ext
@@ -227,7 +227,7 @@ SAME_POINT = 1.0
 
 
 @dataclass(frozen=True)
-class LoopFigures:
+class OuterLoopFigures:
     """One outer loop at one point: model K, T [s], gains at the λ in force, and M_s on the high-order model.
 
     ``M_s`` is None where the loop would be unstable.
@@ -241,30 +241,30 @@ class LoopFigures:
 
 
 @dataclass(frozen=True)
-class EntryFigures:
+class BankEntryFigures:
     """Both loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
 
     S_nominal: float
     tension_N: float | None
     estimate: int | None
-    position: LoopFigures
-    stiffness: LoopFigures
+    position: OuterLoopFigures
+    stiffness: OuterLoopFigures
 
 
 @dataclass(frozen=True)
-class EntryDifference:
+class BankEntryChange:
     """An entry before and after; one of them is None where it is new or gone."""
 
-    before: EntryFigures | None
-    after: EntryFigures | None
+    before: BankEntryFigures | None
+    after: BankEntryFigures | None
 
 
-def figures_of(parameters: PlantParameters, lambdas: Lambdas, entry: BankEntry) -> EntryFigures:
+def figures_of(parameters: PlantParameters, lambdas: TuningParameters, entry: BankEntry) -> BankEntryFigures:
     """Return models, gains and M_s of one entry. Raises TuningError for λ without gains."""
     point = point_of(entry)
     model = decoupled_model(parameters, motor_loops(parameters, lambdas.lam_motor), point.S_nominal)
     q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
-    return EntryFigures(
+    return BankEntryFigures(
         S_nominal=point.S_nominal,
         tension_N=entry.known.tension_N,
         estimate=entry.identification_id,
@@ -274,26 +274,26 @@ def figures_of(parameters: PlantParameters, lambdas: Lambdas, entry: BankEntry) 
 
 
 def figures_of_all(
-    parameters: PlantParameters, lambdas: Lambdas, entries: Sequence[BankEntry]
-) -> tuple[EntryFigures, ...]:
+    parameters: PlantParameters, lambdas: TuningParameters, entries: Sequence[BankEntry]
+) -> tuple[BankEntryFigures, ...]:
     """Return models, gains and M_s of every entry. Raises TuningError for λ without gains."""
     return tuple(figures_of(parameters, lambdas, entry) for entry in entries)
 
 
 def difference(
-    parameters: PlantParameters, lambdas: Lambdas, before: Sequence[BankEntry], after: Sequence[BankEntry]
-) -> tuple[EntryDifference, ...]:
+    parameters: PlantParameters, lambdas: TuningParameters, before: Sequence[BankEntry], after: Sequence[BankEntry]
+) -> tuple[BankEntryChange, ...]:
     """Return what changes from one set of entries to another, in order of stiffness."""
     left = [figures_of(parameters, lambdas, entry) for entry in after]
-    pairs: list[EntryDifference] = []
+    pairs: list[BankEntryChange] = []
     for entry in before:
         old = figures_of(parameters, lambdas, entry)
         near = [new for new in left if abs(new.S_nominal - old.S_nominal) < SAME_POINT]
         match = min(near, key=lambda new: abs(new.S_nominal - old.S_nominal), default=None)
         if match is not None:
             left.remove(match)
-        pairs.append(EntryDifference(old, match))
-    pairs += [EntryDifference(None, new) for new in left]
+        pairs.append(BankEntryChange(old, match))
+    pairs += [BankEntryChange(None, new) for new in left]
     return tuple(sorted(pairs, key=_stiffness))
 
 
@@ -303,12 +303,12 @@ def with_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[B
     return tuple(sorted([*kept, *new], key=lambda entry: entry.S_nominal))
 
 
-def _loop(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> LoopFigures:
+def _loop(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> OuterLoopFigures:
     M_s = process.sensitivity_peak(gains)
-    return LoopFigures(K, T, gains.k_p, gains.k_i, M_s if isfinite(M_s) else None)
+    return OuterLoopFigures(K, T, gains.k_p, gains.k_i, M_s if isfinite(M_s) else None)
 
 
-def _stiffness(pair: EntryDifference) -> float:
+def _stiffness(pair: BankEntryChange) -> float:
     present = pair.before or pair.after
     return present.S_nominal if present else 0.0
 

@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
 from typing import Any, Self
 
-from backend.models.document import Edge
-from backend.models.run import LAMBDA, MOTIONS, PLANT_NUMBERS, TIME_OPTIMAL, KeptLoop, Value, with_motion
+from backend.models.document import DocumentCodec
+from backend.models.run import LAMBDA, MOTIONS, PLANT_NUMBERS, TIME_OPTIMAL, StoredLoopSettings, Value, with_motion
 from backend.models.settings import boolean, choice, describe, from_values, integer, number
 from backend.storage import settings
 from backend.storage.database import Database, Session
 from backend.storage.settings import StoredSetting
-from backend.tuning.gains import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas, PointModel, motor_model
-from backend.tuning.preview import Previewer, usual_budget
+from backend.tuning.gains import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, PointModel, TuningParameters, motor_model
+from backend.tuning.preview import TuningPreviewer, usual_budget
 from backend.tuning.robustness import LAM_MOTOR_MAX, LAM_MOTOR_MIN, common_range
 from plant.parameters import SIDES, PlantParameters
 
@@ -28,7 +28,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeptTuning(KeptLoop):
+class StoredTuning(StoredLoopSettings):
     """The tuning in force; ``parameters`` tells the plant's numbers from others."""
 
     parameters: str
@@ -36,7 +36,7 @@ class KeptTuning(KeptLoop):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SavedParts(KeptLoop):
+class SavedParts(StoredLoopSettings):
     """What a bank is meant to run with."""
 
     version: int = VERSION
@@ -54,15 +54,15 @@ def saved_for(bank: int | None) -> str:
     return f"tuning/{'geometry' if bank is None else bank}"
 
 
-KEPT: Edge[KeptTuning] = Edge(KeptTuning, "the tuning in force", VERSION, _bank_by_number)
-SAVED: Edge[SavedParts] = Edge(SavedParts, "the tuning that was saved", VERSION)
+KEPT: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the tuning in force", VERSION, _bank_by_number)
+SAVED: DocumentCodec[SavedParts] = DocumentCodec(SavedParts, "the tuning that was saved", VERSION)
 
 
 # Tuning choice -------------------------------------------------------------------------------------
 #
 # What decides the gains of the loop, said once: λ, b, bank and how to go between its entries.
 #
-# Whoever keeps, sends, shows or compares a tuning derives it from ``TuningChoice``: the settings of
+# Whoever keeps, sends, shows or compares a tuning derives it from ``TuningSettings``: the settings of
 # an experiment, what a run has stored, the tuning in force and its trial, what is saved for a bank,
 # the bodies of the interface. A part that is added here is added to all of them, and
 # ``tests/experiments/test_tuning_choice.py`` finds the one that forgot it.
@@ -72,7 +72,7 @@ _LAM_LEAST = 0.01
 
 
 @dataclass(frozen=True)
-class TuningChoice:
+class TuningSettings:
     """A tuning as a person chooses it. The bounds of λ here are coarse; the safe range follows from the models in use.
 
     ``bank`` 0 stands for gains from geometry.
@@ -112,9 +112,9 @@ class TuningChoice:
         given = {name: value for name, value in values.items() if name in known and value is not None}
         return from_values(cls, with_motion(given))
 
-    def with_parts(self, parts: Mapping[str, Any]) -> "TuningChoice":
+    def with_parts(self, parts: Mapping[str, Any]) -> "TuningSettings":
         """Return the tuning with other values of some of its parts."""
-        return TuningChoice(**{**self.document(), **with_motion(parts)})
+        return TuningSettings(**{**self.document(), **with_motion(parts)})
 
     @property
     def budget(self) -> float:
@@ -122,9 +122,9 @@ class TuningChoice:
         return self.u_plan if self.motion == TIME_OPTIMAL else 0.0
 
     @property
-    def lambdas(self) -> Lambdas:
+    def lambdas(self) -> TuningParameters:
         """The tuning parameters and b alone."""
-        return Lambdas(self.lam_q, self.lam_S, self.lam_motor, self.b)
+        return TuningParameters(self.lam_q, self.lam_S, self.lam_motor, self.b)
 
     def document(self) -> dict[str, Any]:
         """Return the tuning as it is stored."""
@@ -150,7 +150,7 @@ class TuningChoice:
         words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
         return words
 
-    def differences(self, before: "TuningChoice") -> list[str]:
+    def differences(self, before: "TuningSettings") -> list[str]:
         """Say part by part what differs from ``before``: "λ_q 0.5 → 0.6 s"."""
         return [
             f"{setting.symbol} {part_in_words(setting.name, old)} → {part_in_words(setting.name, new)}"
@@ -160,14 +160,14 @@ class TuningChoice:
         ]
 
 
-DECLARED = describe(TuningChoice)
+DECLARED = describe(TuningSettings)
 NAMES = tuple(setting.name for setting in DECLARED)
 
 
 def changes_told(text: str) -> dict[str, Value] | None:
-    """Return the new values in a text of ``TuningChoice.differences``, joined by commas and with words before a colon.
+    """Return the new values in a text of ``TuningSettings.differences``; None for any other text.
 
-    None for any other text.
+    The values are joined by commas, with words before a colon.
     """
     found: dict[str, Value] = {}
     for told in text.rpartition(": ")[2].split(", "):
@@ -220,29 +220,29 @@ _STEP, _STEP_OF_MOTOR = 1e-3, 1e-4
 
 
 @dataclass(frozen=True)
-class DefaultChoice:
+class DefaultTuning:
     """What is in force by default, and ``moved``: a sentence on each λ that the method has otherwise, empty mostly.
 
     ``previewer`` is for these models and this λ_motor.
     """
 
-    choice: TuningChoice
+    choice: TuningSettings
     moved: str
-    previewer: Previewer
+    previewer: TuningPreviewer
 
 
 def default_choice(
-    parameters: PlantParameters, points: Sequence[PointModel] = (), known: Previewer | None = None
-) -> DefaultChoice:
+    parameters: PlantParameters, points: Sequence[PointModel] = (), known: TuningPreviewer | None = None
+) -> DefaultTuning:
     """Return the defaults on the models ``points``, of geometry where there are none.
 
     ``known`` is for the same models and saves work where λ_motor and b are the same too. The choice names no bank,
     whoever has models of one does. Raises TuningError where no λ would do.
     """
-    method = TuningChoice()
+    method = TuningSettings()
     lam_motor = default_lam_motor(parameters)
     if known is None or not known.is_for(lam_motor, method.b):
-        known = Previewer(parameters, points, lam_motor=lam_motor, b=method.b)
+        known = TuningPreviewer(parameters, points, lam_motor=lam_motor, b=method.b)
     lam_q_min, lam_S_min = known.safe_range()
     choice = replace(
         method,
@@ -253,13 +253,13 @@ def default_choice(
     )
     moved = replace(choice, u_plan=method.u_plan).differences(method)  # a limit has no effect in ``lambda``
     said = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
-    return DefaultChoice(choice, said if moved else "", known)
+    return DefaultTuning(choice, said if moved else "", known)
 
 
 def default_lam_motor(parameters: PlantParameters) -> float:
     """Return λ_motor [s] where nobody has chosen one. Raises TuningError where none would do."""
     offered = common_range([motor_model(parameters, side) for side in SIDES])
-    return _into(TuningChoice().lam_motor, *offered, _STEP_OF_MOTOR)
+    return _into(TuningSettings().lam_motor, *offered, _STEP_OF_MOTOR)
 
 
 def _into(lam: float, low: float, high: float, step: float) -> float:
@@ -281,7 +281,7 @@ _LATER = ("motion", "u_plan", "k_ext")
 
 
 @dataclass(frozen=True)
-class KeptChoice:
+class LastTuning:
     """What was in force, who left it so, and whether that was with the same numbers of the plant.
 
     ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults. One
@@ -289,20 +289,20 @@ class KeptChoice:
     position loop's.
     """
 
-    choice: TuningChoice
+    choice: TuningSettings
     who: str
     same_plant: bool
     lacks: tuple[str, ...] = ()
 
 
-def store_tuning(database: Database, choice: TuningChoice, parameters: PlantParameters, who: str) -> None:
+def store_tuning(database: Database, choice: TuningSettings, parameters: PlantParameters, who: str) -> None:
     """Keep a choice that has come into force."""
     with database.session() as session:
-        document = KEPT.write(KeptTuning(**choice.document(), parameters=tuning_digest(parameters)))
+        document = KEPT.write(StoredTuning(**choice.document(), parameters=tuning_digest(parameters)))
         settings.put(session, TUNING_NAME, document, who)
 
 
-def newest_tuning(database: Database, parameters: PlantParameters) -> KeptChoice | None:
+def newest_tuning(database: Database, parameters: PlantParameters) -> LastTuning | None:
     """Return what was in force last, None on a new data folder.
 
     Raises SettingError, OutOfRangeError, UnreadableDocumentError.
@@ -312,32 +312,34 @@ def newest_tuning(database: Database, parameters: PlantParameters) -> KeptChoice
     if kept is None:
         return None
     tuning = _read(kept)
-    lacks = tuple(name for name in TuningChoice().document() if name not in _LATER and getattr(tuning, name) is None)
-    return KeptChoice(TuningChoice.of(tuning.known()), kept.who, tuning.parameters == tuning_digest(parameters), lacks)
+    lacks = tuple(name for name in TuningSettings().document() if name not in _LATER and getattr(tuning, name) is None)
+    return LastTuning(
+        TuningSettings.of(tuning.known()), kept.who, tuning.parameters == tuning_digest(parameters), lacks
+    )
 
 
-def earlier_tuning(session: Session, choice: TuningChoice, parameters: PlantParameters) -> TuningChoice | None:
+def earlier_tuning(session: Session, choice: TuningSettings, parameters: PlantParameters) -> TuningSettings | None:
     """Return the newest kept choice for this plant other than ``choice``; None where there is none.
 
     Raises SettingError, OutOfRangeError, UnreadableDocumentError.
     """
     mine = tuning_digest(parameters)
     read = (_read(one) for one in settings.history(session, TUNING_NAME))
-    kept = (TuningChoice.of(one.known()) for one in read if one.parameters == mine)
+    kept = (TuningSettings.of(one.known()) for one in read if one.parameters == mine)
     return next((one for one in kept if one != choice), None)
 
 
-def left_with(session: Session, parameters: PlantParameters) -> TuningChoice | None:
+def left_with(session: Session, parameters: PlantParameters) -> TuningSettings | None:
     """Return what was in force last with these numbers of the plant; None where nothing was.
 
     Raises SettingError, OutOfRangeError, UnreadableDocumentError.
     """
     mine = tuning_digest(parameters)
     read = (_read(one) for one in settings.history(session, TUNING_NAME))
-    return next((TuningChoice.of(one.known()) for one in read if one.parameters == mine), None)
+    return next((TuningSettings.of(one.known()) for one in read if one.parameters == mine), None)
 
 
-def _read(kept: StoredSetting) -> KeptTuning:
+def _read(kept: StoredSetting) -> StoredTuning:
     return KEPT.read(kept.value, f"the data folder, left by {kept.who}")
 
 

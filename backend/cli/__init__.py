@@ -10,8 +10,8 @@ import typer
 from pydantic import ValidationError
 
 from backend.cli import bank, experiments, identify, report, rig, runs, server, study
-from backend.cli.output import ANGLES, angles, fail, look_as_usual, look_seldom, print_what_can_be_printed
-from backend.errors import RefusedValueError
+from backend.cli.output import ANGLES, angles, fail, look_as_usual, print_what_can_be_printed, relax_garbage_collection
+from backend.errors import InvalidValueError
 from backend.workers import import_nothing_from_here
 
 app = typer.Typer(
@@ -50,7 +50,7 @@ def main() -> None:
     print_what_can_be_printed()
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         fail("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
-    look_seldom()
+    relax_garbage_collection()
     try:
         app()
     except KeyboardInterrupt:
@@ -62,7 +62,7 @@ def main() -> None:
             raise
         if isinstance(error.__cause__, WiringError):
             fail(*error.__cause__.sentences)
-        fail(error.sentence(angles()) if isinstance(error, RefusedValueError) else str(error))
+        fail(error.sentence(angles()) if isinstance(error, InvalidValueError) else str(error))
     finally:
         look_as_usual()
 
@@ -73,11 +73,11 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.auth.sessions import TokenError
     from backend.banks.builder import BankError
     from backend.data_folder import AlreadyRunningError, DataFolderError
-    from backend.errors import OutOfRangeError, RefusalError
+    from backend.errors import OutOfRangeError, RequestRejectedError
     from backend.experiments.parser import ExperimentError
     from backend.models.document import UnreadableDocumentError
     from backend.models.settings import SettingError
-    from backend.realtime.supervisor import LoopDiedError
+    from backend.realtime.supervisor import LoopExitedError
     from backend.recording.recorder import RecordingError
     from backend.server.server import CannotListenError
     from backend.settings import UnusableSettingError
@@ -96,13 +96,13 @@ def _expected() -> tuple[type[Exception], ...]:
         CrewGoneError,
         ExperimentError,
         DataFolderError,
-        LoopDiedError,
+        LoopExitedError,
         NotEvaluableError,
         OSError,
         OutOfRangeError,
         ParameterError,
         PlantError,
-        RefusalError,
+        RequestRejectedError,
         RecordingError,
         SchemaError,
         SettingError,

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backend.cli.experiments import current_user, values_of
-from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
+from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
 from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
 
 if TYPE_CHECKING:
-    from backend.banks.builder import EntryDifference, LoopFigures
-    from backend.storage.banks import Bank, ChannelFit
+    from backend.banks.builder import BankEntryChange, OuterLoopFigures
+    from backend.storage.banks import Bank, StoredFit
     from backend.storage.database import Database
 
-    Fits = Mapping[int, Mapping[str, ChannelFit]]
+    Fits = Mapping[int, Mapping[str, StoredFit]]
 
 LambdaWords = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="λ of the comparison, in s; repeatable.")
@@ -36,7 +36,7 @@ def list_banks(data: DataFolder = None, station: StationName = None, as_json: As
     from backend.storage import banks
 
     with (
-        database_of(settings_with(data=data, station=station), reading=True) as database,
+        database_of(load_settings(data=data, station=station), reading=True) as database,
         database.reading() as session,
     ):
         found = banks.find(session)
@@ -59,7 +59,7 @@ def show(
     from backend.storage.banks import fits_in
 
     with (
-        database_of(settings_with(data=data, station=station), reading=True) as database,
+        database_of(load_settings(data=data, station=station), reading=True) as database,
         database.reading() as session,
     ):
         found = banks.get(session, bank)
@@ -80,7 +80,7 @@ def build(
     from backend.storage.banks import fits_in
     from backend.storage.identifications import runs_of
 
-    settings = settings_with(data=data, station=station)
+    settings = load_settings(data=data, station=station)
     with database_of(settings) as database:
         named = params or _parameters_name(database, identifications)
         parameters = parameters_in_force(settings.model_copy(update={"params": named}), database)
@@ -117,7 +117,7 @@ def diff(
     if (after is None) == (not again):
         fail("give either a second bank or --with identifications", status=2)
     lambdas = from_values(LoopSettings, values_of(values or [])).lambdas
-    settings = settings_with(data=data, params=params, station=station)
+    settings = load_settings(data=data, params=params, station=station)
     with database_of(settings, reading=True) as database, database.reading() as session:
         old = banks.get(session, before).entries
         if after is None:
@@ -145,7 +145,7 @@ def export(
     from backend.storage import banks
 
     with (
-        database_of(settings_with(data=data, station=station), reading=True) as database,
+        database_of(load_settings(data=data, station=station), reading=True) as database,
         database.reading() as session,
     ):
         document = to_document(banks.get(session, bank))
@@ -165,7 +165,7 @@ def import_file(
     """Store an exported bank as the next version of its name, after checking it."""
     from backend.banks.builder import import_bank, read_file
 
-    settings = settings_with(data=data, params=params, station=station)
+    settings = load_settings(data=data, params=params, station=station)
     document = read_file(file.read_text(encoding="utf-8", errors="replace"))
     with database_of(settings) as database:
         bank = import_bank(database, parameters_in_force(settings, database), document, current_user(), name)
@@ -180,7 +180,7 @@ def _parameters_name(database: "Database", chosen: list[int]) -> str:
         return runs.get(session, identifications.of_run(session, chosen[0]).run_id or 0).parameters_name
 
 
-def _print_changes(changes: "Sequence[EntryDifference]") -> None:
+def _print_changes(changes: "Sequence[BankEntryChange]") -> None:
     from backend.storage.banks import entry_name
 
     columns = ("entry", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
@@ -195,7 +195,7 @@ def _print_changes(changes: "Sequence[EntryDifference]") -> None:
     print_table(columns, rows)
 
 
-def _peak(loop: "LoopFigures | None") -> float | str | None:
+def _peak(loop: "OuterLoopFigures | None") -> float | str | None:
     return None if loop is None else "unstable" if loop.M_s is None else loop.M_s
 
 

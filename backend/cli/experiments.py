@@ -23,9 +23,9 @@ from backend.cli.options import (
     VirtualCard,
     WiringFile,
     database_of,
+    load_settings,
     parameters_in_force,
     running_service,
-    settings_with,
 )
 from backend.cli.output import AsJson, angles, errors, fail, meter, out, print_json, print_table, show_run
 from backend.plain_text import as_line, as_lines
@@ -33,15 +33,15 @@ from backend.settings import Settings
 from backend.units import counted
 
 if TYPE_CHECKING:
-    from backend.banks.tuning_settings import TuningChoice
-    from backend.execution.runner import Order, Outcome
-    from backend.experiments.library import Entry
+    from backend.banks.tuning_settings import TuningSettings
+    from backend.execution.runner import RunRequest, RunResult
+    from backend.experiments.library import ExperimentDefinition
     from backend.experiments.plans import LoopSettings
     from backend.models.settings import Setting
-    from backend.reports.model import Source
+    from backend.reports.model import RunData
     from backend.schemas.experiment import QueueView
     from backend.schemas.state import TaskView
-    from backend.services.library import Checked
+    from backend.services.library import ExperimentCheck
     from backend.services.tuning_state import KeptFigures
     from backend.storage.database import Database
     from plant.parameters import PlantParameters
@@ -60,8 +60,8 @@ _Plan = TypeVar("_Plan")
 class _Played:
     """How an order went, all that is stored of it, and the files that were written."""
 
-    outcome: "Outcome"
-    source: "Source"
+    outcome: "RunResult"
+    source: "RunData"
     files: tuple[Path, ...]
 
     def document(self) -> dict[str, Any]:
@@ -72,7 +72,9 @@ class _Played:
 
 
 class _Play(Protocol):
-    def __call__(self, order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False) -> _Played: ...
+    def __call__(
+        self, order: "RunRequest", folder: Path | None, *, hidden: bool, own_folder: bool = False
+    ) -> _Played: ...
 
 
 def values_of(words: list[str]) -> dict[str, object]:
@@ -87,7 +89,7 @@ def values_of(words: list[str]) -> dict[str, object]:
 
 
 @dataclass(frozen=True)
-class Standing:
+class RunConfiguration:
     """A tuning that holds where nothing is said, part by part, and in words where it comes from."""
 
     parts: dict[str, object]
@@ -98,7 +100,7 @@ def ordered(
     settings: "Sequence[Setting]",
     make: "Callable[[Mapping[str, object]], _Plan]",
     values: dict[str, object],
-    standing: Standing,
+    standing: RunConfiguration,
 ) -> "tuple[_Plan, LoopSettings, str]":
     """Return a plan that has ``settings`` and is made by ``make``, and loop settings: what is said, else what stands.
 
@@ -113,7 +115,7 @@ def ordered(
     return chosen, loop, f"tuning: {', '.join(parts)}"
 
 
-def in_force(settings: Settings) -> Standing:
+def in_force(settings: Settings) -> RunConfiguration:
     """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
     from backend.banks import tuning_settings
     from backend.errors import OutOfRangeError
@@ -133,25 +135,25 @@ def in_force(settings: Settings) -> Standing:
     if not kept.same_plant:
         errors.print("defaults: the tuning in force is for other parameters of the plant", highlight=False)
         return _defaults(parameters)
-    return Standing(kept.choice.document(), "in force")
+    return RunConfiguration(kept.choice.document(), "in force")
 
 
-def _defaults(parameters: "PlantParameters") -> Standing:
+def _defaults(parameters: "PlantParameters") -> RunConfiguration:
     from backend.banks.tuning_settings import default_choice
 
     default = default_choice(parameters)
     if default.moved:
         errors.print(default.moved, highlight=False, markup=False, soft_wrap=True)
-    return Standing(default.choice.document(), "default")
+    return RunConfiguration(default.choice.document(), "default")
 
 
-Together = Callable[[Sequence["Source"]], tuple[dict[str, Any], str]]
+Together = Callable[[Sequence["RunData"]], tuple[dict[str, Any], str]]
 """What runs say together: entries for the document of each, and a line for people."""
 
 
 def run_headless(
     settings: Settings,
-    order: "Order",
+    order: "RunRequest",
     tuning: str,
     folder: Path | None,
     *,
@@ -173,7 +175,7 @@ def run_headless(
 
 def run_in_turn(
     settings: Settings,
-    orders: "Sequence[Order]",
+    orders: "Sequence[RunRequest]",
     tuning: str,
     folder: Path | None,
     *,
@@ -201,7 +203,7 @@ def run_in_turn(
 
 
 @contextmanager
-def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
+def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.data_folder import playing_in
     from backend.execution.runner import run_experiment
@@ -216,7 +218,7 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
         ) as station,
     ):
 
-        def play(order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False) -> _Played:
+        def play(order: "RunRequest", folder: Path | None, *, hidden: bool, own_folder: bool = False) -> _Played:
             with meter(order.plan.program().duration_s, hidden=hidden) as progress:
                 outcome = asyncio.run(run_experiment(station, order, progress))
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
@@ -258,7 +260,7 @@ def _say_line(line: str) -> None:
         out.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _end_status(outcome: "Outcome") -> None:
+def _end_status(outcome: "RunResult") -> None:
     from backend.storage.runs import EndState
 
     if outcome.run.end_state != EndState.COMPLETED:
@@ -312,10 +314,10 @@ def experiment(
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
     interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """
-    from backend.execution.runner import Order
+    from backend.execution.runner import RunRequest
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
-    settings = settings_with(
+    settings = load_settings(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
     )
     standing, who = in_force(settings), current_user()
@@ -323,14 +325,14 @@ def experiment(
     for name in names:
         entry = entry_of(name, settings)
         plan, loop_settings, tuning = ordered(entry.settings, entry.make, chosen, standing)
-        orders.append(Order(plan, loop_settings, who))
+        orders.append(RunRequest(plan, loop_settings, who))
     if len(orders) == 1:
         run_headless(settings, orders[0], tuning, out, as_json=as_json)
     else:
         run_in_turn(settings, orders, tuning, out, as_json=as_json)
 
 
-def entry_of(name: str, settings: Settings) -> "Entry":
+def entry_of(name: str, settings: Settings) -> "ExperimentDefinition":
     """Return the experiment of a name or a file. Raises SettingError, ExperimentError."""
     from backend.experiments import library, parser
     from backend.services.library import OwnExperiments
@@ -368,7 +370,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
     """List all experiments that can be run, own ones in their newest version."""
     from backend.services.library import OwnExperiments
 
-    with database_of(settings_with(data=data), reading=True) as database:
+    with database_of(load_settings(data=data), reading=True) as database:
         found = OwnExperiments(database).all()
     rows = [(entry.name, entry.title, f"{entry.usual.program().duration_s:.6g}") for entry in found]
     if as_json:
@@ -380,7 +382,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
 @experiments_app.command()
 def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Show the settings of an experiment, with unit, default and bounds."""
-    entry = entry_of(name, settings_with(data=data))
+    entry = entry_of(name, load_settings(data=data))
     if as_json:
         print_json([asdict(setting) for setting in entry.settings])
         return
@@ -397,7 +399,7 @@ def text(name: Name, data: DataFolder = None) -> None:
     """Print the text of an experiment, to keep it elsewhere or to begin an own one with."""
     from backend.services.library import OwnExperiments
 
-    with database_of(settings_with(data=data), reading=True) as database:
+    with database_of(load_settings(data=data), reading=True) as database:
         written = OwnExperiments(database).written(name).text
     print(as_lines(written) if sys.stdout.isatty() else written, end="")
 
@@ -407,7 +409,7 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
     """Look an experiment over as a start would: nothing moves, nothing is kept."""
     from backend.services.library import OwnExperiments
 
-    settings = settings_with(params=params, data=data)
+    settings = load_settings(params=params, data=data)
     tuning = _tuning(settings)
     with database_of(settings, reading=True) as database:
         parameters = parameters_in_force(settings, database)
@@ -431,7 +433,7 @@ def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
     """Keep an experiment as the next version of its name; one that could not be run is refused."""
     from backend.services.library import OwnExperiments
 
-    settings = settings_with(params=params, data=data)
+    settings = load_settings(params=params, data=data)
     tuning = _tuning(settings)
     with database_of(settings) as database:
         own = OwnExperiments(database)
@@ -451,12 +453,12 @@ def schema() -> None:
 
 
 def _peaks(
-    database: "Database", checked: "Checked", parameters: "PlantParameters", tuning: "TuningChoice"
+    database: "Database", checked: "ExperimentCheck", parameters: "PlantParameters", tuning: "TuningSettings"
 ) -> "dict[str, float | None]":
     """Play an experiment on a simulator of its own, with its banks, and return its figures by name."""
     from tempfile import TemporaryDirectory
 
-    from backend.execution.runner import Order, banks_of
+    from backend.execution.runner import RunRequest, banks_of
     from backend.execution.simulation import dry_run
     from backend.experiments.plans import LoopSettings
     from backend.storage import banks
@@ -465,17 +467,17 @@ def _peaks(
     numbers = {tuning.bank, *banks_of(plan)}
     with database.reading() as session:
         used = [bank for bank in banks.find(session) if bank.id in numbers]
-    order = Order(plan, LoopSettings(**tuning.document()), current_user())
+    order = RunRequest(plan, LoopSettings(**tuning.document()), current_user())
     with TemporaryDirectory() as folder:
         played = dry_run(parameters, order, used, ("q",), 2, Path(folder))
     figures = () if played.result is None else played.result.metrics.figures
     return {figure.name: figure.value for figure in figures}
 
 
-def _tuning(settings: Settings) -> "TuningChoice":
-    from backend.banks.tuning_settings import TuningChoice
+def _tuning(settings: Settings) -> "TuningSettings":
+    from backend.banks.tuning_settings import TuningSettings
 
-    return TuningChoice.of(in_force(settings).parts)
+    return TuningSettings.of(in_force(settings).parts)
 
 
 # Queue ---------------------------------------------------------------------------------------------
@@ -494,7 +496,7 @@ _LOOK_S = 0.5
 @queue_app.command()
 def show_queue(data: DataFolder = None, as_json: AsJson = False) -> None:
     """List what waits, in order, and tell what runs with the time that is left."""
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     _show(service, _queue(service), as_json=as_json)
 
 
@@ -506,7 +508,7 @@ def add(
     as_json: AsJson = False,
 ) -> None:
     """Put an experiment at the end; it waits with the tuning that is in force now. Nothing starts by that."""
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     request = {"name": name, "settings": values_of(values or [])}
     _show(service, _queue(service, "POST", "", request), as_json=as_json)
 
@@ -519,14 +521,14 @@ def move(
     as_json: AsJson = False,
 ) -> None:
     """Let an experiment wait at another place."""
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     _show(service, _queue(service, "PUT", f"/{item}/place", {"place": place - 1}), as_json=as_json)
 
 
 @queue_app.command()
 def remove(item: Item, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Take a waiting experiment out."""
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     _show(service, _queue(service, "DELETE", f"/{item}"), as_json=as_json)
 
 
@@ -539,7 +541,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Start the first experiment and go on until none is left, it is paused, or one does not complete: exit 1 then."""
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     found = _queue(service, "POST", "/run")
     if watch:
         found = _watch(service, hidden=as_json)
@@ -551,7 +553,7 @@ def run(
 @queue_app.command()
 def pause(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Pause behind the experiment that runs: there the references stand still and the tendons are taut."""
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     _show(service, _queue(service, "POST", "/hold"), as_json=as_json)
 
 
@@ -560,7 +562,7 @@ def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
     """STOP the actuator, as the red button does; what runs is kept and ends as stopped, what waits goes on waiting."""
     from backend.schemas.state import StopProof
 
-    service = running_service(settings_with(data=data))
+    service = running_service(load_settings(data=data))
     service.ask("POST", "/stop", None, StopProof)
     _show(service, _queue(service), as_json=as_json)
 

@@ -10,8 +10,8 @@ import typer
 
 from backend.cli.experiments import (
     OutFolder,
+    RunConfiguration,
     SetWords,
-    Standing,
     Together,
     current_user,
     in_force,
@@ -28,7 +28,7 @@ from backend.cli.options import (
     VirtualCard,
     WiringFile,
     database_of,
-    settings_with,
+    load_settings,
 )
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 from backend.cli.output import out as screen
@@ -38,13 +38,13 @@ from backend.units import percent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from backend.execution.runner import Order
+    from backend.execution.runner import RunRequest
     from backend.experiments.plans import IdentificationPlan
-    from backend.identification.importer import Reading
+    from backend.identification.importer import ImportSummary
     from backend.identification.models import CorrelationTest, Estimate
     from backend.identification.records import Controller, Record
     from backend.identification.tables import Columns, DecimalMark
-    from backend.reports.model import Source
+    from backend.reports.model import RunData
 
 
 # Identify data -------------------------------------------------------------------------------------
@@ -230,7 +230,7 @@ def _method(name: str) -> Any:
         raise StructureError(f"method '{name}' does not exist: choose one of {METHODS}") from None
 
 
-def _show_reading(reading: "Reading") -> None:
+def _show_reading(reading: "ImportSummary") -> None:
     """Print what was read of the file."""
     rows = [
         *((role, _with_unit(column, reading.units.get(column))) for role, column in reading.columns.items()),
@@ -267,7 +267,7 @@ def _with_unit(column: str, unit: str | None) -> str:
     return f"{column} [{unit}]" if unit else column
 
 
-def _time(reading: "Reading") -> str:
+def _time(reading: "ImportSummary") -> str:
     if reading.time_column is None:
         return "none"
     if reading.time_unit_from == "dates":
@@ -275,13 +275,13 @@ def _time(reading: "Reading") -> str:
     return f"{reading.time_column}, unit {reading.time_unit} ({reading.time_unit_from})"
 
 
-def _steps(reading: "Reading") -> str:
+def _steps(reading: "ImportSummary") -> str:
     if reading.least_step_s is None or reading.largest_step_s is None:
         return ""
     return f"; rows are {reading.least_step_s:.6g} to {reading.largest_step_s:.6g} s apart"
 
 
-def _show_motor(record: "Record", reading: "Reading", resolution: float | None, *, as_json: bool) -> None:
+def _show_motor(record: "Record", reading: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
     from backend.identification.motor import NAMES, identify_motor_record
     from backend.models.document import json_ready
 
@@ -417,7 +417,7 @@ def motor(
         MotorIdentificationPlan,
         values_of(values or []),
         out,
-        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
+        load_settings(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
         as_json,
     )
 
@@ -444,7 +444,7 @@ def spring(
     """
     from backend.experiments.plans import SpringIdentificationPlan
 
-    settings = settings_with(
+    settings = load_settings(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
     )
     if table is None and (header is not None or decimal is not None):
@@ -481,7 +481,7 @@ def actuator(
     from backend.experiments.plans import ActuatorIdentificationPlan
 
     settings, chosen = (
-        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
+        load_settings(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
         values_of(values or []),
     )
     if tensions is None:
@@ -496,7 +496,7 @@ def actuator(
     run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json, together=_load_friction)
 
 
-def _load_friction(sources: "Sequence[Source]") -> tuple[dict[str, Any], str]:
+def _load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
     """Return the friction of motor A over the load from all runs of the command, or why it is not measured."""
     from backend.analysis.identification import MOTOR_B, document_of, load_friction_of
 
@@ -516,14 +516,16 @@ def _identify(
     run_headless(settings, order, tuning, out, as_json=as_json, together=together)
 
 
-def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing: Standing) -> "tuple[Order, str]":
+def _order(
+    plan: "type[IdentificationPlan]", values: dict[str, object], standing: RunConfiguration
+) -> "tuple[RunRequest, str]":
     from functools import partial
 
-    from backend.execution.runner import Order
+    from backend.execution.runner import RunRequest
     from backend.models.settings import describe, from_values
 
     chosen, loop_settings, tuning = ordered(describe(plan), partial(from_values, plan), values, standing)
-    return Order(chosen, loop_settings, current_user()), tuning
+    return RunRequest(chosen, loop_settings, current_user()), tuning
 
 
 def _identify_table(table: Path, settings: Settings, header: int | None, decimal: str | None, *, as_json: bool) -> None:

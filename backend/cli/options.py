@@ -60,7 +60,7 @@ Recording = Annotated[
 ]
 
 
-def settings_with(**chosen: object) -> Settings:
+def load_settings(**chosen: object) -> Settings:
     """Return the settings: what the command line leaves out comes from the environment or is the default."""
     environment = settings_of_environment().model_dump()
     settings = Settings.model_validate({**environment, **{k: v for k, v in chosen.items() if v is not None}})
@@ -196,12 +196,12 @@ class RunningService:
 
     def _read(self, status: int, text: bytes, answer: type[_Answer]) -> _Answer:
         """Return what an answer says; one that refuses, or is none of Sinew's, ends the command."""
-        from backend.schemas.base import Refusal
+        from backend.schemas.base import ErrorResponse
 
         try:
             if status < http.client.BAD_REQUEST:
                 return answer.model_validate_json(text)
-            refused = Refusal.model_validate_json(text).error.message
+            refused = ErrorResponse.model_validate_json(text).error.message
         except ValidationError:
             fail(
                 f"what answers at {self.address} is no Sinew: status {status}, {text[:80]!a}; look what works "

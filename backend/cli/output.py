@@ -17,13 +17,15 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from backend.execution.runner import Doing
+from backend.execution.runner import RunPhase
 from backend.plain_text import as_json, as_line, as_lines
-from backend.units import Angles, in_words, read, reading_of
+from backend.units import AngleUnit, format_angles, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.models.run import Criterion, Figure
-    from backend.reports.model import Source
+    from backend.models.run import MeasuredFigure, RunCriterion
+    from backend.reports.model import RunData
+
+    pass
 
 
 # Output --------------------------------------------------------------------------------------------
@@ -49,16 +51,16 @@ ANGLES = "SINEW_ANGLES"
 """Variable of the environment that says in which unit whoever types the commands reads angles."""
 
 
-def angles() -> Angles:
+def angles() -> AngleUnit:
     """Return the unit of angles in tables and refusals: degrees, unless the environment says rad."""
-    return Angles.RADIANS if os.environ.get(ANGLES) == Angles.RADIANS else Angles.DEGREES
+    return AngleUnit.RADIANS if os.environ.get(ANGLES) == AngleUnit.RADIANS else AngleUnit.DEGREES
 
 
 def fail(*messages: str, status: int = 1) -> NoReturn:
     """Print a line for each message, whatever line breaks it has, and end with ``status``."""
     for message in messages:
         errors.print(
-            f"sinew: {in_words(' '.join(message.split()), angles())}",
+            f"sinew: {format_angles(' '.join(message.split()), angles())}",
             style="red",
             highlight=False,
             soft_wrap=True,
@@ -107,9 +109,9 @@ class Meter:
     progress: Progress
     task: Any
 
-    def __call__(self, doing: Doing, elapsed_s: float) -> None:
+    def __call__(self, doing: RunPhase, elapsed_s: float) -> None:
         """Show how far it is."""
-        self.progress.update(self.task, description=doing, completed=elapsed_s if doing is Doing.PROGRAM else None)
+        self.progress.update(self.task, description=doing, completed=elapsed_s if doing is RunPhase.PROGRAM else None)
 
 
 @contextmanager
@@ -117,7 +119,7 @@ def meter(duration_s: float, *, hidden: bool) -> Iterator[Meter]:
     """Show progress on standard error while the block runs."""
     columns = (TextColumn("{task.description:>11}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=errors, disable=hidden, transient=True) as progress:
-        yield Meter(progress, progress.add_task(Doing.STARTING, total=duration_s))
+        yield Meter(progress, progress.add_task(RunPhase.STARTING, total=duration_s))
 
 
 def _is_number(cell: str) -> bool:
@@ -136,7 +138,7 @@ def _is_number(cell: str) -> bool:
 _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 
 
-def show_run(source: "Source", files: Sequence[Path] = ()) -> None:
+def show_run(source: "RunData", files: Sequence[Path] = ()) -> None:
     """Print how a run ended and what came of it, and the files that were written."""
     from backend.reports.provenance import verdict_of
 
@@ -155,7 +157,7 @@ def show_run(source: "Source", files: Sequence[Path] = ()) -> None:
         out.print(f"wrote {path}", highlight=False, markup=False)
 
 
-def show_settings(source: "Source") -> None:
+def show_settings(source: "RunData") -> None:
     """Print what a run was set to."""
     from backend.analysis.evaluation import used_settings
 
@@ -177,13 +179,13 @@ def _setting(value: object, unit: str) -> object:
     return read(value, unit, angles()) if isinstance(value, float) else value
 
 
-def _figures(figures: "Sequence[Figure]") -> None:
+def _figures(figures: "Sequence[MeasuredFigure]") -> None:
     rows = [
         (
             item.label,
             _figure(item.value, item.unit),
             reading_of(item.unit, angles()).unit,
-            in_words(item.reason or "measured", angles()),
+            format_angles(item.reason or "measured", angles()),
         )
         for item in figures
     ]
@@ -192,14 +194,14 @@ def _figures(figures: "Sequence[Figure]") -> None:
         print_table(("figure", "value", "unit", "measured")[:kept], [row[:kept] for row in rows])
 
 
-def _criteria(criteria: "Sequence[Criterion]", verdict: str) -> None:
+def _criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
     rows = [
         (
             item.title,
             _figure(item.figure, item.unit),
             f"{item.relation} {read(item.bound, item.unit, angles()):g}",
             reading_of(item.unit, angles()).unit,
-            in_words(_judged(item), angles()),
+            format_angles(_judged(item), angles()),
         )
         for item in criteria
     ]
@@ -208,7 +210,7 @@ def _criteria(criteria: "Sequence[Criterion]", verdict: str) -> None:
         _say(verdict)
 
 
-def _judged(item: "Criterion") -> str:
+def _judged(item: "RunCriterion") -> str:
     from backend.reports.provenance import SEEN
 
     seen = "" if item.passed is None else f"{SEEN[item.relation]}, "
@@ -220,7 +222,7 @@ def _figure(value: float | None, unit: str) -> float | str:
 
 
 def _say(text: str, style: str = "") -> None:
-    out.print(in_words(text, angles()), highlight=False, markup=False, style=style)
+    out.print(format_angles(text, angles()), highlight=False, markup=False, style=style)
 
 
 # Garbage -------------------------------------------------------------------------------------------
@@ -232,7 +234,7 @@ _SELDOM = 100_000
 _USUAL = gc.get_threshold()
 
 
-def look_seldom() -> None:
+def relax_garbage_collection() -> None:
     """Look for garbage seldom, and not at all at the end of this process: the two would take a third of a command."""
     gc.set_threshold(_SELDOM)
     atexit.register(gc.freeze)

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from backend.cli.options import DataFolder, StationName, database_of, has_database, settings_with
+from backend.cli.options import DataFolder, StationName, database_of, has_database, load_settings
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json
 from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.recording.reader import Columns
-    from backend.reports.evidence import Evidence
+    from backend.reports.evidence import ReportManifest
     from backend.reports.signing import PublicKey, SignedPage
-    from backend.reports.verification import Difference, Verified
+    from backend.reports.verification import ReportDifference, Verified
 
 app = typer.Typer(
     help="Reports: of a series, whether one holds, who signed it.", no_args_is_help=True, rich_markup_mode=None
@@ -40,7 +40,7 @@ def series(
     unknown = next((file for file in files if file.suffix not in kinds), None)
     if unknown is not None:
         fail(f"{unknown}: a report is written as .html or .pdf")
-    with database_of(settings_with(data=data), reading=True) as database:
+    with database_of(load_settings(data=data), reading=True) as database:
         sources = load_series(database, numbers, angles())
     write_all({file: (render_series(sources, kinds[file.suffix]),) for file in files})
     if as_json:
@@ -57,7 +57,7 @@ def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = 
     """
     from backend.reports.signing import SigningKeyError, load_or_make_signing_key, public_half
 
-    settings = settings_with(data=data, station=station)
+    settings = load_settings(data=data, station=station)
     try:
         public = public_half(load_or_make_signing_key(settings.data))
     except (OSError, SigningKeyError) as error:
@@ -91,7 +91,7 @@ def sign(
         sign_page,
     )
 
-    settings = settings_with(data=data, station=station)
+    settings = load_settings(data=data, station=station)
     if file.suffix == ".pdf":
         fail(f"{file} is not signed: the page is what is signed; sign {file.with_suffix('.html').name}", status=2)
     try:
@@ -143,7 +143,7 @@ def verify(
     from backend.reports.signing import SigningKeyError, find_public_key, read_signature, with_signature
     from backend.reports.verification import Verified
 
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     try:
         given = None if key is None else find_public_key(key)
         signed = read_signature(_page_of(file))
@@ -213,7 +213,7 @@ def _name_of_installation(settings: Settings) -> str:
 
 
 def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> None:
-    from backend.reports.signing import Whose, own_public_key
+    from backend.reports.signing import KeyOwner, own_public_key
 
     if signed.problem:
         return  # told among the differences
@@ -221,9 +221,9 @@ def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: 
         out.print("not signed", highlight=False, markup=False)
         return
     whose = {
-        Whose.GIVEN: "the key that was given",
-        Whose.OWN: "the key of this installation",
-        Whose.UNKNOWN: "an unknown key: that proves nothing of where it comes from; --key names the one to expect",
+        KeyOwner.GIVEN: "the key that was given",
+        KeyOwner.OWN: "the key of this installation",
+        KeyOwner.UNKNOWN: "an unknown key: that proves nothing of where it comes from; --key names the one to expect",
     }
     found = signed.whose(given, own_public_key(settings.data))
     name = f" ({signed.signature.name})" if signed.signature.name else ""
@@ -299,7 +299,7 @@ def _verified(
     sources = _sources(file, samples, settings, evidence)
     metrics = file.with_name("metrics.json")
     told = metrics.read_text(encoding="utf-8") if metrics.is_file() else None
-    beside = verification.Beside(told, sources.stored if sources.file else None, sources.stored_as)
+    beside = verification.AccompanyingFiles(told, sources.stored if sources.file else None, sources.stored_as)
     columns = sources.columns if sources.file else sources.stored
     if of_pdf:
         found = verification.verify_pdf(file.read_bytes(), page, columns, beside)
@@ -317,19 +317,19 @@ class _Sources:
 
     file: str = ""
     columns: "Columns | None" = None
-    problems: "tuple[Difference, ...]" = ()
+    problems: "tuple[ReportDifference, ...]" = ()
     stored: "Columns | None" = None
     stored_as: str = ""
     left_out: tuple[str, ...] = ()
 
 
-def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Evidence") -> _Sources:
+def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "ReportManifest") -> _Sources:
     """Return the samples of the file that is named, or of one beside the report, and those of the stored run.
 
     Where there is a file, a database that cannot be read is left out with the reason.
     """
     from backend.recording.codec import CodecError
-    from backend.reports.verification import SUFFIXES, Difference, read_samples_file
+    from backend.reports.verification import SUFFIXES, ReportDifference, read_samples_file
     from backend.storage.database import SchemaError
     from backend.storage.orm import StorageError
 
@@ -343,7 +343,7 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Ev
     try:
         stored, number = _stored(settings, evidence)
     except CodecError as error:
-        damage = Difference("the stored run", "samples that can be read", str(error)[:200])
+        damage = ReportDifference("the stored run", "samples that can be read", str(error)[:200])
         return replace(found, problems=(*problems, damage), stored_as="the stored run")
     except (SchemaError, StorageError) as error:
         return replace(found, left_out=(f"the stored run: {error}",))
@@ -352,7 +352,7 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Ev
     return replace(found, stored=stored, stored_as=f"run {number} of the data folder")
 
 
-def _stored(settings: Settings, evidence: "Evidence") -> "tuple[Columns | None, int | None]":
+def _stored(settings: Settings, evidence: "ReportManifest") -> "tuple[Columns | None, int | None]":
     from backend.reports.verification import stored_samples
 
     if not has_database(settings):

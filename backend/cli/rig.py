@@ -24,20 +24,20 @@ from backend.cli.options import (
     VirtualCard,
     WiringFile,
     database_of,
-    settings_with,
+    load_settings,
 )
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
 from backend.commissioning.steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, StepId
 from backend.plain_text import as_line
 from backend.settings import Settings
-from backend.units import in_words, read, reading_of, with_unit
+from backend.units import format_angles, read, reading_of, with_unit
 
 if TYPE_CHECKING:
     from backend.commissioning.session import Session
-    from backend.commissioning.steps import Standing
-    from backend.storage.commissioning import StepResult
+    from backend.commissioning.steps import StepStatus
+    from backend.storage.commissioning import StoredStepResult
     from backend.storage.database import Database
-    from plant.conformance import Finding
+    from plant.conformance import CheckFinding
     from plant.daq import Raw
 
 
@@ -100,7 +100,7 @@ class Terminal:
 
 def say(words: str, style: str = "") -> None:
     """Print on standard error, angles as they are read."""
-    errors.print(in_words(words, angles()), style=style, highlight=False, markup=False, soft_wrap=True)
+    errors.print(format_angles(words, angles()), style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 # Rig check -----------------------------------------------------------------------------------------
@@ -122,12 +122,12 @@ def check(
     from plant.wiring import WiringError, load_wiring
 
     try:
-        found = load_wiring(settings_with(wiring=wiring).wiring)
+        found = load_wiring(load_settings(wiring=wiring).wiring)
     except WiringError as error:
         if as_json:
             print_json({"problems": [problem._asdict() for problem in error.problems]})
         fail(*error.sentences)
-    read = _read_once(settings_with(wiring=wiring).wiring) if open_card else None
+    read = _read_once(load_settings(wiring=wiring).wiring) if open_card else None
     if as_json:
         print_json({"wiring": found.title, "problems": []} | ({} if read is None else {"read": read._asdict()}))
         return
@@ -168,7 +168,7 @@ _STANDS = {"never": "to do", "current": "done", "out_of_date": "out of date", "f
 
 
 @dataclass(frozen=True)
-class Order:
+class StepRequest:
     """A step to be played: its numbers, None where the terminal asks for them, and the load cells it is about."""
 
     step: StepId
@@ -190,7 +190,7 @@ def require_rig(settings: Settings) -> None:
     require_available(choice)
 
 
-def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, Standing]":
+def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, StepStatus]":
     """How the steps stand while no loop runs: whatever a loop before has counted from is lost."""
     from datetime import UTC, datetime
 
@@ -219,7 +219,7 @@ def show(settings: Settings, *, as_json: bool) -> None:
         _show_steps(_standing_of(settings, _states_at_rest(settings, database), database), as_json=as_json)
 
 
-def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
+def play(settings: Settings, orders: Sequence[StepRequest], *, as_json: bool) -> None:
     """Play steps in turn, up to the first that fails or is given up: exit 1 then."""
     from backend.data_folder import AlreadyRunningError, address_of_service, only_service_on
 
@@ -237,7 +237,7 @@ def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
         fail(stands.ended)
 
 
-def _require_free(settings: Settings, database: "Database", orders: Sequence[Order]) -> None:
+def _require_free(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> None:
     """Refuse before any card is opened."""
     from backend.commissioning.steps import blocked_by
 
@@ -247,10 +247,10 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ord
         fail(f"{first.title}: {blocked}; sinew rig bring-up plays all that is to be done")
 
 
-async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> "_BringUp":
+async def _played(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> "_BringUp":
     from backend.banks.builder import tuning_command
     from backend.banks.tuning_settings import default_choice
-    from backend.commissioning.session import BlockedError, Person, session
+    from backend.commissioning.session import BlockedError, Prompt, session
     from backend.commissioning.steps import brought_up_of
     from backend.realtime.ipc import Setup
     from plant.parameters import load_parameters
@@ -260,7 +260,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
     tuning = tuning_command(parameters, default_choice(parameters).choice, None)
     setup = Setup(choice, settings.params, 0, tuning, brought_up_of(database, choice))
     terminal = Terminal()
-    person = Person(current_user(), terminal.confirmed, terminal.phase)
+    person = Prompt(current_user(), terminal.confirmed, terminal.phase)
     say(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
     if choice.simulated:
         say("Nothing real moves: at each Enter the program's own hand does what is asked for.")
@@ -292,7 +292,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
     return _standing_of(settings, states, database, ended)
 
 
-async def _one(at_rig: "Session", terminal: Terminal, order: Order) -> "StepResult":
+async def _one(at_rig: "Session", terminal: Terminal, order: StepRequest) -> "StoredStepResult":
     step = order.step
     say(f"\n{STEP[step].title}", style="bold")
     say(f"  {STEP[step].instruction}")
@@ -307,7 +307,7 @@ async def _one(at_rig: "Session", terminal: Terminal, order: Order) -> "StepResu
 async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
     """Ask for the numbers of a step until they are good."""
     from backend.commissioning.session import values_of
-    from backend.errors import RefusedValueError
+    from backend.errors import InvalidValueError
 
     while True:
         try:
@@ -316,7 +316,7 @@ async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
                 for wanted in STEP[step].inputs
             }
             return values_of(step, {name: float(word) for name, word in typed.items() if word})
-        except RefusedValueError as refused:
+        except InvalidValueError as refused:
             say(f"  {refused.sentence(angles())}", style="red")
         except ValueError as wrong:
             say(f"  {wrong}: type a number", style="red")
@@ -356,7 +356,7 @@ class _BringUp:
 
 
 def _standing_of(
-    settings: Settings, states: "dict[StepId, Standing]", database: "Database", ended: str = ""
+    settings: Settings, states: "dict[StepId, StepStatus]", database: "Database", ended: str = ""
 ) -> _BringUp:
     from backend.commissioning import steps as standing
 
@@ -376,7 +376,7 @@ def _standing_of(
     return _BringUp(settings.plant_choice.name, settings.wiring, steps, ended)
 
 
-def _result(result: "StepResult | None") -> _Result | None:
+def _result(result: "StoredStepResult | None") -> _Result | None:
     return None if result is None else _Result(result.passed, result.text, result.figures, result.who, result.at)
 
 
@@ -388,7 +388,7 @@ def _show_steps(bring_up: _BringUp, *, as_json: bool) -> None:
     for step in bring_up.steps:
         done = step.result
         who, at = (done.who, f"{done.at.astimezone():%Y-%m-%d %H:%M}") if done else ("", "")
-        rows.append((step.id, _STANDS[step.state], who, at, in_words(step.why, angles())))
+        rows.append((step.id, _STANDS[step.state], who, at, format_angles(step.why, angles())))
     print_table(("step", "stands", "by", "on", "because"), rows)
 
 
@@ -403,7 +403,7 @@ def _read(value: float | None, unit: str) -> str:
 # ``sinew rig bring-up``, ``tare`` and ``calibrate``: the steps of the page Bring-up, at a terminal.
 
 
-class LoadCell(StrEnum):
+class LoadCellChoice(StrEnum):
     """Which load cells are calibrated."""
 
     A = "A"
@@ -434,7 +434,7 @@ def bring_up(
     step that has not ended; but directions whose trial is given up are not proven any more.
     On the virtual card the program's own hand does what is asked for, and answers may come from a pipe, a line each.
     """
-    settings = settings_with(
+    settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,
         wiring=wiring,
@@ -448,7 +448,7 @@ def bring_up(
     if listed or not wanted:
         show(settings, as_json=as_json)
     else:
-        play(settings, [Order(found) for found in wanted], as_json=as_json)
+        play(settings, [StepRequest(found) for found in wanted], as_json=as_json)
 
 
 def tare(
@@ -462,7 +462,7 @@ def tare(
     as_json: AsJson = False,
 ) -> None:
     """Take 1 s of both load cells without load as their zeros; needs a wiring test of this wiring."""
-    settings = settings_with(
+    settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,
         wiring=wiring,
@@ -472,14 +472,14 @@ def tare(
         station=station,
     )
     require_rig(settings)
-    play(settings, [Order(StepId.TARE)], as_json=as_json)
+    play(settings, [StepRequest(StepId.TARE)], as_json=as_json)
 
 
 def calibrate(
     weight: Annotated[list[float], typer.Option("--weight", help="Known weight [N]; two or more, 5 N apart at least.")],
     load_cell: Annotated[
-        LoadCell, typer.Option("--load-cell", help="Which load cell, or both in turn.")
-    ] = LoadCell.BOTH,
+        LoadCellChoice, typer.Option("--load-cell", help="Which load cell, or both in turn.")
+    ] = LoadCellChoice.BOTH,
     plant: PlantName = None,
     virtual_card: VirtualCard = None,
     wiring: WiringFile = None,
@@ -501,7 +501,7 @@ def calibrate(
     lightest, *between, heaviest = sorted(weight)
     names = ["weight_1_N", "weight_2_N", *(more.name for more in MORE_WEIGHTS)]
     values = values_of(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
-    settings = settings_with(
+    settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,
         wiring=wiring,
@@ -511,7 +511,7 @@ def calibrate(
         station=station,
     )
     require_rig(settings)
-    play(settings, [Order(StepId.CALIBRATE, values, load_cell)], as_json=as_json)
+    play(settings, [StepRequest(StepId.CALIBRATE, values, load_cell)], as_json=as_json)
 
 
 # Rig -----------------------------------------------------------------------------------------------
@@ -548,13 +548,13 @@ def conformance(
     as_json: AsJson = False,
 ) -> None:
     """Check a plant against the contract that the loop relies on; exit 1 when it does not keep it."""
-    from plant.conformance import Outcome, Subject, run_contract
+    from plant.conformance import CheckOutcome, Subject, run_contract
     from plant.factory import make_plant
     from plant.interface import PlantKind
     from plant.parameters import load_parameters
     from plant.replay import Replay
 
-    settings = settings_with(
+    settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,
         wiring=wiring,
@@ -575,7 +575,7 @@ def conformance(
         findings.append(finding)
         if not as_json:
             _show(finding)
-    broken = [finding for finding in findings if finding.outcome is Outcome.BROKEN]
+    broken = [finding for finding in findings if finding.outcome is CheckOutcome.BROKEN]
     if as_json:
         print_json({"plant": choice.name, "findings": [asdict(finding) for finding in findings]})
     if broken:
@@ -590,6 +590,6 @@ def _require_hands_off() -> None:
     typer.confirm("Its drives come on. Has everybody taken their hands off the rig?", abort=True, err=True)
 
 
-def _show(finding: "Finding") -> None:
+def _show(finding: "CheckFinding") -> None:
     seen = f"\n           {finding.seen}" if finding.seen else ""
     out.print(f"{finding.outcome:9}  {finding.sentence}{seen}", highlight=False, markup=False, soft_wrap=True)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backend.cli.experiments import current_user
-from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
+from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
 from backend.cli.output import AsJson, angles, fail, out, print_json, print_table, show_run, show_settings
-from backend.units import in_words, read, reading_of
+from backend.units import format_angles, read, reading_of
 
 if TYPE_CHECKING:
     from backend.schemas.comparison import ComparedValue
@@ -39,7 +39,7 @@ def export(
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
         fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         try:
             write_file(of_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
@@ -64,9 +64,9 @@ def take_in(
 ) -> None:
     """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
     from backend.exports.base import ImportRefusedError
-    from backend.services.downloads import take_in as store
+    from backend.services.downloads import import_file as store
 
-    settings = settings_with(data=data, station=station)
+    settings = load_settings(data=data, station=station)
     with database_of(settings) as database:
         try:
             taken = store(database, file, current_user(), settings.data)
@@ -95,7 +95,7 @@ def bundle(
     from backend.services.downloads import bundle_pieces
     from backend.storage.orm import UnknownRecordError
 
-    settings = settings_with(data=data, station=station)
+    settings = load_settings(data=data, station=station)
     with database_of(settings, reading=True) as database:
         try:
             write_whole(bundle_pieces(database, run, settings.data), file)
@@ -128,11 +128,11 @@ def list_runs(
 ) -> None:
     """List runs, newest first: all, or those that fit a search (docs/search.md)."""
     from backend.services.library import RunLibrary
-    from backend.services.runs import Asked
+    from backend.services.runs import RunQuery
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         kept = RunLibrary(database).where_of(saved) if saved else ""
-        asked = Asked(search=search, where=(kept, where), everywhere=all_stations, limit=limit)
+        asked = RunQuery(search=search, where=(kept, where), everywhere=all_stations, limit=limit)
         found = _stored_runs(database).found(asked)
     if as_json:
         print_json([run.model_dump(mode="json") for run in found.runs])
@@ -169,7 +169,7 @@ def compare(
     from backend.schemas.comparison import ComparisonAsked
     from backend.services.library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -179,7 +179,7 @@ def compare(
         at = f" at {run.station}" if run.station else ""
         out.print(
             f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. "
-            f"{in_words(run.verdict, angles())}",
+            f"{format_angles(run.verdict, angles())}",
             highlight=False,
             markup=False,
         )
@@ -202,7 +202,7 @@ def history(
     """Print a metric of a kind of runs over their dates."""
     from backend.services.library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).history(kind, metric, where, everywhere=all_stations)
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -232,7 +232,7 @@ def lineage(
 
     from backend.services.lineage import History
 
-    settings = settings_with(params=params, data=data, station=station)
+    settings = load_settings(params=params, data=data, station=station)
     with database_of(settings, reading=True) as database:
         found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage_of(run)
     if as_json:
@@ -242,10 +242,10 @@ def lineage(
     rows = [
         (
             node.title,
-            in_words(node.detail, angles()),
-            node.sha256[:_HASH_DIGITS] if node.sha256 else in_words(node.no_sha256, angles()),
+            format_angles(node.detail, angles()),
+            node.sha256[:_HASH_DIGITS] if node.sha256 else format_angles(node.no_sha256, angles()),
             ", ".join(titles[origin] for origin in node.origins),
-            in_words(node.out_of_date, angles()),
+            format_angles(node.out_of_date, angles()),
         )
         for node in found.nodes
     ]
@@ -266,7 +266,7 @@ def tag(
 
     if not add and not remove:
         fail("say which tags: --add TAG or --remove TAG", status=2)
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(load_settings(data=data, station=station)) as database:
         RunLibrary(database).tag(runs, add or [], remove or [])
 
 
@@ -279,7 +279,7 @@ def rename_tag(
     """Call a tag otherwise on all runs of the station."""
     from backend.services.library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(load_settings(data=data, station=station)) as database:
         renamed = RunLibrary(database).rename(before, after)
     out.print(f"renamed on {renamed} runs", highlight=False, markup=False)
 
@@ -293,7 +293,7 @@ def save_search(
     """Save a search under a name, for `sinew runs list --saved` and the Runs page."""
     from backend.services.library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(load_settings(data=data, station=station)) as database:
         library = RunLibrary(database)
         if where.strip():
             library.keep_search(name, where, current_user())
@@ -305,7 +305,7 @@ def searches(data: DataFolder = None, station: StationName = None, as_json: AsJs
     """List the saved searches."""
     from backend.services.library import RunLibrary
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).saved_searches()
     if as_json:
         print_json([one.model_dump() for one in found.searches])
@@ -320,16 +320,16 @@ def _stored_runs(database: "Database") -> "StoredRuns":
 
 
 def _end(run: "RunView") -> str:
-    from backend.schemas.run import Evaluation
+    from backend.schemas.run import EvaluationView
 
-    if run.evaluation is not Evaluation.MISSING:
+    if run.evaluation is not EvaluationView.MISSING:
         return run.end_state
     return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'it was never done'}"
 
 
 def _compared(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
-        return f"not measured: {in_words(value.reason, angles())}"
+        return f"not measured: {format_angles(value.reason, angles())}"
     shown = f"{read(value.value, unit, angles()):.4g}"
     if not value.difference:
         return shown
@@ -367,7 +367,7 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
     from backend.reports.build import metrics_document
     from backend.reports.model import load_source
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         source = load_source(database, run)
     if as_json:
         print_json(metrics_document(source))
@@ -381,7 +381,7 @@ def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = Non
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
     from backend.analysis.evaluation import evaluate_again
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(load_settings(data=data, station=station)) as database:
         evaluation = evaluate_again(database, run)
     if evaluation.problem:
         fail(f"run {run}: {evaluation.problem}", status=2)
@@ -398,6 +398,6 @@ def report(
     """Write the report of a run with its data."""
     from backend.reports.build import write_files
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         for path in write_files(database, run, folder, angles()):
             out.print(f"wrote {path}", highlight=False, markup=False)

@@ -27,15 +27,14 @@ from backend.cli.options import (
     VirtualCard,
     WiringFile,
     database_of,
+    load_settings,
     running_service,
-    settings_with,
 )
 from backend.cli.output import AsJson, angles, fail, look_as_usual, out, print_json, print_table
-from backend.units import told, typed
+from backend.units import format_quantity, typed
 
 if TYPE_CHECKING:
     from backend.auth.sessions import Tokens
-    from backend.foxglove.bridge import Source
     from backend.schemas.state import TouchView
     from backend.settings import Settings
 
@@ -53,7 +52,7 @@ _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
 
 
 @dataclass(frozen=True)
-class Finding:
+class DoctorFinding:
     """One thing that was looked at; ``remedy`` is empty where all is well."""
 
     what: str
@@ -63,7 +62,7 @@ class Finding:
 
 def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Tell what this machine can do for a 1 kHz loop, with a remedy for what it cannot."""
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     findings = [*_real_time(), _beat(), _cores(), _card(), _browser(), _pages(), _disk(settings.data)]
     if as_json:
         print_json([asdict(finding) for finding in findings])
@@ -73,23 +72,27 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
     out.print("all well" if not open_points else f"{open_points} of {len(findings)} could be better", highlight=False)
 
 
-def _real_time() -> Iterator[Finding]:
+def _real_time() -> Iterator[DoctorFinding]:
     from backend.realtime.timing import request_real_time
 
     granted = request_real_time()
     refusals = "; ".join(granted.refusals)
     priority = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
-    yield Finding("scheduling", priority, "" if granted.priority else _naming("FIFO", granted.refusals) or refusals)
+    yield DoctorFinding(
+        "scheduling", priority, "" if granted.priority else _naming("FIFO", granted.refusals) or refusals
+    )
     locked = "locked" if granted.memory_locked else "not locked"
-    yield Finding("memory", locked, "" if granted.memory_locked else _naming("memory", granted.refusals) or refusals)
-    yield Finding("timer slack", f"{granted.timer_slack_ns} ns")
+    yield DoctorFinding(
+        "memory", locked, "" if granted.memory_locked else _naming("memory", granted.refusals) or refusals
+    )
+    yield DoctorFinding("timer slack", f"{granted.timer_slack_ns} ns")
 
 
 def _naming(word: str, refusals: tuple[str, ...]) -> str:
     return next((refusal for refusal in refusals if word in refusal), "")
 
 
-def _beat() -> Finding:
+def _beat() -> DoctorFinding:
     """Keep 1 ms for a second, as the loop does but without its work."""
     from backend.realtime.timing import Pacer
     from plant.interface import T_s
@@ -100,15 +103,17 @@ def _beat() -> Finding:
     found = f"late by {late_us[TICKS // 2]:.0f} µs (median), {late_us[int(0.99 * TICKS)]:.0f} µs (99 %)"
     missed = f", {pacer.overruns} deadlines missed" if pacer.overruns else ""
     remedy = "close other programs, or give the loop a core of its own" if pacer.overruns > TICKS // 100 else ""
-    return Finding("1 ms beat", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
+    return DoctorFinding("1 ms beat", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
 
 
-def _cores() -> Finding:
+def _cores() -> DoctorFinding:
     cores = len(os.sched_getaffinity(0))
-    return Finding("processor cores", str(cores), "" if cores >= 2 else "the loop and the dashboard want a core each")
+    return DoctorFinding(
+        "processor cores", str(cores), "" if cores >= 2 else "the loop and the dashboard want a core each"
+    )
 
 
-def _card() -> Finding:
+def _card() -> DoctorFinding:
     from plant.factory import require_available
     from plant.interface import PlantChoice, PlantError, PlantKind
 
@@ -116,31 +121,35 @@ def _card() -> Finding:
         require_available(PlantChoice(PlantKind.RIG))
         from plant.daq import driver
 
-        return Finding("DAQ card", driver())
+        return DoctorFinding("DAQ card", driver())
     except PlantError as error:
         found, _, remedy = str(error).partition(": ")
-        return Finding("DAQ card", f"none: {found}", f"the simulator needs none; for a rig {remedy}")
+        return DoctorFinding("DAQ card", f"none: {found}", f"the simulator needs none; for a rig {remedy}")
 
 
-def _browser() -> Finding:
+def _browser() -> DoctorFinding:
     found = next((name for name in _BROWSERS if shutil.which(name)), None)
-    return Finding("browser", found or "none on this machine", "" if found else "open the dashboard from another one")
+    return DoctorFinding(
+        "browser", found or "none on this machine", "" if found else "open the dashboard from another one"
+    )
 
 
-def _pages() -> Finding:
+def _pages() -> DoctorFinding:
     built = (Path(__file__).parents[1] / "static" / "index.html").is_file()
-    return Finding("dashboard pages", "built" if built else "not built", "" if built else "make frontend")
+    return DoctorFinding("dashboard pages", "built" if built else "not built", "" if built else "make frontend")
 
 
-def _disk(data: Path) -> Finding:
+def _disk(data: Path) -> DoctorFinding:
     folder = data.resolve()
     while not folder.exists():
         folder = folder.parent
     free = shutil.disk_usage(folder).free
     if not os.access(folder, os.W_OK):
-        return Finding("data folder", f"{data} cannot be written", "choose another with --data, or change its owner")
+        return DoctorFinding(
+            "data folder", f"{data} cannot be written", "choose another with --data, or change its owner"
+        )
     remedy = "" if free >= LEAST_FREE_BYTES else "free some space: a recording takes 80 MB an hour"
-    return Finding("data folder", f"{data}: {free / 1024**3:.1f} GB free", remedy)
+    return DoctorFinding("data folder", f"{data}: {free / 1024**3:.1f} GB free", remedy)
 
 
 # Foxglove ------------------------------------------------------------------------------------------
@@ -163,7 +172,7 @@ def foxglove(
     from backend.data_folder import address_of_service
 
     try:
-        from backend.foxglove.bridge import OtherVersionError, Source, relay
+        from backend.foxglove.bridge import LiveSource, OtherVersionError, relay
     except ModuleNotFoundError as error:
         if error.name != "foxglove":
             raise
@@ -171,17 +180,17 @@ def foxglove(
     from backend.workers import POLITE
 
     os.setpriority(os.PRIO_PROCESS, 0, POLITE)  # the loop and the page come first
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     if address_of_service(settings.data) is None:
         fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
     without_token = secrets.token_urlsafe(24)
     """The key where the service asks for none: a page of anybody may open a connection to a port of this machine."""
 
-    def look() -> "Source | None":
+    def look() -> "LiveSource | None":
         address = address_of_service(settings.data)
         if address is None:
             return None
-        return Source(address, load_tokens(settings.data).viewer if settings.require_token else "")
+        return LiveSource(address, load_tokens(settings.data).viewer if settings.require_token else "")
 
     def say(words: str) -> None:
         print(words, flush=True)
@@ -208,10 +217,10 @@ def recordings(
     as_json: AsJson = False,
 ) -> None:
     """Say how much recordings take, and list the runs whose samples may go. Deletes only runs named one by one."""
-    from backend.recording.retention import NotRemovableError, Rule, overview, remove
+    from backend.recording.retention import NotRemovableError, RetentionRule, overview, remove
 
-    settings = settings_with(data=data)
-    rule = Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
+    settings = load_settings(data=data)
+    rule = RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
     with database_of(settings) as database:
         try:
             found = remove(database, rule, delete, current_user()) if delete else overview(database, rule)
@@ -257,7 +266,7 @@ def upgrade(data: DataFolder = None) -> None:
     """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
     from backend.storage.database import revision
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(load_settings(data=data)) as database:
         out.print(f"schema {revision(database.engine)}", highlight=False)
 
 
@@ -272,7 +281,7 @@ def backup(
     from backend.storage.database import backup as copy
     from backend.storage.database import next_copy
 
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     wanted = file or next_copy(settings.data)
     with database_of(settings) as database:
         copy(database.engine, wanted)
@@ -291,7 +300,7 @@ def restore(
     from backend.storage.database import FILE_NAME, BackupError
     from backend.storage.database import restore as bring_back
 
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     if settings.database_url is not None:
         raise BackupError("a database given by SINEW_DATABASE_URL is restored with its own tools")
     with only_service_on(settings.data):
@@ -330,7 +339,7 @@ def name_station(
 
     if not require_station_name(station):
         fail("say what the station is to be called", status=2)
-    settings = settings_with(data=data, station="")
+    settings = load_settings(data=data, station="")
     with only_service_on(settings.data), database_of(settings, held=True) as database:
         held = HeldStation(database.engine, "")
         claim = HeldClaim(database.engine, "")
@@ -350,13 +359,13 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
 
     Every sample is read: it takes some seconds for an hour of recordings.
     """
-    from backend.recording.verification import Checked, check_recordings
+    from backend.recording.verification import RecordingsCheck, check_recordings
     from backend.storage.database import check as problems_of
 
-    with database_of(settings_with(data=data), reading=True) as database:
+    with database_of(load_settings(data=data), reading=True) as database:
         problems = problems_of(database.engine)
         # what a damaged file still gives of its samples says nothing
-        checked = Checked(0, (), ()) if problems else check_recordings(database)
+        checked = RecordingsCheck(0, (), ()) if problems else check_recordings(database)
     problems += checked.problems
     if as_json:
         print_json(
@@ -413,7 +422,7 @@ def serve(
     from backend.server.server import served_by
     from plant.factory import require_available
 
-    settings = settings_with(
+    settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,
         wiring=wiring,
@@ -458,7 +467,7 @@ def link(data: DataFolder = None) -> None:
     from backend.auth.sessions import load_tokens
     from backend.data_folder import addresses_of_service, why_no_address
 
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     addresses = addresses_of_service(settings.data)
     if not addresses:
         fail(why_no_address(settings.data))
@@ -489,7 +498,7 @@ def _bases(addresses: Sequence[str]) -> list[str]:
 token_app = typer.Typer(help="The tokens that open the dashboard.", no_args_is_help=True, rich_markup_mode=None)
 
 
-class Whose(StrEnum):
+class TokenOwner(StrEnum):
     """Whose token is meant."""
 
     OPERATOR = "operator"
@@ -504,17 +513,17 @@ def _group() -> None:
 
 @token_app.command()
 def rotate(
-    role: Annotated[Whose, typer.Option(help="Whose token to replace.")] = Whose.BOTH,
+    role: Annotated[TokenOwner, typer.Option(help="Whose token to replace.")] = TokenOwner.BOTH,
     data: DataFolder = None,
 ) -> None:
     """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
     from backend.auth.sessions import FILES, rotate
     from backend.schemas.state import Role
 
-    settings = settings_with(data=data)
+    settings = load_settings(data=data)
     if not settings.data.is_dir():
         fail(f"there is no data folder {settings.data}: choose one with --data")
-    roles = list(Role) if role is Whose.BOTH else [Role(role)]
+    roles = list(Role) if role is TokenOwner.BOTH else [Role(role)]
     rotate(settings.data, roles)
     for one in roles:
         file = settings.data / FILES[one]
@@ -577,7 +586,7 @@ def forget(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _service(data: Any) -> RunningService:
-    return running_service(settings_with(data=data))
+    return running_service(load_settings(data=data))
 
 
 def _order_touch(service: RunningService, order: dict[str, Any]) -> "TouchView":
@@ -637,10 +646,10 @@ def down(data: DataFolder = None, as_json: AsJson = False) -> None:
 def _order_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
     from backend.schemas.state import WallOrder
 
-    stands = running_service(settings_with(data=data)).ask("PUT", "/wall", {"wall": wall}, WallOrder).wall
+    stands = running_service(load_settings(data=data)).ask("PUT", "/wall", {"wall": wall}, WallOrder).wall
     if as_json:
         print_json({"wall": stands and stands.model_dump(mode="json")})
     elif stands is None:
         out.print("no wall stands in the joint's way")
     else:
-        out.print(f"a wall stands {stands.side} {told(stands.q_wall, 'rad', angles())}")
+        out.print(f"a wall stands {stands.side} {format_quantity(stands.q_wall, 'rad', angles())}")

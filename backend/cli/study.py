@@ -9,7 +9,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from backend.cli.experiments import current_user, in_force, text_in
-from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
+from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
 from backend.units import counted, digits_over, in_digits, read, reading_of
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from backend.schemas.experiment import StudyDetail, StudyFigure, StudyView
     from backend.studies.crew import Crew
     from backend.studies.maps import Map
-    from backend.studies.point import Base
+    from backend.studies.point import StudyBase
     from backend.studies.runner import Progress as Done
 
 app = typer.Typer(
@@ -52,7 +52,7 @@ def run(
     from backend.services.studies import Studies
     from backend.studies.runner import run_study
 
-    settings = settings_with(params=params, data=data, station=station)
+    settings = load_settings(params=params, data=data, station=station)
     tuning: dict[str, Any] = {} if file is None else in_force(settings).parts
     with database_of(settings) as database:
         kept = Studies(database)
@@ -75,7 +75,7 @@ def list_studies(data: DataFolder = None, station: StationName = None, as_json: 
     """List studies, newest first, and how far they are."""
     from backend.services.studies import Studies
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = Studies(database).all()
     if as_json:
         print_json([study.model_dump(mode="json") for study in found])
@@ -98,7 +98,7 @@ def show(
     """Show how far a study is and how its figures are spread."""
     from backend.services.studies import Studies
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = Studies(database).detail(study, None if rows or as_json else 0)
     _say(found, as_json=as_json)
 
@@ -108,7 +108,7 @@ def stop(study: Number, data: DataFolder = None, station: StationName = None, as
     """Have a study stop, wherever it is computed; what is computed stays."""
     from backend.services.studies import Studies
 
-    with database_of(settings_with(data=data, station=station)) as database:
+    with database_of(load_settings(data=data, station=station)) as database:
         found = Studies(database).stop(study)
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -147,7 +147,7 @@ def draw(
     from backend.studies.maps import PICK_WORDS, SHARES, axis_labels, figure_names
     from backend.studies.point import UNSTABLE
 
-    with database_of(settings_with(data=data, station=station), reading=True) as database:
+    with database_of(load_settings(data=data, station=station), reading=True) as database:
         found, design = Studies(database).map(study, figure, pick, over)
     named = figure_names(of_canonical(design.base.experiment)) | SHARES
     if figure not in named:
@@ -215,7 +215,7 @@ def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
     return None if value is None else in_digits(value, digits)
 
 
-def _crew(jobs: int, scheduler: str | None) -> "Callable[[Base], Crew]":
+def _crew(jobs: int, scheduler: str | None) -> "Callable[[StudyBase], Crew]":
     from backend.studies.crew import cores
     from backend.studies.runner import local
 

@@ -10,28 +10,28 @@ import numpy as np
 from backend.commissioning.steps import (
     SLACK,
     DirectionsDisprovedError,
-    Figure,
-    Finding,
+    MeasuredNumber,
+    ProcedureContext,
     Rows,
     Signal,
     StepFailedError,
-    Work,
+    StepFinding,
     blocks,
     known,
 )
 from backend.control.motion_primitives import PRETENSION_N
-from backend.errors import require_within
+from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Event, Home, ModeChanged, Reset, SetMode, Stop, TryModule, TryMotor, Zero
 from backend.realtime.commissioning_motions import COAST_S, DRIVEN_S, HOMING_MAX_V, TIME_MAX_S, TRIAL_MAX_V, travel_to
 from backend.realtime.commissioning_motions import TENSION_MAX_N as HOMING_TENSION_MAX_N
 from backend.realtime.program import MODE_CODE, HomingEnd, Mode, Why
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from plant.calibration import CellCalibration, linear
 from plant.dynamics import elongation
 from plant.interface import T_s
-from plant.manual_input import Hand
+from plant.manual_input import ManualInput
 from plant.parameters import SIDES, Side
 from plant.terminals import SATURATED_V
 
@@ -66,7 +66,7 @@ class Seen:
     F: float
 
 
-async def direction(work: Work) -> Finding:
+async def direction(work: ProcedureContext) -> StepFinding:
     """Try both motors in turn and say what is wrong with the wiring, if anything."""
     r_m = work.parameters.geometry.r_m
     theta_A, theta_B = (elongation(work.parameters.identified_spring(side), START_N) / r_m for side in SIDES)
@@ -75,7 +75,7 @@ async def direction(work: Work) -> Finding:
     await work.ask(
         f"Turn both motors by hand until both load cells read some {START_N:g} N, take your hands off, and confirm: "
         "the drives come on",
-        Hand(theta_A=theta_A, theta_B=theta_B),
+        ManualInput(theta_A=theta_A, theta_B=theta_B),
     )
     await work.let_go()
     F_A, F_B = await work.mean("F_A", "F_B")
@@ -89,17 +89,17 @@ async def direction(work: Work) -> Finding:
         figure
         for tried in seen
         for figure in (
-            Figure(f"motor {tried.motor} turned by", known(tried.own), "rad"),
-            Figure(f"joint moved by, with motor {tried.motor}", known(tried.q), "rad"),
-            Figure(f"tensions rose by, with motor {tried.motor}", known(tried.F), "N"),
+            MeasuredNumber(f"motor {tried.motor} turned by", known(tried.own), "rad"),
+            MeasuredNumber(f"joint moved by, with motor {tried.motor}", known(tried.q), "rad"),
+            MeasuredNumber(f"tensions rose by, with motor {tried.motor}", known(tried.F), "N"),
         )
     ]
     problems = [problem for tried in seen for problem in judged(tried)]
     text = "; ".join(dict.fromkeys(problems)) or "both motors turn as the wiring says"
-    return Finding(not problems, text, tuple(figures))
+    return StepFinding(not problems, text, tuple(figures))
 
 
-async def _tried(work: Work, motor: Side) -> Seen:
+async def _tried(work: ProcedureContext, motor: Side) -> Seen:
     work.phase(f"motor {motor}")
     first = work.loop.ring.count
     await work.recorded(0.2)
@@ -180,7 +180,7 @@ _REMEDIES = {
 }
 
 
-async def home(work: Work) -> Finding:
+async def home(work: ProcedureContext) -> StepFinding:
     """Have the loop drive the joint to its end switch, and take the zero that it found there."""
     position = work.wiring.end_switch.position
     await work.drives_off()
@@ -193,7 +193,7 @@ async def home(work: Work) -> Finding:
     await work.drives_on()
     ends: list[Why] = []
 
-    def hear(event: Event | LoopDied) -> None:
+    def hear(event: Event | LoopExited) -> None:
         if isinstance(event, ModeChanged) and event.before is Mode.IDENTIFY:
             ends.append(event.cause)
 
@@ -213,12 +213,12 @@ async def home(work: Work) -> Finding:
     rows = work.since(first)
     way = rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]]
     figures = (
-        Figure("joint was driven over", known(float(np.ptp(way[:, INDEX["q"]]))), "rad"),
-        Figure("highest tension", known(float(way[:, [INDEX["F_A"], INDEX["F_B"]]].max())), "N"),
-        Figure("largest voltage", known(float(np.abs(way[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"),
-        Figure("joint position now", known(float(rows[-1, INDEX["q"]])), "rad"),
+        MeasuredNumber("joint was driven over", known(float(np.ptp(way[:, INDEX["q"]]))), "rad"),
+        MeasuredNumber("highest tension", known(float(way[:, [INDEX["F_A"], INDEX["F_B"]]].max())), "N"),
+        MeasuredNumber("largest voltage", known(float(np.abs(way[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"),
+        MeasuredNumber("joint position now", known(float(rows[-1, INDEX["q"]])), "rad"),
     )
-    return Finding(True, f"the joint's encoder counts from the end switch at {position:.4g} rad", figures)
+    return StepFinding(True, f"the joint's encoder counts from the end switch at {position:.4g} rad", figures)
 
 
 def _told(cause: Why) -> str:
@@ -252,7 +252,7 @@ _TAKEN_UP = (
 )
 
 
-async def tare(work: Work) -> Finding:
+async def tare(work: ProcedureContext) -> StepFinding:
     """Take 1 s of volts without load as the zero of both cells."""
     await work.drives_off()
     await work.ask("Slacken both tendons and take everything off the load cells, and confirm", SLACK)
@@ -267,8 +267,8 @@ async def tare(work: Work) -> Finding:
         volts = _volts(rows, tendon)
         zero_V, noise_N = float(volts.mean()), abs(known[0]) * float(volts.std())
         figures += [
-            Figure(f"zero of load cell {tendon}", zero_V, "V"),
-            Figure(f"noise of load cell {tendon}", noise_N, "N"),
+            MeasuredNumber(f"zero of load cell {tendon}", zero_V, "V"),
+            MeasuredNumber(f"noise of load cell {tendon}", noise_N, "N"),
         ]
         _require_still(tendon, noise_N)
         if not abs(zero_V) <= TARE_MAX_V:
@@ -281,7 +281,7 @@ async def tare(work: Work) -> Finding:
         raise StepFailedError("both load cells are calibrated by tables: calibrate them instead")
     await work.ask(_TAKEN_UP)
     which = "both load cells" if len(calibrations) == 2 else f"load cell {calibrations[0].tendon}"
-    return Finding(True, f"the zero of {which} is set", tuple(figures), tuple(calibrations))
+    return StepFinding(True, f"the zero of {which} is set", tuple(figures), tuple(calibrations))
 
 
 def require_weights(values: dict[str, float]) -> None:
@@ -289,10 +289,10 @@ def require_weights(values: dict[str, float]) -> None:
     lighter = values["weight_1_N"]
     heavier = values["weight_2_N"]
     remedy = f"take weights at least {WEIGHTS_APART_N:g} N apart, the lighter one first"
-    require_within("weight_2_N", heavier, lighter + WEIGHTS_APART_N, None, "N", remedy, words="heavier weight")
+    check_range("weight_2_N", heavier, lighter + WEIGHTS_APART_N, None, "N", remedy, words="heavier weight")
 
 
-async def calibrate(work: Work) -> Finding:
+async def calibrate(work: ProcedureContext) -> StepFinding:
     """Hang the weights on each cell, the lightest first, and draw the best line through them."""
     require_weights(work.values)
     await work.drives_off()
@@ -317,8 +317,8 @@ async def calibrate(work: Work) -> Finding:
         offset = -at_0_V / slope
         off_line_N = float(np.abs(slope * means + at_0_V - weights).max())
         figures += [
-            Figure(f"slope of load cell {tendon}", slope, "N/V"),
-            Figure(f"offset of load cell {tendon}", offset, "V"),
+            MeasuredNumber(f"slope of load cell {tendon}", slope, "N/V"),
+            MeasuredNumber(f"offset of load cell {tendon}", offset, "V"),
         ]
         if known is not None and slope * known[0] < 0.0:
             raise StepFailedError(
@@ -326,7 +326,7 @@ async def calibrate(work: Work) -> Finding:
                 f"the sign of load_cell_{tendon}.slope, or exchange its two leads"
             )
         if len(weights) > 2:
-            figures.append(Figure(f"load cell {tendon} off its line by at most", off_line_N, "N"))
+            figures.append(MeasuredNumber(f"load cell {tendon} off its line by at most", off_line_N, "N"))
         if not off_line_N <= OFF_LINE_N:
             raise StepFailedError(
                 f"load cell {tendon} is off its line by {off_line_N:.2f} N, at most {OFF_LINE_N:g} N are a line: look "
@@ -336,7 +336,7 @@ async def calibrate(work: Work) -> Finding:
         calibrations.append(CellCalibration(tendon, slope, offset, _source(f"calibrated with {len(weights)} weights")))
     await work.ask(_TAKEN_UP)
     which = "both load cells" if len(calibrations) == 2 else f"load cell {work.cells}"
-    return Finding(True, f"slope and offset of {which} are measured", tuple(figures), tuple(calibrations))
+    return StepFinding(True, f"slope and offset of {which} are measured", tuple(figures), tuple(calibrations))
 
 
 def _volts(rows: Rows, tendon: str) -> Signal:
@@ -390,7 +390,7 @@ DRIVEN_MIN_V = 0.5
 _SET_BACK = "; set the module's limit back to what it was"
 
 
-async def pretension(work: Work) -> Finding:
+async def pretension(work: ProcedureContext) -> StepFinding:
     """Wind up, both tensions watched, hold, and let go again."""
     highest, apart = await _wound(work)
     F = await work.mean("F_A", "F_B", seconds=0.5)
@@ -398,17 +398,17 @@ async def pretension(work: Work) -> Finding:
     await work.send(SetMode(Mode.OFF))
     await work.loop.advance(0.2)
     figures = (
-        Figure("tension of tendon A", known(F_A), "N"),
-        Figure("tension of tendon B", known(F_B), "N"),
-        Figure("highest tension on the way", highest, "N"),
-        Figure("most that one was ahead of the other", apart, "N"),
+        MeasuredNumber("tension of tendon A", known(F_A), "N"),
+        MeasuredNumber("tension of tendon B", known(F_B), "N"),
+        MeasuredNumber("highest tension on the way", highest, "N"),
+        MeasuredNumber("most that one was ahead of the other", apart, "N"),
     )
     if not near_pretension(F):
         raise StepFailedError(f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate them")
-    return Finding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
+    return StepFinding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
 
 
-async def safety_module(work: Work) -> Finding:
+async def safety_module(work: ProcedureContext) -> StepFinding:
     """At the pretension, have the module's limit lowered below it: it has to trip, and to cut motors that are driven.
 
     From the trip on the loop drives them for DRIVEN_S more, so that it is the module that lets go.
@@ -420,7 +420,7 @@ async def safety_module(work: Work) -> Finding:
     await work.send(TryModule())
     await work.ask(
         f"Lower the tension limit at the safety module below {PRETENSION_N:g} N: it has to trip; then confirm",
-        Hand(F_limit=LOWERED_N),
+        ManualInput(F_limit=LOWERED_N),
     )
     work.phase("waiting for the trip")
     try:
@@ -443,22 +443,22 @@ async def safety_module(work: Work) -> Finding:
     after = rows[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
     still_driven = float(np.abs(rows[tripped:, [INDEX["u_A"], INDEX["u_B"]]]).max())
     figures = (
-        Figure("tension before", known(float(before.mean())), "N"),
-        Figure("voltage that motor A was still given", known(float(volts[0])), "V"),
-        Figure("voltage that motor B was still given", known(float(volts[1])), "V"),
-        Figure("motor A turned by meanwhile", known(float(turned[0])), "rad"),
-        Figure("motor B turned by meanwhile", known(float(turned[1])), "rad"),
-        Figure("tension 1 s after", known(float(after.mean())), "N"),
+        MeasuredNumber("tension before", known(float(before.mean())), "N"),
+        MeasuredNumber("voltage that motor A was still given", known(float(volts[0])), "V"),
+        MeasuredNumber("voltage that motor B was still given", known(float(volts[1])), "V"),
+        MeasuredNumber("motor A turned by meanwhile", known(float(turned[0])), "rad"),
+        MeasuredNumber("motor B turned by meanwhile", known(float(turned[1])), "rad"),
+        MeasuredNumber("tension 1 s after", known(float(after.mean())), "N"),
     )
     problem = "" if still_driven == 0.0 else "the loop did not go to zero volts"
     problem = problem or uncut(volts, turned)
     problem = problem or ("" if let_go(before, after) else "the tension did not fall after it")
     if problem:
-        return Finding(False, f"the module tripped, but {problem}: do not go on{_SET_BACK}", figures)
+        return StepFinding(False, f"the module tripped, but {problem}: do not go on{_SET_BACK}", figures)
     await work.ask("Set the module's limit back to what it was, acknowledge it there, and confirm")
     await work.let_go()
     await work.send(Reset())
-    return Finding(True, "the module tripped and cut both motors while they were still given voltage", figures)
+    return StepFinding(True, "the module tripped and cut both motors while they were still given voltage", figures)
 
 
 def uncut(volts: Signal, turned: Signal) -> str:
@@ -489,7 +489,7 @@ def peaks(F: Rows) -> tuple[float, float]:
     return float(F.max()), float(np.abs(F[:, 0] - F[:, 1]).max())
 
 
-async def _wound(work: Work) -> tuple[float, float]:
+async def _wound(work: ProcedureContext) -> tuple[float, float]:
     """Go to pretension under watch; return the highest tension and the most that one was ahead [N]."""
     work.phase("winding up")
     await work.ask("Take your hands off: the motors wind up. Confirm to begin")
@@ -554,15 +554,15 @@ _MOVED = 0.4
 
 _WIND = f"Turn motor {{}} by hand by {_ENCODERS[1].least:g} rad or more so that it winds its tendon, and confirm"
 _ASKS = (
-    (_Q, f"Turn the joint by hand towards +q by {_Q.least:g} rad or more, and confirm", Hand(q=0.15)),
-    (_ENCODERS[1], _WIND.format("A"), Hand(theta_A=0.5)),
-    (_ENCODERS[2], _WIND.format("B"), Hand(theta_B=0.5)),
-    (_CELLS[0], "Pull at load cell A with some 7 N, and confirm", Hand(pull_A=7.0)),
-    (_CELLS[1], "Pull at load cell B with some 7 N, and confirm", Hand(pull_B=7.0)),
+    (_Q, f"Turn the joint by hand towards +q by {_Q.least:g} rad or more, and confirm", ManualInput(q=0.15)),
+    (_ENCODERS[1], _WIND.format("A"), ManualInput(theta_A=0.5)),
+    (_ENCODERS[2], _WIND.format("B"), ManualInput(theta_B=0.5)),
+    (_CELLS[0], "Pull at load cell A with some 7 N, and confirm", ManualInput(pull_A=7.0)),
+    (_CELLS[1], "Pull at load cell B with some 7 N, and confirm", ManualInput(pull_B=7.0)),
 )
 
 
-async def wiring_test(work: Work) -> Finding:
+async def wiring_test(work: ProcedureContext) -> StepFinding:
     """Ask for each movement in turn; whatever is wrong is found at once, each with the entry to change."""
     await work.drives_off()
     problems: list[str] = []
@@ -576,13 +576,13 @@ async def wiring_test(work: Work) -> Finding:
         await work.recorded(0.3)
         rows = work.since(first)
         seen = {sensor: _excursion(blocks(rows, sensor.signal)) for sensor in group}
-        figures.append(Figure(f"{wanted.words} moved by", known(seen[wanted]), wanted.unit))
+        figures.append(MeasuredNumber(f"{wanted.words} moved by", known(seen[wanted]), wanted.unit))
         problems += _judged(work, wanted, seen)
         if wanted in _ENCODERS:
             await work.ask("Put it back to where it was, and confirm", SLACK)
         await work.let_go()
     text = "; ".join(dict.fromkeys(problems)) or "every sensor moves as it should"
-    return Finding(not problems, text, tuple(figures))
+    return StepFinding(not problems, text, tuple(figures))
 
 
 def _excursion(values: Signal) -> float:
@@ -591,7 +591,7 @@ def _excursion(values: Signal) -> float:
     return float(ways[np.argmax(np.abs(ways))]) if np.isfinite(ways).all() else float("nan")
 
 
-def _judged(work: Work, wanted: _Sensor, seen: dict[_Sensor, float]) -> list[str]:
+def _judged(work: ProcedureContext, wanted: _Sensor, seen: dict[_Sensor, float]) -> list[str]:
     way = seen[wanted]
     entry = getattr(work.wiring, wanted.section)
     at = getattr(entry, wanted.place)
@@ -631,7 +631,7 @@ NEAR_RAD = 0.01
 """The joint reads so near [rad] to where it was put, once that was said."""
 
 
-async def zero(work: Work) -> Finding:
+async def zero(work: ProcedureContext) -> StepFinding:
     """Set the encoders; the motors' own zeros are found by the pretension each time."""
     await work.drives_off()
     position = work.wiring.end_switch.position
@@ -639,7 +639,7 @@ async def zero(work: Work) -> Finding:
     if homing:
         # Slack enough for the joint to get there: what it takes up of a tendon, its motor has to let out.
         out = -abs(position) * work.parameters.geometry.r_j / work.parameters.geometry.r_m
-        hand = Hand(q=1.02 * position, theta_A=out, theta_B=out)
+        hand = ManualInput(q=1.02 * position, theta_A=out, theta_B=out)
         await work.ask(
             f"Slacken both tendons, turn the joint slowly by hand onto its end switch at {position:.4g} rad, hold it "
             "there, and confirm",
@@ -661,6 +661,8 @@ async def zero(work: Work) -> Finding:
         await work.ask("Turn the joint back to its middle, and confirm", SLACK)
     await work.let_go()
     how = "the end switch" if homing else "its zero mark"
-    return Finding(
-        True, f"the joint's encoder counts from {how}", (Figure("joint position that was set", position, "rad"),)
+    return StepFinding(
+        True,
+        f"the joint's encoder counts from {how}",
+        (MeasuredNumber("joint position that was set", position, "rad"),),
     )

@@ -24,20 +24,20 @@ from backend.commissioning.steps import (
     STEP,
     Confirmed,
     DirectionsDisprovedError,
-    Finding,
-    Standing,
+    ProcedureContext,
     StepFailedError,
+    StepFinding,
     StepId,
-    Work,
+    StepStatus,
     blocked_by,
 )
-from backend.errors import require_within
-from backend.realtime.commands import Accepted, ByHand, ProveDirections, Refused, SetMode, SwitchDrives
+from backend.errors import check_range
+from backend.realtime.commands import Accepted, ProveDirections, Refused, SetMode, SimulateManualInput, SwitchDrives
 from backend.realtime.ipc import Setup
 from backend.realtime.program import Mode
-from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.storage import settings
-from backend.storage.commissioning import StepResult
+from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
 from backend.storage.settings import StoredSetting
@@ -54,7 +54,7 @@ from plant.wiring import Wiring
 # Plays one step, whatever becomes of it: at its end nothing is driven and no hand is left.
 
 
-_WORK: dict[StepId, Callable[[Work], Awaitable[Finding]]] = {
+_WORK: dict[StepId, Callable[[ProcedureContext], Awaitable[StepFinding]]] = {
     StepId.WIRING_TEST: wiring_test,
     StepId.TARE: tare,
     StepId.CALIBRATE: calibrate,
@@ -79,14 +79,14 @@ def values_of(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
     values = {name: float(given.get(name, wanted.default)) for name, wanted in asked.items()}
     for name, value in values.items():
         wanted = asked[name]
-        require_within(name, value, wanted.minimum, wanted.maximum, wanted.unit, words=wanted.words)
+        check_range(name, value, wanted.minimum, wanted.maximum, wanted.unit, words=wanted.words)
     if step is StepId.CALIBRATE:
         require_weights(values)
     return values
 
 
-async def perform(step: StepId, work: Work) -> Finding:
-    """Play a step; what it fails on is its finding. Raises LoopDiedError, and CancelledError where it is given up.
+async def run_step(step: StepId, work: ProcedureContext) -> StepFinding:
+    """Play a step; what it fails on is its finding. Raises LoopExitedError, and CancelledError where it is given up.
 
     To give up the trial of a motor is a finding: who does may have seen it go the wrong way.
     """
@@ -95,29 +95,29 @@ async def perform(step: StepId, work: Work) -> Finding:
         if step is StepId.DIRECTION and finding.passed:
             await work.send(ProveDirections())
     except StepFailedError as failed:
-        finding = Finding(False, str(failed), disproves_directions=isinstance(failed, DirectionsDisprovedError))
+        finding = StepFinding(False, str(failed), disproves_directions=isinstance(failed, DirectionsDisprovedError))
     except TimeoutError as late:
-        finding = Finding(False, str(late))
+        finding = StepFinding(False, str(late))
     except asyncio.CancelledError:
         if not work.tried_motors:
             raise
-        finding = Finding(False, "it was given up after a motor had been tried: do it again")
+        finding = StepFinding(False, "it was given up after a motor had been tried: do it again")
     finally:
         await _left_safe(work)
     doubted = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)
     if doubted and not finding.passed:
-        with suppress(LoopDiedError):  # the next one starts unproven
+        with suppress(LoopExitedError):  # the next one starts unproven
             await work.loop.send(ProveDirections(proven=False))
     return finding
 
 
-async def _left_safe(work: Work) -> None:
+async def _left_safe(work: ProcedureContext) -> None:
     try:
         if work.computed:
-            await work.loop.send(ByHand(NO_HAND))
+            await work.loop.send(SimulateManualInput(NO_HAND))
         # Whatever the newest sample says: a command of the last tick may not be in it. In OFF it is refused.
         await work.loop.send(SetMode(Mode.STOPPING))
-    except LoopDiedError:
+    except LoopExitedError:
         pass  # what it drove is at zero volts without it
 
 
@@ -167,13 +167,13 @@ class KeptHands:
 
 
 async def switch_drives(supervisor: Supervisor, kept: KeptHands, on: bool, who: str) -> Accepted | Refused:
-    """Take the drives away or give them back, and keep it. Raises LoopDiedError where they are to come on.
+    """Take the drives away or give them back, and keep it. Raises LoopExitedError where they are to come on.
 
     Without a loop they are off already: the next one starts so. That they are to go off is kept whatever becomes of it.
     """
     try:
         answer = await supervisor.send(SwitchDrives(on))
-    except LoopDiedError:
+    except LoopExitedError:
         if on:
             raise
         supervisor.setup = replace(supervisor.setup, drives_off=True)
@@ -193,7 +193,7 @@ async def switch_drives(supervisor: Supervisor, kept: KeptHands, on: bool, who: 
 
 
 @dataclass(frozen=True)
-class Person:
+class Prompt:
     """Who brings the rig up: ``confirmed`` asks to do something at it, ``phase`` tells what goes on."""
 
     name: str
@@ -213,7 +213,7 @@ class Session:
         database: Database,
         supervisor: Supervisor,
         parameters: PlantParameters,
-        person: Person,
+        person: Prompt,
         wiring: Wiring,
         hands: KeptHands,
     ) -> None:
@@ -230,7 +230,7 @@ class Session:
         """What of the drives' lock could not be kept for the next start; empty where all was."""
         return self._hands.problem
 
-    def states(self) -> dict[StepId, Standing]:
+    def states(self) -> dict[StepId, StepStatus]:
         """Return how each step stands now."""
         return steps.states(steps.kept(self._database), self._wiring, self._started)
 
@@ -243,14 +243,14 @@ class Session:
         if blocked:
             raise BlockedError(f"{STEP[step].title}: {blocked}")
 
-    async def play(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StepResult:
+    async def play(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StoredStepResult:
         """Play a step and keep what it came to. Raises BlockedError.
 
         Of a step that is given up nothing is stored; but once a motor was tried, directions are not proven any more.
         """
         self.require_free(step)
         setup = self.supervisor.setup
-        work = Work(
+        work = ProcedureContext(
             self.supervisor,
             calibrated(self._wiring, setup.brought_up.calibrations),
             self._parameters,
@@ -262,9 +262,9 @@ class Session:
             cells=cells,
         )
         try:
-            finding = await perform(step, work)
-        except LoopDiedError as died:
-            finding = Finding(False, str(died))
+            finding = await run_step(step, work)
+        except LoopExitedError as died:
+            finding = StepFinding(False, str(died))
         # Nothing is awaited on the way: it is given up before the result is kept, or after.
         kept = steps.keep(self._database, step, self._wiring, finding, self._person.name)
         anew = finding.passed and finding.calibrations
@@ -280,12 +280,12 @@ class Session:
 
 @asynccontextmanager
 async def session(
-    database: Database, setup: Setup, parameters: PlantParameters, person: Person
+    database: Database, setup: Setup, parameters: PlantParameters, person: Prompt
 ) -> AsyncIterator[Session]:
     """Start a loop process; at the end of the block, however it comes, zero volts, and let go of the card.
 
     Who starts it has said that no hand is at the rig.
-    Raises LoopDiedError, PlantError.
+    Raises LoopExitedError, PlantError.
     """
     wiring = wiring_of_choice(setup.plant)
     setup = replace(setup, brought_up=steps.in_effect(database, wiring))  # a person may have been asked meanwhile

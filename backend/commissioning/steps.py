@@ -10,18 +10,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.realtime.commands import Accepted, ByHand, Command, Refused
+from backend.realtime.commands import Accepted, Command, Refused, SimulateManualInput
 from backend.realtime.program import MODES, Mode
-from backend.realtime.supervisor import LoopAccess
+from backend.realtime.supervisor import LoopClient
 from backend.sample import INDEX
 from backend.storage import commissioning
-from backend.storage.commissioning import NewStepResult, StepResult
+from backend.storage.commissioning import NewStepResult, StoredStepResult
 from backend.storage.database import Database
 from backend.units import counted
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
 from plant.factory import wiring_of_choice
 from plant.interface import PlantChoice, PlantKind, T_s
-from plant.manual_input import NO_HAND, Hand
+from plant.manual_input import NO_HAND, ManualInput
 from plant.parameters import PlantParameters
 from plant.wiring import Wiring
 
@@ -57,7 +57,7 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Step:
+class CommissioningStep:
     """``holds_days`` tells for how long a result holds good; ``needs`` what has to be passed before."""
 
     id: StepId
@@ -74,15 +74,15 @@ WEIGHT_MAX_N = 45.0
 MORE_WEIGHTS = tuple(Input(f"weight_{n}_N", "further weight", "N", 15.0, 0.0, WEIGHT_MAX_N) for n in range(3, 10))
 """What a calibration takes beside the two weights that it asks for."""
 
-STEPS: tuple[Step, ...] = (
-    Step(
+STEPS: tuple[CommissioningStep, ...] = (
+    CommissioningStep(
         StepId.WIRING_TEST,
         "Wiring test",
         "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as you are asked: each "
         "sensor has to move, the right one, and to the right side.",
         holds_days=30.0,
     ),
-    Step(
+    CommissioningStep(
         StepId.TARE,
         "Tare",
         "Both tendons slack, nothing touches the load cells: 1 s of their volts becomes their zero. The loop starts "
@@ -90,7 +90,7 @@ STEPS: tuple[Step, ...] = (
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),
-    Step(
+    CommissioningStep(
         StepId.CALIBRATE,
         "Calibration",
         "Hang two known weights on each load cell, one after the other: slope and offset come from them. The "
@@ -102,7 +102,7 @@ STEPS: tuple[Step, ...] = (
             Input("weight_2_N", "heavier weight", "N", 25.0, 0.0, WEIGHT_MAX_N),
         ),
     ),
-    Step(
+    CommissioningStep(
         StepId.ZERO,
         "Zero",
         "Put the joint where its position is known, at its zero mark or at the end switch: the encoders count from "
@@ -110,7 +110,7 @@ STEPS: tuple[Step, ...] = (
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),
-    Step(
+    CommissioningStep(
         StepId.DIRECTION,
         "Motor directions",
         "Hands off. Each motor turns a little, with 1 V at most, and back: its encoder has to rise, its tendon to get "
@@ -118,7 +118,7 @@ STEPS: tuple[Step, ...] = (
         holds_days=30.0,
         needs=(StepId.WIRING_TEST, StepId.ZERO),
     ),
-    Step(
+    CommissioningStep(
         StepId.HOME,
         "Homing",
         "Hands off. Both motors hold the tendons at 4 N and drive the joint to its end switch, slowly and with 1.5 V "
@@ -126,14 +126,14 @@ STEPS: tuple[Step, ...] = (
         holds_days=1.0,
         needs=(StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION),
     ),
-    Step(
+    CommissioningStep(
         StepId.PRETENSION,
         "Pretension",
         "Hands off. Both motors wind up to the pretension: both tensions have to rise together, none beyond its limit.",
         holds_days=30.0,
         needs=(StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION),
     ),
-    Step(
+    CommissioningStep(
         StepId.SAFETY_MODULE,
         "Safety module",
         "At the pretension, lower the limit at the safety module until it trips. The loop goes on to drive both motors "
@@ -146,7 +146,7 @@ STEPS: tuple[Step, ...] = (
 INSTEAD = {StepId.ZERO: StepId.HOME, StepId.HOME: StepId.ZERO}
 """Steps of which one does for the other: either has the encoders count from where the joint is known to be."""
 
-STEP: dict[StepId, Step] = {step.id: step for step in STEPS}
+STEP: dict[StepId, CommissioningStep] = {step.id: step for step in STEPS}
 
 
 # Work ----------------------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ Rows = NDArray[np.float64]
 Signal = NDArray[np.float64]
 """One signal [n]."""
 
-SLACK = Hand(q=0.0, theta_A=0.0, theta_B=0.0)
+SLACK = ManualInput(q=0.0, theta_A=0.0, theta_B=0.0)
 """Joint and motors where a virtual card begins: both tendons slack."""
 
 HAND_S = 2.0
@@ -172,7 +172,7 @@ BLOCK_S = 0.05
 
 
 @dataclass(frozen=True)
-class Figure:
+class MeasuredNumber:
     """One number that was measured; None where it could not be."""
 
     words: str
@@ -181,7 +181,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Finding:
+class StepFinding:
     """What a step came to; ``calibrations`` take effect where it passed.
 
     ``disproves_directions`` tells that a motor or the joint did not go where the step of the directions says.
@@ -189,7 +189,7 @@ class Finding:
 
     passed: bool
     text: str
-    figures: tuple[Figure, ...] = ()
+    figures: tuple[MeasuredNumber, ...] = ()
     calibrations: tuple[CellCalibration, ...] = ()
     disproves_directions: bool = False
 
@@ -210,7 +210,7 @@ Switch = Callable[[bool], Awaitable[Accepted | Refused]]
 """Switches the drives on or off, and keeps whether hands may be at the rig."""
 
 
-class Work:
+class ProcedureContext:
     """``values`` are what the person entered; ``computed`` tells that hands of this program do what is asked for.
 
     ``cells`` are the load cells to calibrate. ``tried_motors``: the loop takes directions for unproven since.
@@ -218,7 +218,7 @@ class Work:
 
     def __init__(
         self,
-        loop: LoopAccess,
+        loop: LoopClient,
         wiring: Wiring,
         parameters: PlantParameters,
         values: dict[str, float],
@@ -258,17 +258,17 @@ class Work:
         """Give the drives back, at zero volts: only after it was confirmed that no hand is at the rig."""
         _require_accepted(await self._switch(True))
 
-    async def ask(self, words: str, hand: Hand = NO_HAND) -> None:
+    async def ask(self, words: str, hand: ManualInput = NO_HAND) -> None:
         """Ask a person to do something and wait until it is confirmed; at a virtual card, ``hand`` does it then."""
         await self._confirmed(words)
         if self.computed and hand != NO_HAND:
-            await self.send(ByHand(hand))
+            await self.send(SimulateManualInput(hand))
             await self.loop.advance(HAND_S)
 
     async def let_go(self) -> None:
         """Take the hands away."""
         if self.computed:
-            await self.send(ByHand(NO_HAND))
+            await self.send(SimulateManualInput(NO_HAND))
             await self.loop.advance(0.1)
 
     async def mean(self, *names: str, seconds: float = 0.3) -> NDArray[np.float64]:
@@ -322,7 +322,7 @@ class StepState(StrEnum):
     FAILED = "failed"
 
 
-class Standing(NamedTuple):
+class StepStatus(NamedTuple):
     """A state, and how it comes about; ``aged``: what it found holds as ever, it is only older than it should be."""
 
     state: StepState
@@ -333,29 +333,31 @@ class Standing(NamedTuple):
 class Kept(NamedTuple):
     """The newest result of each step, and the number of the newest wiring test that failed; 0 for none."""
 
-    results: Mapping[str, StepResult]
+    results: Mapping[str, StoredStepResult]
     test_failed: int
 
 
-def standing(step: Step, result: StepResult | None, wired: str, loop_started: datetime) -> Standing:
+def standing(
+    step: CommissioningStep, result: StoredStepResult | None, wired: str, loop_started: datetime
+) -> StepStatus:
     """Tell how a step stands with the wiring ``wired`` (its fingerprint) under a loop started at ``loop_started``."""
     if result is None:
-        return Standing(StepState.NEVER, "it has never been done")
+        return StepStatus(StepState.NEVER, "it has never been done")
     if not result.passed:
-        return Standing(StepState.FAILED, "it was done last without success")
+        return StepStatus(StepState.FAILED, "it was done last without success")
     if result.fingerprint != wired:
-        return Standing(StepState.OUT_OF_DATE, "the wiring file has changed since")
+        return StepStatus(StepState.OUT_OF_DATE, "the wiring file has changed since")
     if step.id in INSTEAD and result.at < loop_started:
-        return Standing(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
+        return StepStatus(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
     if step.id is StepId.CALIBRATE and (other := _missing_cell(result)):
-        return Standing(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
+        return StepStatus(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
     days = counted(step.holds_days, "day")
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
-        return Standing(StepState.OUT_OF_DATE, f"it holds good for {days}", aged=True)
-    return Standing(StepState.CURRENT, f"it holds good for {days} from when it was done")
+        return StepStatus(StepState.OUT_OF_DATE, f"it holds good for {days}", aged=True)
+    return StepStatus(StepState.CURRENT, f"it holds good for {days} from when it was done")
 
 
-def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[StepId, Standing]:
+def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[StepId, StepStatus]:
     """Tell how all steps stand that a wiring has, None for one that cannot be read.
 
     Directions that were proven before a wiring test failed have to be proven anew. A table of the wiring file is a
@@ -365,15 +367,15 @@ def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[St
     wired = "" if wiring is None else fingerprint(wiring)
     found = {step.id: standing(step, kept.results.get(step.id), wired, loop_started) for step in STEPS}
     if found[StepId.DIRECTION].state is StepState.CURRENT and _contradicted(kept):
-        found[StepId.DIRECTION] = Standing(StepState.OUT_OF_DATE, "a wiring test has failed since")
+        found[StepId.DIRECTION] = StepStatus(StepState.OUT_OF_DATE, "a wiring test has failed since")
     if _by_tables(wiring) and found[StepId.CALIBRATE].state is StepState.NEVER:
-        tables = Standing(StepState.CURRENT, "both load cells are calibrated by tables of the wiring file")
+        tables = StepStatus(StepState.CURRENT, "both load cells are calibrated by tables of the wiring file")
         found |= {StepId.TARE: tables, StepId.CALIBRATE: tables}
     if wiring is None or math.isnan(wiring.end_switch.position):
         del found[StepId.HOME]
         return found
     return found | {
-        step: Standing(StepState.CURRENT, f"{STEP[other].title} has set it")
+        step: StepStatus(StepState.CURRENT, f"{STEP[other].title} has set it")
         for step, other in INSTEAD.items()
         if found[step].state in _NOT_DONE and found[other].state is StepState.CURRENT
     }
@@ -390,7 +392,7 @@ def _contradicted(kept: Kept) -> bool:
     return kept.results[StepId.DIRECTION].id < kept.test_failed
 
 
-def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
+def blocked_by(step: CommissioningStep, states: Mapping[StepId, StepStatus]) -> str:
     """Return what has to come before a step, and before that; empty where nothing has."""
     if step.id not in states:
         return "the wiring file says no end_switch.position: where the switch holds the joint has to be known"
@@ -398,25 +400,25 @@ def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
     return f"first: {', '.join(missing)}" if missing else ""
 
 
-def _stands(step: StepId, found: Standing) -> bool:
+def _stands(step: StepId, found: StepStatus) -> bool:
     return found.state is StepState.CURRENT or (found.aged and step in (StepId.TARE, StepId.CALIBRATE))
 
 
-def _titled(step: StepId, states: Mapping[StepId, Standing]) -> str:
+def _titled(step: StepId, states: Mapping[StepId, StepStatus]) -> str:
     """Return what a step is called, and what does for it where there is such a one."""
     other = INSTEAD.get(step)
     return f"{STEP[step].title} or {STEP[other].title}" if other in states and other else STEP[step].title
 
 
-def _all_needs(step: Step) -> list[StepId]:
+def _all_needs(step: CommissioningStep) -> list[StepId]:
     needed = set(step.needs).union(*(_all_needs(STEP[need]) for need in step.needs)) - {INSTEAD.get(step.id)}
     return [other.id for other in STEPS if other.id in needed]
 
 
-def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who: str) -> StepResult:
+def keep(database: Database, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> StoredStepResult:
     """Store what a step came to; what disproves the directions stands as a failure of theirs too."""
     if finding.disproves_directions:
-        keep(database, StepId.DIRECTION, wiring, Finding(False, f"{STEP[step].title}: {finding.text}"), who)
+        keep(database, StepId.DIRECTION, wiring, StepFinding(False, f"{STEP[step].title}: {finding.text}"), who)
     new = NewStepResult(
         step=step,
         wiring=wiring.title,
@@ -433,7 +435,7 @@ def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who
         return commissioning.add(session, new)
 
 
-def newest(database: Database) -> dict[str, StepResult]:
+def newest(database: Database) -> dict[str, StoredStepResult]:
     """Return the newest result of each step; of load cells calibrated one by one both, and the older date."""
     with database.reading() as session:
         results = commissioning.newest(session)
@@ -447,7 +449,7 @@ def newest(database: Database) -> dict[str, StepResult]:
     return results
 
 
-def _missing_cell(result: StepResult) -> str:
+def _missing_cell(result: StoredStepResult) -> str:
     """Return the load cell that a calibration of a single one leaves; empty where it was not of a single one."""
     cells = {found["tendon"] for found in result.calibrations}
     return "AB".replace(cells.pop(), "") if len(cells) == 1 else ""

@@ -19,7 +19,7 @@ from backend.control.decoupler import (
     select,
     step_envelope,
 )
-from backend.control.trajectory import References
+from backend.control.trajectory import LoopReferences
 from plant.compiled import compiled
 from plant.interface import Measurement, T_s
 
@@ -89,7 +89,7 @@ class Following(NamedTuple):
     """
 
     budget: float
-    model: trajectory.Model
+    model: trajectory.TrajectoryModel
     unseen_q: float
     unseen_S: float
 
@@ -101,7 +101,7 @@ class DeadZones(NamedTuple):
     S: float
 
 
-class Followed(NamedTuple):
+class FollowedReferences(NamedTuple):
     """What the loops of this tick work on.
 
     ``reference`` and the place that position, stiffness and both motors count from; what is added to the outer loops'
@@ -121,16 +121,16 @@ class Followed(NamedTuple):
 
 
 @compiled
-def follow_governed(reference: GovernorState, moving: bool) -> Followed:
+def follow_governed(reference: GovernorState, moving: bool) -> FollowedReferences:
     """Return references as the governor leaves them: the loops count from zero."""
-    return Followed(reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, moving)
+    return FollowedReferences(reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, moving)
 
 
 @compiled
-def planned(p: trajectory.AxisState, by: trajectory.Driven) -> Followed:
+def planned(p: trajectory.AxisState, by: trajectory.Driven) -> FollowedReferences:
     """Return the model of a plan: the loops count from it."""
     reference = GovernorState(p.q, p.S)
-    return Followed(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
+    return FollowedReferences(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
 
 
 @compiled
@@ -262,7 +262,7 @@ class CascadeOutput(NamedTuple):
 def step(
     tuning: CascadeTuning,
     state: CascadeState,
-    r: References,
+    r: LoopReferences,
     position_loop: bool,
     m: Measurement,
     tau_ext: float = math.nan,
@@ -475,7 +475,7 @@ def _with(
 
 
 @compiled
-def take_over(
+def initialize_bumpless(
     tuning: CascadeTuning,
     inner: pid.MotorPairState,
     motor_gains: pid.MotorPairGains,

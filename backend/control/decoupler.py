@@ -260,7 +260,7 @@ class EnvelopeState(NamedTuple):
     pull: float
 
 
-class Output(NamedTuple):
+class EnvelopeOutput(NamedTuple):
     """What may be asked for, ``q_c`` [rad] and ``S_c`` [N·m/rad], and which bound held it back."""
 
     q_c: float
@@ -273,7 +273,7 @@ class Output(NamedTuple):
 @compiled
 def step_envelope(
     envelope: Envelope, d: Decoupler, state: EnvelopeState, q_c: float, S_c: float, F_A: float, F_B: float
-) -> tuple[Output, EnvelopeState]:
+) -> tuple[EnvelopeOutput, EnvelopeState]:
     """One tick: what the outer loops ask for and the load cells' readings [N] to what may be asked for."""
     pull = state.pull + (1.0 - math.exp(-T_s / FILTER_TIME_S)) * (F_A - F_B - state.pull)
     share = 0.5 * abs(pull)
@@ -281,7 +281,7 @@ def step_envelope(
     highest = stiffness_under(d, envelope.F_ceiling - share)
     S_held = min(max(S_c, lowest), highest)
     q_held = min(max(q_c, -envelope.q_max), envelope.q_max)
-    return Output(q_held, S_held, S_held > S_c, S_held < S_c, q_held != q_c), EnvelopeState(pull)
+    return EnvelopeOutput(q_held, S_held, S_held > S_c, S_held < S_c, q_held != q_c), EnvelopeState(pull)
 
 
 # Limits --------------------------------------------------------------------------------------------

@@ -53,22 +53,22 @@ IDLE = DisturbanceFeedforwardState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Nothing is answered."""
 
 
-class Answer(NamedTuple):
+class DisturbanceCompensation(NamedTuple):
     """What comes on top of the equilibrium, ``q_e`` [rad], and how far the joint is expected to be off, ``q`` [rad]."""
 
     q_e: float
     q: float
 
 
-NONE = Answer(0.0, 0.0)
+NONE = DisturbanceCompensation(0.0, 0.0)
 
 
 @compiled
-def answer(state: DisturbanceFeedforwardState, S: float) -> Answer:
+def answer(state: DisturbanceFeedforwardState, S: float) -> DisturbanceCompensation:
     """Return what a state says at stiffness S [N·m/rad]."""
     if state.k_ext == 0.0:
         return NONE
-    return Answer(-state.k_ext * state.tau / S, state.k_ext * (state.tau - state.tau_f) / S)
+    return DisturbanceCompensation(-state.k_ext * state.tau / S, state.k_ext * (state.tau - state.tau_f) / S)
 
 
 @compiled

@@ -76,14 +76,14 @@ def has_slack(tendons: Tendons, m: Measurement) -> bool:
     return x_A <= tendons.spring_A.x_slack or x_B <= tendons.spring_B.x_slack
 
 
-class Limits(NamedTuple):
+class SensorLimits(NamedTuple):
     """``reach`` of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick; ``driven_V`` [V] is sure to turn a motor."""
 
     reach: tuple[float, float, float, float, float]
     driven_V: tuple[float, float]
 
 
-class Verdict(NamedTuple):
+class SensorVerdict(NamedTuple):
     """What ``look`` says, and of which reading or side.
 
     ``still`` is a reading that has stood still all the while, -1 for none; ``excess`` is load cell minus spring [N],
@@ -126,7 +126,7 @@ def remember_readings(memory: NDArray[np.float64], raw: Measurement) -> None:
 
 @compiled
 def check_plausibility(
-    limits: Limits,
+    limits: SensorLimits,
     tendons: Tendons,
     memory: NDArray[np.float64],
     raw: Measurement,
@@ -171,7 +171,7 @@ def check_plausibility(
 
 @compiled
 def _jumped(
-    limits: Limits, memory: NDArray[np.float64], readings: tuple[float, float, float, float, float], periods: int
+    limits: SensorLimits, memory: NDArray[np.float64], readings: tuple[float, float, float, float, float], periods: int
 ) -> int:
     """Return the first reading that has moved further than it can, -1 for none."""
     for index in range(5):
@@ -233,9 +233,11 @@ def tendons_for(parameters: PlantParameters) -> Tendons:
     return Tendons(geometry.r_m, geometry.r_j, parameters.identified_spring("A"), parameters.identified_spring("B"))
 
 
-def limits_for(parameters: PlantParameters) -> Limits:
+def limits_for(parameters: PlantParameters) -> SensorLimits:
     """How far readings of a plant can move in a tick, and what is sure to turn its motors."""
-    return Limits(_reach_in_a_tick(parameters), (_driving_voltage(parameters, "A"), _driving_voltage(parameters, "B")))
+    return SensorLimits(
+        _reach_in_a_tick(parameters), (_driving_voltage(parameters, "A"), _driving_voltage(parameters, "B"))
+    )
 
 
 def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, float, float]:
@@ -278,7 +280,7 @@ class Watched(NamedTuple):
     ``F_slack``, ``F_max`` [N], ``q_trip`` [rad]; ``missed_max``: so many deadlines in a row are too many.
     """
 
-    limits: Limits
+    limits: SensorLimits
     tendons: Tendons
     F_slack: float
     F_max: float
@@ -299,7 +301,7 @@ class FaultDetectionState(NamedTuple):
     memory: NDArray[np.float64]
 
 
-class Found(NamedTuple):
+class DetectedFault(NamedTuple):
     """What was found, and where readings cannot be true the words of ``plausibility.Verdict``."""
 
     what: int
@@ -309,7 +311,7 @@ class Found(NamedTuple):
     excess: float
 
 
-CLEAR = Found(NOTHING, CREDIBLE, 0, -1, 0.0)
+CLEAR = DetectedFault(NOTHING, CREDIBLE, 0, -1, 0.0)
 
 
 @compiled
@@ -322,7 +324,7 @@ def check(
     zeroed: bool,
     taut_wanted: bool,
     missed: int,
-) -> tuple[Found, FaultDetectionState]:
+) -> tuple[DetectedFault, FaultDetectionState]:
     """Look at a measurement, and return the first fault found.
 
     ``raw`` is as read; in ``m`` the motor encoders have their zeros, which are known where ``zeroed``. ``command`` is
@@ -330,9 +332,9 @@ def check(
     the last tick.
     """
     if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
-        return Found(NO_NUMBER, 0, 0, -1, 0.0), state
+        return DetectedFault(NO_NUMBER, 0, 0, -1, 0.0), state
     if m.safety_trip != 0.0:
-        return Found(TRIPPED, 0, 0, -1, 0.0), state
+        return DetectedFault(TRIPPED, 0, 0, -1, 0.0), state
     doubt, which, still, excess = CREDIBLE, 0, -1, 0.0
     if state.seen:
         doubt, which, still, excess = check_plausibility(
@@ -353,7 +355,7 @@ def check(
         what = SLACK
     elif missed >= watched.missed_max:
         what = MISSED
-    return Found(what, doubt, which, still, excess), after
+    return DetectedFault(what, doubt, which, still, excess), after
 
 
 def watched_for(parameters: PlantParameters, missed_max: int) -> Watched:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import cascade, pid
-from backend.control.motion_types import Carry, Decision, Target, clipped, driven, follow, walk
+from backend.control.motion_types import ControlOutput, MotorLoopState, Setpoint, clipped, driven, follow, walk
 from plant.compiled import compiled
 from plant.interface import Measurement, T_s
 
@@ -127,8 +127,8 @@ class SoftStopState(NamedTuple):
 
 @compiled
 def step_soft_stop(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: SoftStopState, m: Measurement
-) -> tuple[Decision, Carry, SoftStopState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: SoftStopState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, SoftStopState]:
     """One tick of braking."""
     braked_A, braked_B, braking = step_brake(state.brake, m.theta_A, m.theta_B, tuning.u_max)
     elapsed_s = state.elapsed_s + T_s
@@ -137,7 +137,7 @@ def step_soft_stop(
     u_B = _stepped(state.u_B, braked_B + left * state.began_B, tuning.u_max)
     limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
     nan = math.nan
-    decision = Decision(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, elapsed_s >= SOFT_STOP_S)
+    decision = ControlOutput(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, elapsed_s >= SOFT_STOP_S)
     return decision, carry, SoftStopState(braking, elapsed_s, u_A, u_B, state.began_A, state.began_B)
 
 
@@ -182,8 +182,8 @@ class TensionHoldState(NamedTuple):
 
 @compiled
 def step_tension_hold(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TensionHoldState, m: Measurement
-) -> tuple[Decision, Carry, TensionHoldState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TensionHoldState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, TensionHoldState]:
     """One tick: travel to the tension, settle, excite."""
     base_A, base_B, settle_ticks, tick = state.base_A, state.base_B, state.settle_ticks, state.tick
     chips, hold = state.chips, state.hold
@@ -225,8 +225,8 @@ class TensionSweepState(NamedTuple):
 
 @compiled
 def step_tension_sweep(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TensionSweepState, m: Measurement
-) -> tuple[Decision, Carry, TensionSweepState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TensionSweepState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, TensionSweepState]:
     """One tick: to the start, settle, then along the legs."""
     goals, ticks, leg, elapsed, done = state.goals, state.ticks, state.leg, state.elapsed, False
     if leg < 0:
@@ -263,8 +263,8 @@ class TravelState(NamedTuple):
 
 @compiled
 def step_travel(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TravelState, m: Measurement
-) -> tuple[Decision, Carry, TravelState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TravelState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, TravelState]:
     """One tick of walking, or of holding the goal."""
     theta_A, theta_B, settled_s = state.theta_A, state.theta_B, state.settled_s
     theta_A_ref, theta_B_ref = walk(carry.theta_A_ref, carry.theta_B_ref, theta_A, theta_B)
@@ -350,8 +350,8 @@ class VoltageStepsState(NamedTuple):
 
 @compiled
 def step_voltage_steps(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: VoltageStepsState, m: Measurement
-) -> tuple[Decision, Carry, VoltageStepsState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: VoltageStepsState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, VoltageStepsState]:
     """One tick of the stage in progress: walk to where the step starts, stand, zero volts, step, brake, and so on."""
     room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking = state
     ticks += 1
@@ -418,8 +418,8 @@ class WindingState(NamedTuple):
 
 @compiled
 def step_winding(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: WindingState, m: Measurement
-) -> tuple[Decision, Carry, WindingState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: WindingState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, WindingState]:
     """One tick of winding."""
     wound = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
     done = wound.steady_s >= STANDSTILL_S
@@ -427,6 +427,6 @@ def step_winding(
     return decision, carry, WindingState(wound)
 
 
-def begin_winding(carry: Carry) -> WindingState:
+def begin_winding(carry: MotorLoopState) -> WindingState:
     """Wind from where the motors are sent now; the tendons are taken for slack."""
     return WindingState(PretensionState(0.0, 0.0, carry.theta_A_ref, carry.theta_B_ref, 0.0))

@@ -14,7 +14,7 @@ TRAVEL_SPEED = 3.0
 VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 
 
-class Target(NamedTuple):
+class Setpoint(NamedTuple):
     """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
 
     ``tuning``, ``wall`` and ``touch`` are the numbers of the program's tuning, obstacle and touch that are wanted, 0
@@ -30,7 +30,7 @@ class Target(NamedTuple):
     touch: int = 0
 
 
-class Carry(NamedTuple):
+class MotorLoopState(NamedTuple):
     """Motor loops as one motion leaves them and the next takes them over: state, gains, references [rad]."""
 
     state: pid.MotorPairState
@@ -39,7 +39,7 @@ class Carry(NamedTuple):
     theta_B_ref: float
 
 
-class Decision(NamedTuple):
+class ControlOutput(NamedTuple):
     """What a motion decided in one tick; ``limits`` are bits of ``backend.faults.Limit``.
 
     ``pushes``: the plant's push and loads are to be the target's; else they are left alone. ``done``: the motion has
@@ -50,7 +50,7 @@ class Decision(NamedTuple):
     u_B: float
     theta_A_ref: float
     theta_B_ref: float
-    target: Target
+    target: Setpoint
     q_ref_gov: float
     S_ref_gov: float
     bank_entry: float
@@ -59,8 +59,8 @@ class Decision(NamedTuple):
     done: bool
 
 
-NO_REFERENCE = Target(math.nan, math.nan, 0.0)
-AT_REST = Decision(
+NO_REFERENCE = Setpoint(math.nan, math.nan, 0.0)
+AT_REST = ControlOutput(
     0.0, 0.0, math.nan, math.nan, NO_REFERENCE, math.nan, math.nan, math.nan, 0, pushes=False, done=False
 )
 """Zero volts, and nothing that is followed."""
@@ -69,34 +69,34 @@ AT_REST = Decision(
 @compiled
 def follow(
     tuning: cascade.CascadeTuning,
-    carry: Carry,
-    target: Target,
+    carry: MotorLoopState,
+    target: Setpoint,
     theta_A_ref: float,
     theta_B_ref: float,
     m: Measurement,
     done: bool,
-) -> tuple[Decision, Carry]:
+) -> tuple[ControlOutput, MotorLoopState]:
     """One tick of both motor loops towards motor references [rad]."""
     gains = tuning.motors
     state = pid.bumpless_motor_pair(carry.gains, gains, carry.state, m.theta_A, m.theta_B)
     y, state = pid.step_motor_pair(gains, state, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)
     limits = clipped(y.excess_A != 0.0, y.excess_B != 0.0)
-    decision = Decision(
+    decision = ControlOutput(
         y.u_A, y.u_B, theta_A_ref, theta_B_ref, target, target.q_ref, target.S_ref, 0.0, limits, False, done
     )
-    return decision, Carry(state, gains, theta_A_ref, theta_B_ref)
+    return decision, MotorLoopState(state, gains, theta_A_ref, theta_B_ref)
 
 
 @compiled
 def driven(
-    tuning: cascade.CascadeTuning, target: Target, u_A: float, u_B: float, m: Measurement, done: bool
-) -> tuple[Decision, Carry]:
+    tuning: cascade.CascadeTuning, target: Setpoint, u_A: float, u_B: float, m: Measurement, done: bool
+) -> tuple[ControlOutput, MotorLoopState]:
     """One tick of bare voltages [V]; whatever comes next takes the motors over where they are, at these voltages."""
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
     limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
     nan = math.nan
-    decision = Decision(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, done)
-    return decision, Carry(state, tuning.motors, m.theta_A, m.theta_B)
+    decision = ControlOutput(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, done)
+    return decision, MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)
 
 
 @compiled

@@ -214,7 +214,7 @@ class MotorPairState(NamedTuple):
     B: IPDState
 
 
-class Output(NamedTuple):
+class MotorPairOutput(NamedTuple):
     """Voltages within their limit [V], and what was clipped off [V]."""
 
     u_A: float
@@ -235,7 +235,7 @@ def step_motor_pair(
     forward_A: float = 0.0,
     forward_B: float = 0.0,
     resting: bool = False,
-) -> tuple[Output, MotorPairState]:
+) -> tuple[MotorPairOutput, MotorPairState]:
     """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max.
 
     ``forward_A``, ``forward_B`` [V] come on top of what the loops give. While they are ``resting`` their
@@ -243,7 +243,7 @@ def step_motor_pair(
     """
     u_A, excess_A, state_A = step_i_pd(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A, resting)
     u_B, excess_B, state_B = step_i_pd(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B, resting)
-    return Output(u_A, u_B, excess_A, excess_B), MotorPairState(state_A, state_B)
+    return MotorPairOutput(u_A, u_B, excess_A, excess_B), MotorPairState(state_A, state_B)
 
 
 @compiled

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control.motion_types import Target
+from backend.control.motion_types import Setpoint
 from plant.compiled import compiled
 from plant.interface import ShaftLoad, T_s
 
@@ -77,7 +77,7 @@ STEP, RAMP, SINE, SWEEP, PRBS, MULTISINE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 """Shapes of a segment, as its first column has them."""
 
 
-class Player(NamedTuple):
+class SetpointPlayer(NamedTuple):
     """``segments``, the one that is played and how many of its ticks were, its shift register, the target before it.
 
     ``segments`` (n, COLUMNS): shape, ticks, duration [s], q_ref [rad], S_ref [N·m/rad], F_push [N], period [s] of a
@@ -90,11 +90,11 @@ class Player(NamedTuple):
     position: int
     elapsed: int
     register: int
-    start: Target
+    start: Setpoint
 
 
 @compiled
-def play(player: Player, last: Target) -> tuple[bool, Target, Player]:
+def play(player: SetpointPlayer, last: Setpoint) -> tuple[bool, Setpoint, SetpointPlayer]:
     """Return whether the last segment has ended, the target, which is ``last`` then, and the player after it."""
     segments, position, elapsed, register, start = (
         player.segments,
@@ -110,15 +110,15 @@ def play(player: Player, last: Target) -> tuple[bool, Target, Player]:
                 register = next_register(register, int(segment[_COUNT]))
             elapsed += 1
             target = within(segment, start, elapsed * T_s, register)
-            return False, target, Player(segments, position, elapsed, register, start)
+            return False, target, SetpointPlayer(segments, position, elapsed, register, start)
         start = after(segment, start)
         position += 1
         elapsed, register = 0, FIRST
-    return True, last, Player(segments, position, elapsed, register, start)
+    return True, last, SetpointPlayer(segments, position, elapsed, register, start)
 
 
 @compiled
-def announced(player: Player) -> tuple[float, float]:
+def announced(player: SetpointPlayer) -> tuple[float, float]:
     """Return where a ramp that is played ends and stays, q_ref [rad] and S_ref [N·m/rad]: nan where that is not known.
 
     A ramp that the next segment takes further does not end there, nor is one that is over announced any more.
@@ -137,7 +137,7 @@ def announced(player: Player) -> tuple[float, float]:
 
 
 @compiled
-def within(segment: NDArray[np.float64], start: Target, time_s: float, register: int) -> Target:
+def within(segment: NDArray[np.float64], start: Setpoint, time_s: float, register: int) -> Setpoint:
     """Return the target ``time_s`` [s] into a segment that began at ``start``; ``register`` is that of a PRBS."""
     share = 1.0
     if segment[_SHAPE] == RAMP:
@@ -154,7 +154,7 @@ def within(segment: NDArray[np.float64], start: Target, time_s: float, register:
 
 
 @compiled
-def after(segment: NDArray[np.float64], start: Target) -> Target:
+def after(segment: NDArray[np.float64], start: Setpoint) -> Setpoint:
     """Return what is left when a segment is over: an excitation leaves the references where they were."""
     if segment[_SHAPE] == SINE:
         return _at(segment, start, sine(segment[_DURATION], segment[_PERIOD]))
@@ -162,8 +162,8 @@ def after(segment: NDArray[np.float64], start: Target) -> Target:
 
 
 @compiled
-def _at(segment: NDArray[np.float64], start: Target, share: float) -> Target:
-    return Target(
+def _at(segment: NDArray[np.float64], start: Setpoint, share: float) -> Setpoint:
+    return Setpoint(
         start.q_ref + share * (segment[_Q] - start.q_ref),
         start.S_ref + share * (segment[_S] - start.S_ref),
         start.F_push + share * (segment[_PUSH] - start.F_push),

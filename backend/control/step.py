@@ -12,9 +12,9 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, tracking
-from backend.control.motion_types import AT_REST, Carry, Decision, Target
+from backend.control.motion_types import AT_REST, ControlOutput, MotorLoopState, Setpoint
 from backend.sample import INDEX
-from plant.compiled import STRICT, Cell, compiled, compiled_run, keep
+from plant.compiled import STRICT, StateBlock, compiled, compiled_run, keep
 from plant.interface import NO_LOAD, NO_RAW, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 from plant.simulator import Simulated, period
 
@@ -26,7 +26,7 @@ QUIET, FOUND, DONE, PUSHES, TUNES, WALLS, FELT = 0, 1, 2, 4, 16, 32, 64
 load, its tuning, its obstacle (or touch) is not the one in force; a contact was felt, before anything was decided."""
 
 
-class Orders(NamedTuple):
+class StepInputs(NamedTuple):
     """What the interpreter says of a tick.
 
     Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
@@ -58,13 +58,13 @@ class Orders(NamedTuple):
     limits: int
 
 
-NO_ORDERS = Orders(
+NO_INPUTS = StepInputs(
     0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0, 0, 0.0, 0.0, 0, 0
 )
 """Those of a loop that is just being made."""
 
 
-class Desk(NamedTuple):
+class ControlState(NamedTuple):
     """All that is before the tick; ``m`` counts from the zeros, ``command`` is what was written last.
 
     ``F_ext_hat`` [N] comes of ``touch``, less the ``bias`` (n, 2) learned over S.
@@ -72,13 +72,13 @@ class Desk(NamedTuple):
 
     tuning: cascade.CascadeTuning
     watched: fault_detection.Watched
-    orders: Orders
+    orders: StepInputs
     checks: fault_detection.FaultDetectionState
-    found: fault_detection.Found
+    found: fault_detection.DetectedFault
     velocity: motion_primitives.VelocityState
     m: Measurement
     command: MotorCommand
-    decision: Decision
+    decision: ControlOutput
     observer: disturbance_observer.Observer
     touch: disturbance_observer.DisturbanceObserverState
     bias: NDArray[np.float64]
@@ -88,8 +88,8 @@ class Desk(NamedTuple):
 class Moving(NamedTuple):
     """A motion under way: the motor loops, what is asked for, and the state of the motion's kind."""
 
-    carry: Carry
-    target: Target
+    carry: MotorLoopState
+    target: Setpoint
     state: Any
 
 
@@ -101,8 +101,8 @@ class Resting(NamedTuple):
 
 @compiled
 def rest(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: Resting, m: Measurement
-) -> tuple[Decision, Carry, Resting]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: Resting, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, Resting]:
     """Zero volts."""
     return AT_REST, carry, state
 
@@ -122,7 +122,7 @@ KINDS: dict[type, Any] = {
 """The tick of each kind of motion, by its state."""
 
 
-def step(tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: Any, m: Measurement) -> Any:
+def step(tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: Any, m: Measurement) -> Any:
     """One tick of a motion of whatever kind; compiled code has that of its kind alone."""
     return KINDS[type(state)](tuning, carry, target, state, m)
 
@@ -132,12 +132,12 @@ def _step(tuning: Any, carry: Any, target: Any, state: Any, m: Any) -> Any:
     return KINDS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
 
 
-def told(state: Any, tau_ext: float) -> Any:
+def with_outside_torque(state: Any, tau_ext: float) -> Any:
     """State of a motion that is told of an outside torque [N·m]: the cascade alone wants to know."""
     return state._replace(tau_ext=tau_ext) if isinstance(state, tracking.TrackingState) else state
 
 
-@overload(told, cast(Any, STRICT), strict=False)
+@overload(with_outside_torque, cast(Any, STRICT), strict=False)
 def _told(state: Any, tau_ext: Any) -> Any:
     if state.instance_class is tracking.TrackingState:
         return lambda state, tau_ext: tracking.TrackingState(
@@ -147,7 +147,7 @@ def _told(state: Any, tau_ext: Any) -> Any:
 
 
 @compiled
-def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
+def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int) -> int:
     """Take in what is measured; FOUND where something is wrong with it, FELT where all is well but for a contact.
 
     ``missed`` deadlines since the last tick.
@@ -181,7 +181,7 @@ def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
 
 
 @compiled
-def _feel(desk: Cell[Desk], m: Measurement, zeroed: bool) -> float:
+def _feel(desk: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float:
     """Outside force [N] in this tick; nan as long as it is not known where the motors stand."""
     observer, bias = desk.observer.value, desk.bias.value
     state = (
@@ -197,11 +197,13 @@ def _feel(desk: Cell[Desk], m: Measurement, zeroed: bool) -> float:
 
 
 @compiled
-def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
+def compute_control(desk: StateBlock[ControlState], moving: StateBlock[Moving]) -> tuple[int, float, float]:
     """Let the motion decide; the bits of what came of it, and the voltages [V]."""
     was, orders = moving.value, desk.orders.value
     tau_ext = desk.F_ext_hat.value * desk.observer.tendons.r_j.value if desk.bias.value.shape[0] > 0 else math.nan
-    decision, carry, state = step(desk.tuning.value, was.carry, was.target, told(was.state, tau_ext), desk.m.value)
+    decision, carry, state = step(
+        desk.tuning.value, was.carry, was.target, with_outside_torque(was.state, tau_ext), desk.m.value
+    )
     keep(moving, Moving(carry, decision.target, state))
     keep(desk.decision, decision)
     came = DONE if decision.done and not orders.reached else QUIET
@@ -232,7 +234,7 @@ _LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fau
 
 @compiled
 def write_row(
-    desk: Cell[Desk],
+    desk: StateBlock[ControlState],
     row: NDArray[np.float64],
     tick: int,
     put: MotorCommand,
@@ -274,7 +276,7 @@ DECIDED = 8
 """Of the tick after the last whole one: the motion has decided, and the rest is the interpreter's."""
 
 
-class Stretch(NamedTuple):
+class TickRange(NamedTuple):
     """Ticks to be made: number of the first, and of the simulator's period before it; how many; overruns so far."""
 
     first: int
@@ -285,11 +287,11 @@ class Stretch(NamedTuple):
 
 @compiled_run
 def run_batch(
-    desk: Cell[Desk],
-    moving: Cell[Moving],
-    simulated: Cell[Simulated],
+    desk: StateBlock[ControlState],
+    moving: StateBlock[Moving],
+    simulated: StateBlock[Simulated],
     m: Measurement,
-    stretch: Stretch,
+    stretch: TickRange,
     rows: NDArray[np.float64],
 ) -> tuple[int, int, float, float, Measurement]:
     """Make ticks, each with its row in ``rows`` (capacity, n), at the place of its number; ``m`` is measured now.
@@ -298,10 +300,10 @@ def run_batch(
     TUNES, WALLS, DECIDED: it was decided), its voltages [V], and what is measured then.
     """
     for made in range(stretch.ticks):
-        seen = look(desk, m, 0)
+        seen = detect_faults(desk, m, 0)
         if seen != QUIET:
             return made, seen, 0.0, 0.0, m
-        came, u_A, u_B = decide(desk, moving)
+        came, u_A, u_B = compute_control(desk, moving)
         if came & (DONE | TUNES | WALLS) or not math.isfinite(u_A + u_B):
             return made, came | DECIDED, u_A, u_B, m
         if came & PUSHES:

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from backend.control import baselines, cascade, decoupler, pid
 from backend.control.decoupler import Bounds
-from backend.control.motion_types import VOLTAGE_A, VOLTAGE_B, Carry, Decision, Target
-from backend.control.setpoint_player import Player, announced, play
-from backend.control.trajectory import References
+from backend.control.motion_types import VOLTAGE_A, VOLTAGE_B, ControlOutput, MotorLoopState, Setpoint
+from backend.control.setpoint_player import SetpointPlayer, announced, play
+from backend.control.trajectory import LoopReferences
 from backend.faults import Limit
 from plant.compiled import compiled
 from plant.interface import Measurement
@@ -31,22 +31,22 @@ class TrackingState(NamedTuple):
     law: cascade.CascadeState
     position_loop: bool
     plays: bool
-    player: Player
+    player: SetpointPlayer
     tau_ext: float = math.nan
 
 
 @compiled
 def step(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: TrackingState, m: Measurement
-) -> tuple[Decision, Carry, TrackingState]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TrackingState, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, TrackingState]:
     """One tick of the cascade."""
     done, player, q_end, S_end = False, state.player, math.nan, math.nan
     if state.plays:
         done, target, player = play(player, target)
         q_end, S_end = announced(player)
-    references = References(target.q_ref, target.S_ref, q_end, S_end)
+    references = LoopReferences(target.q_ref, target.S_ref, q_end, S_end)
     y, law = cascade.step(tuning, state.law, references, state.position_loop, m, state.tau_ext)
-    carry = Carry(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
+    carry = MotorLoopState(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
     return (
         decided(y, target, state.plays, done),
         carry,
@@ -55,9 +55,9 @@ def step(
 
 
 @compiled
-def decided(y: cascade.CascadeOutput, target: Target, pushes: bool, done: bool) -> Decision:
+def decided(y: cascade.CascadeOutput, target: Setpoint, pushes: bool, done: bool) -> ControlOutput:
     """Decision of a law of position and stiffness."""
-    return Decision(
+    return ControlOutput(
         y.u_A,
         y.u_B,
         y.theta_A_ref,
@@ -85,7 +85,7 @@ def acting(y: cascade.CascadeOutput) -> int:
     )
 
 
-def here(tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True) -> Target:
+def here(tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True) -> Setpoint:
     """Return references with which nothing has to move, as far as references may go.
 
     Without position loop q_ref is the equilibrium of the motors [rad], and not where a push holds the joint.
@@ -93,7 +93,7 @@ def here(tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, posit
     d = tuning.decoupler
     q = m.q if position_loop else decoupler.equilibrium(d, m.theta_A, m.theta_B)
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
-    return Target(min(max(q, bounds.q_min), bounds.q_max), min(max(S, bounds.S_min), bounds.S_max), 0.0)
+    return Setpoint(min(max(q, bounds.q_min), bounds.q_max), min(max(S, bounds.S_min), bounds.S_max), 0.0)
 
 
 # Baselines -----------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ class SingleLoop(NamedTuple):
 
     tuning: baselines.SingleLoopTuning
     law: baselines.SingleLoopState
-    player: Player
+    player: SetpointPlayer
 
 
 class FeedbackLinearization(NamedTuple):
@@ -115,13 +115,13 @@ class FeedbackLinearization(NamedTuple):
 
     tuning: baselines.FeedbackLinearizationTuning
     law: baselines.FeedbackLinearizationState
-    player: Player
+    player: SetpointPlayer
 
 
 @compiled
 def step_single_loop(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: SingleLoop, m: Measurement
-) -> tuple[Decision, Carry, SingleLoop]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: SingleLoop, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, SingleLoop]:
     """One tick; the cascade's tuning is only what the next motion takes over."""
     done, target, player = play(state.player, target)
     y, law = baselines.step_single_loop(state.tuning, state.law, target.q_ref, target.S_ref, m)
@@ -130,8 +130,8 @@ def step_single_loop(
 
 @compiled
 def step_feedback_linearization(
-    tuning: cascade.CascadeTuning, carry: Carry, target: Target, state: FeedbackLinearization, m: Measurement
-) -> tuple[Decision, Carry, FeedbackLinearization]:
+    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: FeedbackLinearization, m: Measurement
+) -> tuple[ControlOutput, MotorLoopState, FeedbackLinearization]:
     """One tick; the cascade's tuning is only what the next motion takes over."""
     done, target, player = play(state.player, target)
     y, law = baselines.step_feedback_linearization(state.tuning, state.law, target.q_ref, target.S_ref, m)
@@ -139,7 +139,7 @@ def step_feedback_linearization(
 
 
 @compiled
-def _left(tuning: cascade.CascadeTuning, y: cascade.CascadeOutput, m: Measurement) -> Carry:
+def _left(tuning: cascade.CascadeTuning, y: cascade.CascadeOutput, m: Measurement) -> MotorLoopState:
     """Motor loops that hold the joint where the law has left it."""
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, y.u_A, y.u_B)
-    return Carry(state, tuning.motors, m.theta_A, m.theta_B)
+    return MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)

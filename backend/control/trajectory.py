@@ -27,7 +27,7 @@ LEAST_V = 1e-3
 """An axis that has nothing left of the budget [V] is planned with this."""
 
 
-class Axis(NamedTuple):
+class AxisMotion(NamedTuple):
     """Angle [rad] and speed [rad/s] of one axis of the model."""
 
     theta: float
@@ -108,7 +108,7 @@ def duration(V: float, T: float, distance: float, omega: float) -> float:
 
 
 @compiled
-def toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
+def toward(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
     """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal.
 
     With a goal that moves that is as fast as the goal, and no faster than what still stops at the goal's end.
@@ -122,7 +122,7 @@ def toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
 
 
 @compiled
-def _toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
+def _toward(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
     """Voltage [V] of this tick, within ±U, with which the axis comes to its goal no faster than that moves."""
     e, w = goal.theta - axis.theta, axis.omega - goal.rate
     e -= T_s * w  # as it will be when this voltage has acted
@@ -137,11 +137,11 @@ def _toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
 
 
 @compiled
-def turned(K: float, T: float, axis: Axis, u: float) -> Axis:
+def turned(K: float, T: float, axis: AxisMotion, u: float) -> AxisMotion:
     """Axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
     g = math.exp(-T_s / T)
     over = axis.omega - K * u
-    return Axis(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
+    return AxisMotion(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
 
 
 @compiled
@@ -168,7 +168,7 @@ LEAST_RAD_S = 1e-3
 """An axis that has nothing left of the budget brakes with this, as speed [rad/s]."""
 
 
-class References(NamedTuple):
+class LoopReferences(NamedTuple):
     """Position [rad] and stiffness [N·m/rad] of this tick, and where a move of theirs ends and stays.
 
     nan: they stand already, or nobody has announced an end.
@@ -181,7 +181,7 @@ class References(NamedTuple):
 
 
 @compiled
-def goals(d: Decoupler, before_d: Goal, before_c: Goal, r: References, V: float) -> tuple[Goal, Goal]:
+def goals(d: Decoupler, before_d: Goal, before_c: Goal, r: LoopReferences, V: float) -> tuple[Goal, Goal]:
     """Goals of difference and common axis after those of the tick before, for motors that reach V [rad/s]."""
     theta_A, theta_B = decoupler.motor_positions(d, r.q, r.S)
     end_d, end_c = _ends(d, r)
@@ -199,7 +199,7 @@ def jumps(before: Goal, goal: Goal) -> bool:
 
 @compiled
 def soonest_stand(
-    K: float, T: float, U: float, d: Axis, c: Axis, goal_d: Goal, goal_c: Goal
+    K: float, T: float, U: float, d: AxisMotion, c: AxisMotion, goal_d: Goal, goal_c: Goal
 ) -> tuple[Goal, Goal, float]:
     """Where both axes come to stand soonest within U [V], none beyond where it was sent; share of the difference axis.
 
@@ -214,14 +214,14 @@ def soonest_stand(
 
 
 @compiled
-def _sent_before(axis: Axis, goal: Goal) -> float:
+def _sent_before(axis: AxisMotion, goal: Goal) -> float:
     """How far [rad] ahead of an axis lies where it was sent to stand; inf: nowhere ahead of it, or not known."""
     ahead = math.copysign(1.0, axis.omega) * ((goal.theta if goal.rate == 0.0 else goal.end) - axis.theta)
     return ahead if ahead > 0.0 else math.inf
 
 
 @compiled
-def _stopped(V: float, T: float, axis: Axis, most: float) -> Goal:
+def _stopped(V: float, T: float, axis: AxisMotion, most: float) -> Goal:
     """Where an axis stands once V [rad/s] have stopped it, ``most`` [rad] ahead of where it is."""
     V = max(BRAKING * V, LEAST_RAD_S)
     landing = 0.5 * V / T * LANDING_S**2
@@ -241,7 +241,7 @@ def _goal(before: Goal, theta: float, end: float, V: float) -> Goal:
 
 
 @compiled
-def _ends(d: Decoupler, r: References) -> tuple[float, float]:
+def _ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
     """Return the ends [rad] of difference and common axis; nan where that of its own reference is not known."""
     if math.isnan(r.q_end) and math.isnan(r.S_end):
         return math.nan, math.nan
@@ -285,7 +285,7 @@ STANDS = 0.05
 """A model whose axes are so slow [rad/s], and driven no faster, stands."""
 
 
-class Model(NamedTuple):
+class TrajectoryModel(NamedTuple):
     """What the plan knows of the actuator.
 
     Motors (equation 17), torque per volt [N·m/V], joint (equations 5, 13), electrical lags [s] (equations 8, 9).
@@ -319,8 +319,8 @@ class TrajectoryState(NamedTuple):
 
     goal_d: Goal
     goal_c: Goal
-    d: Axis
-    c: Axis
+    d: AxisMotion
+    c: AxisMotion
     window_d: Window
     window_c: Window
     smooth_d: Lagged
@@ -355,7 +355,7 @@ class Driven(NamedTuple):
 
 
 @compiled
-def begin(d: Decoupler, model: Model, q: float, S: float, omega_A: float, omega_B: float) -> TrajectoryState:
+def begin(d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: float, omega_B: float) -> TrajectoryState:
     """Return a model at ``q`` [rad] and ``S`` [N·m/rad] whose motors move at ``omega`` [rad/s], sent nowhere else.
 
     Its motors are where they hold its joint, moving or at rest. What the actuator's motors are off from there, because
@@ -364,8 +364,8 @@ def begin(d: Decoupler, model: Model, q: float, S: float, omega_A: float, omega_
     q_dot = d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
     q_e = q + model.B_j * q_dot / S
     theta_A, theta_B = decoupler.motor_positions(d, q_e, S)
-    difference = Axis(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
-    common = Axis(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
+    difference = AxisMotion(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
+    common = AxisMotion(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
     F_A, F_B = _tensions(d, q_e, S, q)
     K = min(model.K_A, model.K_B)
     return TrajectoryState(
@@ -396,7 +396,7 @@ def now(d: Decoupler, state: TrajectoryState) -> AxisState:
 
 
 @compiled
-def stands(model: Model, state: TrajectoryState) -> bool:
+def stands(model: TrajectoryModel, state: TrajectoryState) -> bool:
     """Whether the model moves no more, or not yet."""
     K = min(model.K_A, model.K_B)
     speed = max(abs(state.smooth_d.omega), abs(state.smooth_c.omega))
@@ -406,7 +406,7 @@ def stands(model: Model, state: TrajectoryState) -> bool:
 
 @compiled
 def step(
-    d: Decoupler, model: Model, budget: float, state: TrajectoryState, at: AxisState, r: References
+    d: Decoupler, model: TrajectoryModel, budget: float, state: TrajectoryState, at: AxisState, r: LoopReferences
 ) -> tuple[Driven, TrajectoryState]:
     """One tick towards the references from ``at``, within ``budget`` [V] for both axes together; 0 V: to a stand."""
     K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
@@ -468,7 +468,7 @@ def step(
 
 
 @compiled
-def voltages(d: Decoupler, model: Model, state: TrajectoryState, at: AxisState) -> tuple[float, float]:
+def voltages(d: Decoupler, model: TrajectoryModel, state: TrajectoryState, at: AxisState) -> tuple[float, float]:
     """Voltages [V] of the two motors for what the axes' windows say, and for the tension that has come since ``begin``.
 
     The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion:
@@ -529,7 +529,7 @@ def shared(
 
 
 @compiled
-def _needed(K: float, T: float, axis: Axis, before: Goal, goal: Goal, most: float) -> float:
+def _needed(K: float, T: float, axis: AxisMotion, before: Goal, goal: Goal, most: float) -> float:
     """Least voltage [V] that still stops an axis where it was or is sent, whichever is farther on its way."""
     w = axis.omega - goal.rate
     s = 1.0 if w >= 0.0 else -1.0
@@ -538,14 +538,14 @@ def _needed(K: float, T: float, axis: Axis, before: Goal, goal: Goal, most: floa
 
 
 @compiled
-def _motors(d: Lagged, c: Lagged) -> tuple[Axis, Axis]:
+def _motors(d: Lagged, c: Lagged) -> tuple[AxisMotion, AxisMotion]:
     """Motors A and B of the two axes."""
-    return Axis(c.theta + d.theta, c.omega + d.omega), Axis(c.theta - d.theta, c.omega - d.omega)
+    return AxisMotion(c.theta + d.theta, c.omega + d.omega), AxisMotion(c.theta - d.theta, c.omega - d.omega)
 
 
 @compiled
 def _swung(
-    model: Model, q: float, q_dot: float, q_e: float, S: float, q_e_next: float, S_next: float
+    model: TrajectoryModel, q: float, q_dot: float, q_e: float, S: float, q_e_next: float, S_next: float
 ) -> tuple[float, float]:
     """Joint one tick later: J_j q'' = S (q_e − q) − B_j q', a Runge-Kutta step with q_e and S in between."""
     h, J, B = T_s, model.J_j, model.B_j

@@ -14,16 +14,16 @@ import numpy as np
 from backend import __version__
 from backend.analysis.evaluation import Evaluation, evaluate, require_measurable
 from backend.banks.builder import points_of, tuning_command
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.control.decoupler import STIFFNESS_RANGE
-from backend.errors import Path, RefusedValueError
+from backend.errors import InvalidValueError, Path
 from backend.experiments.compiler import require_reach
 from backend.experiments.forecast import forecast, start_from
 from backend.experiments.library import declared, kept_values
 from backend.experiments.parser import ExperimentError, line_of
-from backend.experiments.plans import ComposedPlan, IdentificationPlan, LoopSettings, Plan
+from backend.experiments.plans import ExperimentPlan, IdentificationPlan, LoopSettings, Plan
 from backend.faults import Fault
-from backend.models.run import SETTINGS, KeptGrant, KeptLoop, RunSettings
+from backend.models.run import SETTINGS, KeptGrant, RunSettings, StoredLoopSettings
 from backend.models.settings import declared_values
 from backend.realtime.commands import (
     Accepted,
@@ -37,9 +37,17 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
-from backend.realtime.headless import Headless
-from backend.realtime.program import MODES, Mode, Program, SetTouch, SetTuning, mode_of_law, starts_from
-from backend.realtime.supervisor import LoopAccess, LoopDied, LoopDiedError
+from backend.realtime.headless import SimulatedLoop
+from backend.realtime.program import (
+    MODES,
+    ConfigureContactDetection,
+    Mode,
+    Program,
+    SetTuning,
+    mode_of_law,
+    starts_from,
+)
+from backend.realtime.supervisor import LoopClient, LoopExited, LoopExitedError
 from backend.sample import INDEX
 from backend.storage import banks, runs
 from backend.storage.banks import Bank
@@ -47,7 +55,7 @@ from backend.storage.database import Database
 from backend.storage.orm import StorageError, UnknownRecordError
 from backend.storage.runs import EndState, NewRun, Run, RunKind
 from backend.tuning.gains import TuningError
-from backend.tuning.preview import Previewer
+from backend.tuning.preview import TuningPreviewer
 from plant.interface import T_s
 from plant.parameters import PlantParameters
 
@@ -71,14 +79,14 @@ def banks_in(database: Database) -> BankOf:
     return bank_of
 
 
-def playable(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> Program:
+def compile_program(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> Program:
     """Return what the loop plays, begun with ``tuning``; takes a while for each change of it.
 
     Raises ExperimentError naming line and bound: a reference that the plant does not reach, λ that is not safe on the
     models of its bank, a bank that is not there.
     """
     program = plan.program()
-    if not isinstance(plan, ComposedPlan):
+    if not isinstance(plan, ExperimentPlan):
         return program
     require_measurable(plan.experiment, plan.values, plan.lines)
     require_reach(plan.laid, parameters, plan.lines)
@@ -89,28 +97,28 @@ def playable(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tuning: T
     return replace(program, tunings=tunings)
 
 
-def choices_of(plan: Plan, tuning: TuningChoice) -> list[TuningChoice]:
+def choices_of(plan: Plan, tuning: TuningSettings) -> list[TuningSettings]:
     """Return the tunings that a plan which begins with ``tuning`` puts into use, in their order."""
-    changes = plan.laid.changes if isinstance(plan, ComposedPlan) else ()
+    changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
     return [tuning.with_parts(change) for change in changes]
 
 
 def banks_of(plan: Plan) -> set[int]:
     """Return the numbers of the banks that a plan puts into use on its way."""
-    changes = plan.laid.changes if isinstance(plan, ComposedPlan) else ()
+    changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
     return {int(change["bank"]) for change in changes if "bank" in change}
 
 
 def _command(
-    bank_of: BankOf, parameters: PlantParameters, plan: ComposedPlan, choice: TuningChoice, path: Path
+    bank_of: BankOf, parameters: PlantParameters, plan: ExperimentPlan, choice: TuningSettings, path: Path
 ) -> SetTuning:
     line = line_of(path, plan.lines)
     try:
         bank = bank_of(choice.bank) if choice.bank else None
-        previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer = TuningPreviewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
         previewer.require_safe(choice.lambdas, choice.budget)
         return tuning_command(parameters, choice, bank)
-    except RefusedValueError as error:
+    except InvalidValueError as error:
         raise ExperimentError(error, path, line) from None
     except (UnknownRecordError, TuningError) as error:
         raise ExperimentError(str(error), path, line) from None
@@ -121,7 +129,7 @@ def _command(
 # How far a run is, as whoever plays it tells whoever shows it.
 
 
-class Doing(StrEnum):
+class RunPhase(StrEnum):
     """What is being done for a run, in the order in which it is done."""
 
     STARTING = "starting"
@@ -131,7 +139,7 @@ class Doing(StrEnum):
     EVALUATION = "evaluation"
 
 
-Notify = Callable[[Doing, float], None]
+ProgressCallback = Callable[[RunPhase, float], None]
 """Told a few times a second: what is being done, and for how long [s of loop time]."""
 
 
@@ -160,13 +168,13 @@ class NotReadyError(Exception):
         self.mode = mode
 
 
-def mode_of(loop: LoopAccess) -> Mode:
+def mode_of(loop: LoopClient) -> Mode:
     """Return the mode of the newest sample; OFF before the first."""
     newest = loop.ring.newest()
     return Mode.OFF if newest is None else MODES[int(newest[INDEX["mode"]])]
 
 
-def require_ready(loop: LoopAccess) -> None:
+def require_ready(loop: LoopClient) -> None:
     """Raise NotReadyError unless a program could be started from the present mode."""
     mode = mode_of(loop)
     if mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
@@ -175,11 +183,11 @@ def require_ready(loop: LoopAccess) -> None:
         raise NotReadyError("the loop is stopped: reset it first", mode)
 
 
-async def play(loop: LoopAccess, program: Program, run: int, notify: Notify) -> None:
+async def execute_program(loop: LoopClient, program: Program, run: int, notify: ProgressCallback) -> None:
     """Play ``program`` as ``run``; where it cannot start at once, wind up to pretension first.
 
     How it ended, the loop has told its recorder. A program that hangs is stopped. Raises NotPlayedError where the loop
-    never took it, LoopDiedError.
+    never took it, LoopExitedError.
     """
     watch = _Watch(run)
     end_listening = loop.listen(watch.hear)
@@ -187,12 +195,12 @@ async def play(loop: LoopAccess, program: Program, run: int, notify: Notify) -> 
         await _start(loop, program, run, notify)
         await _until_ended(loop, program, watch, notify)
         if watch.died is not None:
-            raise LoopDiedError(watch.died.reason)
+            raise LoopExitedError(watch.died.reason)
     finally:
         end_listening()
 
 
-async def _start(loop: LoopAccess, program: Program, run: int, notify: Notify) -> None:
+async def _start(loop: LoopClient, program: Program, run: int, notify: ProgressCallback) -> None:
     """Bring the loop to where the program can start, and start it. Raises NotPlayedError."""
     mode = mode_of_law(program.law)
     if not starts_from(program.law, mode_of(loop)):
@@ -206,18 +214,18 @@ async def _start(loop: LoopAccess, program: Program, run: int, notify: Notify) -
             return
         if mode not in answer.legal:  # refused for good, not only until both tendons are taut
             raise NotPlayedError(answer.reason)
-        notify(Doing.PRETENSION, waited_s)
+        notify(RunPhase.PRETENSION, waited_s)
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
     raise NotPlayedError(f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s")
 
 
-async def _until_ended(loop: LoopAccess, program: Program, watch: "_Watch", notify: Notify) -> None:
+async def _until_ended(loop: LoopClient, program: Program, watch: "_Watch", notify: ProgressCallback) -> None:
     start_tick = loop.ring.count
     longest_s = program.duration_s + TRAVEL_ALLOWANCE_S
     while not watch.over:
         elapsed_s = (loop.ring.count - start_tick) * T_s
-        notify(Doing.PROGRAM, elapsed_s)
+        notify(RunPhase.PROGRAM, elapsed_s)
         if elapsed_s > longest_s and not watch.hung:
             watch.hung = True
             await loop.send(Stop(hard=False, detail="the program hung and was stopped"))
@@ -232,11 +240,11 @@ class _Watch:
         self._run = run
         self._ended: RunEnded | None = None
         self._at_rest = False
-        self.died: LoopDied | None = None
+        self.died: LoopExited | None = None
 
-    def hear(self, event: Event | LoopDied) -> None:
+    def hear(self, event: Event | LoopExited) -> None:
         match event:
-            case LoopDied():
+            case LoopExited():
                 self.died = event
             case Stopped():
                 self._at_rest = True
@@ -276,7 +284,7 @@ async def learn_for(loop: object, program: Program, tuning: SetTuning) -> None:
     Raises NotPlayedError where the joint could not be brought to rest for it.
     """
     rejects = any(one.k_ext > 0.0 for one in (tuning, *program.tunings))
-    if not rejects or not isinstance(loop, Headless) or loop.learned:
+    if not rejects or not isinstance(loop, SimulatedLoop) or loop.learned:
         return
     await _at_rest(loop)
     points = []
@@ -287,12 +295,12 @@ async def learn_for(loop: object, program: Program, tuning: SetTuning) -> None:
         count = round(LEARNED_S / T_s)
         _, rows, _ = loop.ring.read(loop.ring.count - count, count)
         points.append((float(rows[:, INDEX["S"]].mean()), float(rows[:, INDEX["F_ext_hat"]].mean())))
-    await _taken(loop, SetTouch(tuple(points)))
+    await _taken(loop, ConfigureContactDetection(tuple(points)))
     await _taken(loop, tuning)
     await _taken(loop, SetMode(Mode.PRETENSION))
 
 
-async def _at_rest(loop: Headless) -> None:
+async def _at_rest(loop: SimulatedLoop) -> None:
     await _taken(loop, SetMode(Mode.PRETENSION))
     waited_s = 0.0
     while isinstance(answer := await loop.send(SetMode(Mode.RUN)), Refused):
@@ -302,7 +310,7 @@ async def _at_rest(loop: Headless) -> None:
         waited_s += SLICE_S
 
 
-async def _taken(loop: Headless, command: Command) -> None:
+async def _taken(loop: SimulatedLoop, command: Command) -> None:
     answer = await loop.send(command)
     if not isinstance(answer, Accepted):
         raise NotPlayedError(f"nothing was learned of the outside force: {answer.reason}")
@@ -324,14 +332,14 @@ _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-contr
 
 
 @dataclass
-class Station:
+class ExperimentRig:
     """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
 
     ``plant`` is its ``PlantChoice.name``. ``compute`` calls a function away from the event loop: in a thread, or in
     another process where a live loop waits for this one's heartbeat, as linear algebra keeps Python's lock.
     """
 
-    loop: LoopAccess
+    loop: LoopClient
     database: Database
     plant: str
     parameters: PlantParameters
@@ -339,7 +347,7 @@ class Station:
 
 
 @dataclass(frozen=True)
-class Order:
+class RunRequest:
     """What to run, with the loop settings in force, for whom."""
 
     plan: Plan
@@ -349,14 +357,14 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunResult:
     """The run as it ended and what was computed from it."""
 
     run: Run
     evaluation: Evaluation
 
 
-def create_run(station: Station, order: Order) -> Run:
+def create_run(station: ExperimentRig, order: RunRequest) -> Run:
     """Store the run before anything moves.
 
     Raises NotReadyError when the loop could not start it now, OutOfRangeError where an identification would take
@@ -367,10 +375,10 @@ def create_run(station: Station, order: Order) -> Run:
         start = start_from(station.loop.ring.newest())
         told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
         told.require_within_range(station.parameters)
-    playable(banks_in(station.database), station.parameters, order.plan, order.loop_settings.tuning)
+    compile_program(banks_in(station.database), station.parameters, order.plan, order.loop_settings.tuning)
     settings = RunSettings(
         plan=kept_values(order.plan),
-        loop=KeptLoop(**asdict(order.loop_settings)),
+        loop=StoredLoopSettings(**asdict(order.loop_settings)),
         declared=(*declared(order.plan), *declared_values(order.loop_settings)),
         versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
         granted=None if station.loop.granted is None else KeptGrant(**asdict(station.loop.granted)),
@@ -394,17 +402,25 @@ async def _nothing() -> None:
     """Do nothing more when a program is over."""
 
 
-async def perform(
-    station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
-) -> Outcome:
+async def play_and_evaluate(
+    station: ExperimentRig,
+    order: RunRequest,
+    run: Run,
+    notify: ProgressCallback,
+    over: Callable[[], Awaitable[None]] = _nothing,
+) -> RunResult:
     """Play an order as ``run`` and evaluate it: ``played``, then ``evaluated``."""
     closed = await played(station, order, run, notify, over)
-    notify(Doing.EVALUATION, 0.0)
-    return Outcome(closed, await evaluated(station, order.plan, closed))
+    notify(RunPhase.EVALUATION, 0.0)
+    return RunResult(closed, await evaluated(station, order.plan, closed))
 
 
 async def played(
-    station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
+    station: ExperimentRig,
+    order: RunRequest,
+    run: Run,
+    notify: ProgressCallback,
+    over: Callable[[], Awaitable[None]] = _nothing,
 ) -> Run:
     """Play the order's program as ``run``, wait until it is stored, and return the run as it was closed.
 
@@ -413,14 +429,16 @@ async def played(
     """
     try:
         tuning = order.loop_settings.tuning
-        program = await asyncio.to_thread(playable, banks_in(station.database), station.parameters, order.plan, tuning)
+        program = await asyncio.to_thread(
+            compile_program, banks_in(station.database), station.parameters, order.plan, tuning
+        )
         bank = banks_in(station.database)(tuning.bank) if tuning.bank else None
         await learn_for(station.loop, program, tuning_command(station.parameters, tuning, bank))
-        await play(station.loop, program, run.id, notify)
+        await execute_program(station.loop, program, run.id, notify)
         closed = await _recorded(station, run.id)
-    except (NotPlayedError, RefusedValueError) as refused:
+    except (NotPlayedError, InvalidValueError) as refused:
         closed = _close(station, run.id, EndState.STOPPED, str(refused))
-    except LoopDiedError as died:
+    except LoopExitedError as died:
         closed = await _recorded(station, run.id, or_else=(EndState.LINK_LOST, str(died)))
     except BaseException as error:
         _close(station, run.id, EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}")
@@ -429,13 +447,15 @@ async def played(
     return closed
 
 
-async def run_experiment(station: Station, order: Order, notify: Notify = lambda _phase, _elapsed_s: None) -> Outcome:
+async def run_experiment(
+    station: ExperimentRig, order: RunRequest, notify: ProgressCallback = lambda _phase, _elapsed_s: None
+) -> RunResult:
     """Create the run and perform it. Raises NotReadyError."""
-    return await perform(station, order, create_run(station, order), notify)
+    return await play_and_evaluate(station, order, create_run(station, order), notify)
 
 
 async def _recorded(
-    station: Station,
+    station: ExperimentRig,
     run_id: int,
     or_else: tuple[EndState, str] = (EndState.SERVICE_DIED, f"its end was not recorded within {STORING_TIMEOUT_S:g} s"),
 ) -> Run:
@@ -448,13 +468,13 @@ async def _recorded(
             return run
         try:
             await station.loop.advance(SLICE_S)
-        except LoopDiedError:
+        except LoopExitedError:
             await asyncio.sleep(SLICE_S)
         waited_s += SLICE_S
     return _close(station, run_id, *or_else)
 
 
-async def evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
+async def evaluated(station: ExperimentRig, plan: Plan, run: Run) -> Evaluation:
     """Compute and store the result of a closed run; what ended early is evaluated as incomplete.
 
     A run is over whatever becomes of that: where it fails, outcome and run say why, and it goes on.
@@ -472,7 +492,7 @@ async def evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
     return Evaluation(None, None, f"it could not be evaluated: {problem}")
 
 
-def _keep_problem(station: Station, run_id: int, problem: str) -> None:
+def _keep_problem(station: ExperimentRig, run_id: int, problem: str) -> None:
     try:
         with station.database.session() as session:
             runs.set_evaluation_problem(session, run_id, problem)
@@ -480,6 +500,6 @@ def _keep_problem(station: Station, run_id: int, problem: str) -> None:
         _LOG.exception("why run %s has no result could not be kept: %s", run_id, problem)
 
 
-def _close(station: Station, run_id: int, end_state: EndState, detail: str) -> Run:
+def _close(station: ExperimentRig, run_id: int, end_state: EndState, detail: str) -> Run:
     with station.database.session() as session:
         return runs.end(session, run_id, end_state, detail)

@@ -10,19 +10,29 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import InForce
+from backend.analysis.context import EvaluationContext
 from backend.analysis.evaluation import composed_result
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.builder import points_of, tuning_command
-from backend.execution.runner import BankOf, Doing, Order, Station, banks_in, learn_for, play, playable, run_experiment
+from backend.execution.runner import (
+    BankOf,
+    ExperimentRig,
+    RunPhase,
+    RunRequest,
+    banks_in,
+    compile_program,
+    execute_program,
+    learn_for,
+    run_experiment,
+)
 from backend.experiments.library import ready_plan
-from backend.experiments.plans import ComposedPlan, LoopSettings
-from backend.models.run import Criterion, Metrics
+from backend.experiments.plans import ExperimentPlan, LoopSettings
+from backend.models.run import Metrics, RunCriterion
 from backend.realtime.commands import Event, RunEnded
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import Program, SetTuning
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.recording.reader import Columns, SampleEnvelope, read_envelope
 from backend.recording.recorder import Recorder, end_of
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
@@ -31,7 +41,7 @@ from backend.storage.banks import Bank
 from backend.storage.database import Database, open_database
 from backend.storage.results import Result
 from backend.storage.runs import EndState, Run
-from backend.tuning.preview import Previewer
+from backend.tuning.preview import TuningPreviewer
 from plant.factory import make_plant
 from plant.interface import SIMULATOR, PlantChoice, PlantError, T_s
 from plant.parameters import PlantParameters
@@ -45,7 +55,7 @@ from plant.parameters import PlantParameters
 @contextmanager
 def headless_station(
     database: Database, parameters: PlantParameters, settings: LoopSettings, plant: PlantChoice = SIMULATOR
-) -> Iterator[Station]:
+) -> Iterator[ExperimentRig]:
     """Give an actuator that is computed, with a recorder, set to ``settings``; let go of it at the end of the block.
 
     Raises PlantError for a ``plant`` that moves by itself, UnknownRecordError for a bank that is not there,
@@ -63,7 +73,7 @@ def headless_station(
     recorders.append(recorder)
     loop.listen(recorder.hear)
     try:
-        yield Station(loop, database, plant.name, parameters)
+        yield ExperimentRig(loop, database, plant.name, parameters)
     finally:
         loop.close()
         recorder.close()
@@ -75,17 +85,17 @@ def headless_loop(
     bank: Bank | None,
     each_batch: Callable[[Ring], None],
     plant: PlantChoice = SIMULATOR,
-) -> Headless:
+) -> SimulatedLoop:
     """Return a loop on a computed actuator, set to ``settings``; ``each_batch`` sees its samples as they come.
 
     Raises PlantError for a ``plant`` that moves by itself, OutOfRangeError for λ that is not safe.
     """
-    previewer = Previewer(parameters, points_of(bank), lam_motor=settings.lam_motor, b=settings.b)
+    previewer = TuningPreviewer(parameters, points_of(bank), lam_motor=settings.lam_motor, b=settings.b)
     previewer.require_safe(settings.lambdas, settings.budget)
     made = make_plant(plant, parameters, settings.seed)
     if not made.stepped:
         raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
-    return Headless(made, parameters, tuning_command(parameters, settings, bank), each_batch)
+    return SimulatedLoop(made, parameters, tuning_command(parameters, settings, bank), each_batch)
 
 
 # Dry run -------------------------------------------------------------------------------------------
@@ -114,12 +124,17 @@ def get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Play the shortest tracking there is and keep nothing of it: what a dry run takes is loaded then."""
     shortest = ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)
     tuning = tuning_command(parameters, replace(settings, bank=0), None)
-    with closing(Headless(make_plant(SIMULATOR, parameters, 0), parameters, tuning)) as loop:
-        asyncio.run(play(loop, shortest.program(), 1, lambda _phase, _elapsed_s: None))
+    with closing(SimulatedLoop(make_plant(SIMULATOR, parameters, 0), parameters, tuning)) as loop:
+        asyncio.run(execute_program(loop, shortest.program(), 1, lambda _phase, _elapsed_s: None))
 
 
 def dry_run(
-    parameters: PlantParameters, order: Order, used: Sequence[Bank], signals: Sequence[str], points: int, folder: Path
+    parameters: PlantParameters,
+    order: RunRequest,
+    used: Sequence[Bank],
+    signals: Sequence[str],
+    points: int,
+    folder: Path,
 ) -> DryRun:
     """Play ``order`` with the models of the banks that it uses; its result with ``points`` buckets of ``signals``.
 
@@ -145,9 +160,9 @@ class _Progress:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._told: tuple[Doing, int] | None = None
+        self._told: tuple[RunPhase, int] | None = None
 
-    def __call__(self, doing: Doing, elapsed_s: float) -> None:
+    def __call__(self, doing: RunPhase, elapsed_s: float) -> None:
         now = doing, int(elapsed_s / _TOLD_EVERY_S)
         if now == self._told:
             return
@@ -157,13 +172,13 @@ class _Progress:
         os.replace(being_written, self._folder / _PROGRESS)
 
 
-def progress_in(folder: Path) -> tuple[Doing, float]:
+def progress_in(folder: Path) -> tuple[RunPhase, float]:
     """Return what a dry run does in this folder, and for how long [s of loop time]."""
     try:
         doing, elapsed_s = (folder / _PROGRESS).read_text(encoding="utf-8").split()
     except OSError:  # nothing is told yet, or it is over and the folder is gone
-        return Doing.STARTING, 0.0
-    return Doing(doing), float(elapsed_s)
+        return RunPhase.STARTING, 0.0
+    return RunPhase(doing), float(elapsed_s)
 
 
 # In memory -----------------------------------------------------------------------------------------
@@ -180,17 +195,19 @@ _AT_ONCE = 100_000
 
 
 @dataclass(frozen=True)
-class Played:
+class SimulatedRun:
     """How it ended, ``end_state`` an ``EndState`` value, what was recorded, measured and judged."""
 
     end_state: str
     end_detail: str
     metrics: Metrics
-    criteria: tuple[Criterion, ...]
+    criteria: tuple[RunCriterion, ...]
     columns: Columns
 
 
-def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: LoopSettings, bank_of: BankOf) -> Played:
+def play_in_memory(
+    parameters: PlantParameters, plan: ExperimentPlan, settings: LoopSettings, bank_of: BankOf
+) -> SimulatedRun:
     """Play a plan as ``sinew experiment`` would, and measure it; ``end_detail`` also says why nothing was measured.
 
     Raises OutOfRangeError for λ that is not safe, ExperimentError for what this plant cannot play, NotPlayedError,
@@ -199,7 +216,7 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
     bank = bank_of(settings.bank) if settings.bank else None
     kept = _Kept()
     with closing(headless_loop(parameters, settings, bank, kept.drain)) as loop:
-        program = playable(bank_of, parameters, plan, settings.tuning)
+        program = compile_program(bank_of, parameters, plan, settings.tuning)
         loop.listen(kept.hear)
         asyncio.run(_played(loop, program, tuning_command(parameters, settings, bank)))
         kept.drain(loop.ring)
@@ -212,17 +229,17 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
         planned_s=plan.program().duration_s,
         phases=plan.phases(),
     )
-    in_force = InForce(parameters, plan, settings.tuning, points_of(bank))
+    in_force = EvaluationContext(parameters, plan, settings.tuning, points_of(bank))
     try:
         metrics, criteria = composed_result(columns, in_force, outline, 0)
     except NoSamplesError as error:
-        return Played(state.value, f"{detail}: {error}" if detail else str(error), outline, (), columns)
-    return Played(state.value, detail, metrics, criteria, columns)
+        return SimulatedRun(state.value, f"{detail}: {error}" if detail else str(error), outline, (), columns)
+    return SimulatedRun(state.value, detail, metrics, criteria, columns)
 
 
-async def _played(loop: Headless, program: Program, tuning: SetTuning) -> None:
+async def _played(loop: SimulatedLoop, program: Program, tuning: SetTuning) -> None:
     await learn_for(loop, program, tuning)
-    await play(loop, program, _RUN, lambda _doing, _elapsed_s: None)
+    await execute_program(loop, program, _RUN, lambda _doing, _elapsed_s: None)
 
 
 class _Kept:
@@ -238,7 +255,7 @@ class _Kept:
         self._position = first + len(rows)
         self.rows.append(rows[rows[:, INDEX["run"]] == _RUN][:, STORED_COLUMNS].astype(np.float32))
 
-    def hear(self, event: Event | LoopDied) -> None:
+    def hear(self, event: Event | LoopExited) -> None:
         if isinstance(event, RunEnded) and event.run == _RUN:
             self.ended = event
 

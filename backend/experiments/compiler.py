@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.control.decoupler import bounds_for
 from backend.control.setpoint_player import LEAST_BITS, MOST_BITS, MOST_LINES
-from backend.errors import Path, require_within
+from backend.errors import Path, check_range
 from backend.experiments import schema
 from backend.experiments.parser import (
     CONSTANTS,
@@ -35,9 +35,9 @@ from backend.realtime.program import (
     MAX_WALLS,
     NEIGHBOUR,
     OSCILLATING,
+    ContactDetection,
     Segment,
     Shape,
-    Touch,
     left_at,
 )
 from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, require_possible
@@ -93,7 +93,7 @@ def pushes_of_a_hand(F_push: float, pushes: int, pause_s: float, seed: int) -> I
 
 
 @dataclass(frozen=True)
-class Laid:
+class CompiledExperiment:
     """What the loop plays. ``places`` (one of each segment) say where it was written.
 
     ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start, and
@@ -108,7 +108,7 @@ class Laid:
     change_places: tuple[Path, ...]
     walls: tuple[Obstacle | None, ...] = ()
     wall_places: tuple[Path, ...] = ()
-    touches: tuple[Touch, ...] = ()
+    touches: tuple[ContactDetection, ...] = ()
 
 
 # Multisine -----------------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ class Numbers:
         slack = 1e-9 * max(abs(least), abs(most))  # a bound that was computed from the same settings is one to be met
         clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
         with at(path, self._lines):
-            require_within(name, clipped, least, most, unit, words=words, path=path)
+            check_range(name, clipped, least, most, unit, words=words, path=path)
         return clipped
 
     def _aim(self, q_ref: float | str | None, S_ref: float | str | None) -> None:
@@ -195,7 +195,7 @@ class Numbers:
 # bound. Pure.
 
 
-def require_reach(laid: Laid, parameters: PlantParameters, lines: Lines) -> None:
+def require_reach(laid: CompiledExperiment, parameters: PlantParameters, lines: Lines) -> None:
     """Raise ExperimentError for the first reference outside the plant's bounds; what oscillates, on both sides.
 
     And for a wall that cannot stand in this plant's way.
@@ -208,8 +208,8 @@ def require_reach(laid: Laid, parameters: PlantParameters, lines: Lines) -> None
             asked.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
         for q_ref, S_ref in asked:
             with at(place, lines):
-                require_within("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
-                require_within("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
+                check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
+                check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
         q, S = left_at(segment, q, S)
     g, joint = parameters.geometry, parameters.dynamics().joint
     for wall, place in zip(laid.walls, laid.wall_places, strict=True):
@@ -227,7 +227,7 @@ def require_reach(laid: Laid, parameters: PlantParameters, lines: Lines) -> None
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedPart:
     """A part as it plays.
 
     ``q_from`` and ``S_from`` are the references that its first piece finds, None where the experiment begins; ``q_to``,
@@ -245,15 +245,15 @@ class Played:
     S_to: float
 
 
-def played_parts(laid: Laid) -> list[Played]:
+def played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
     """Return the parts that move or wait, in the order in which they first play."""
-    found: dict[Path, Played] = {}
+    found: dict[Path, PlayedPart] = {}
     at: tuple[float, float] | None = None
     clock_s = 0.0
     for segment, path in zip(laid.segments, laid.places, strict=True):
         end_s = clock_s + segment.duration_s
         q_from, S_from = at or (None, None)
-        first = found.get(path) or Played(
+        first = found.get(path) or PlayedPart(
             path, clock_s, end_s, 0, segment.duration_s, q_from, S_from, segment.q_ref, segment.S_ref
         )
         found[path] = replace(first, end_s=end_s, pieces=first.pieces + 1)
@@ -269,14 +269,15 @@ def played_parts(laid: Laid) -> list[Played]:
 
 
 LEARNING_S = 2.0
-"""Least rest [s] that is learned from; seven times as long as its mean reaches back (``touch.MEAN_S``)."""
+"""Least rest [s] that is learned from; seven times as long as its mean reaches back
+(``disturbance_observer.MEAN_S``)."""
 
 
 class Touches:
     """Touches in their order; each begins with the next segment, and what changes before there is one is one change."""
 
     def __init__(self) -> None:
-        self.made: list[Touch] = []
+        self.made: list[ContactDetection] = []
         self._begun = 0
         self._within = False
         self._learned: list[float] = []
@@ -291,7 +292,7 @@ class Touches:
         if self._within:
             return "nothing is learned within what a contact ends: learn before it"
         self._learned.append(S)
-        return self._put(Touch(0.0, learns=True))
+        return self._put(ContactDetection(0.0, learns=True))
 
     def open(self, contact_N: float, S: float) -> str:
         """Let contacts above contact_N [N] end what comes, which begins at S [N·m/rad]; why not, empty where it can."""
@@ -303,12 +304,12 @@ class Touches:
             known = ", ".join(f"{learned:.4g}" for learned in sorted(set(self._learned)))
             return f"at {S:.4g} N·m/rad nothing was learned, only at {known}: let the joint rest in a part `do: learn`"
         self._within = True
-        return self._put(Touch(contact_N))
+        return self._put(ContactDetection(contact_N))
 
     def close(self) -> str:
         """Let contacts end nothing more."""
         self._within = False
-        return self._put(Touch())
+        return self._put(ContactDetection())
 
     def of_next(self) -> int:
         """Return the number of the touch that begins with the next segment, 0 for none."""
@@ -317,9 +318,9 @@ class Touches:
         self._begun = len(self.made)
         return self._begun
 
-    def _put(self, touch: Touch) -> str:
+    def _put(self, touch: ContactDetection) -> str:
         if len(self.made) > self._begun:
-            self.made[-1] = Touch(touch.contact_N, self.made[-1].learns or touch.learns)
+            self.made[-1] = ContactDetection(touch.contact_N, self.made[-1].learns or touch.learns)
             return ""
         if len(self.made) == MAX_TOUCHES:
             return f"{MAX_TOUCHES} changes of what is given way to are the most: split the experiment"
@@ -340,10 +341,10 @@ _K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
 """Of any plant; its own bounds of a wall are looked at before a start."""
 _FASTEST_HZ = 50.0
 _MOST_PARTS = 4 * MAX_SEGMENTS
-_TUNED = {setting.name: setting for setting in describe(TuningChoice)}
+_TUNED = {setting.name: setting for setting in describe(TuningSettings)}
 
 
-def laid(experiment: schema.Experiment, values: Names, lines: Lines) -> Laid:
+def laid(experiment: schema.Experiment, values: Names, lines: Lines) -> CompiledExperiment:
     """Lay an experiment out with these values of its settings. Raises ExperimentError naming line and bound."""
     return _Layout(experiment, values, lines).laid()
 
@@ -365,7 +366,7 @@ class _Layout(Numbers):
         self._walls_up = 0
         self._touches = Touches()
 
-    def laid(self) -> Laid:
+    def laid(self) -> CompiledExperiment:
         phases: list[Phase] = []
         for place, section in enumerate(self._experiment.phases):
             path: Path = ("phases", place)
@@ -382,7 +383,7 @@ class _Layout(Numbers):
             raise self._refused("nothing is played after what is learned here: leave it out", self._path)
         if not self._segments:
             raise self._refused("it plays nothing: give it a motion", ("phases",))
-        return Laid(
+        return CompiledExperiment(
             tuple(self._segments),
             tuple(self._places),
             tuple(phases),
@@ -462,7 +463,7 @@ class _Layout(Numbers):
         lines = self._whole("lines", part.lines, 1, MOST_LINES)
         with at((*self._path, "lines"), self._lines):
             fastest = f"{_FASTEST_HZ:g} Hz is the fastest: take fewer lines or a longer period"
-            require_within("lines", lines / period_s, None, _FASTEST_HZ, "Hz", fastest, words="highest frequency")
+            check_range("lines", lines / period_s, None, _FASTEST_HZ, "Hz", fastest, words="highest frequency")
         periods = self._whole("periods", part.periods, 1, 1000)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         duration_s = self._time(periods * period_s, "periods", "time of all periods")
@@ -602,6 +603,6 @@ class _Layout(Numbers):
         self._duration_s += segment.duration_s
         with at(self._path, self._lines):
             words = "time of all parts up to here"
-            require_within("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
+            check_range("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
         self._segments.append(segment)
         self._places.append(self._path)

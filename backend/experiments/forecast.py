@@ -37,7 +37,7 @@ class Stage(StrEnum):
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ProgramInterval:
     """Ticks ``begin`` .. ``end`` of a program, from its first one as 0: one stage of the set point ``number`` ``of``.
 
     ``set_point`` is a tension [N], of voltage steps a voltage [V].
@@ -68,7 +68,7 @@ def titled(law: Law, set_point: float) -> str:
 
 
 Array = NDArray[np.float64]
-Angles = tuple[float, float]
+JointAngles = tuple[float, float]
 
 _WINDING_LAG_S = 0.34
 """How far the motors are behind their references while winding up [s]: the sum of the motor loop's lags."""
@@ -82,8 +82,8 @@ class Start:
 
     mode: Mode
     q: float
-    theta: Angles
-    references: Angles
+    theta: JointAngles
+    references: JointAngles
 
 
 def start_from(row: NDArray[np.float64] | None) -> Start:
@@ -96,7 +96,7 @@ def start_from(row: NDArray[np.float64] | None) -> Start:
     return Start(MODES[int(row[INDEX["mode"]])], float(row[INDEX["q"]]), theta, references)
 
 
-class Way:
+class ReferenceTrajectory:
     """References of motors A and B [rad], a millisecond each, put together piece by piece.
 
     ``trimmed`` marks where the force loop may add its trim to motor A. ``stretches`` are those of the program that was
@@ -110,7 +110,7 @@ class Way:
         self._springs = {side: parameters.identified_spring(side) for side in SIDES}
         self._pieces: list[Array] = []
         self._trimmed: list[tuple[int, bool]] = []
-        self.stretches: list[Stretch] = []
+        self.stretches: list[ProgramInterval] = []
         self._began = 0
 
     @property
@@ -155,7 +155,7 @@ class Way:
         else:
             raise ValueError(f"{program.law} follows references of the joint, not of the motors")
 
-    def wound(self, F: float) -> Angles:
+    def wound(self, F: float) -> JointAngles:
         """Angles [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._parameters.geometry.r_m
         return elongation(self._springs["A"], F) / r_m, elongation(self._springs["B"], F) / r_m
@@ -207,9 +207,9 @@ class Way:
     def _done(self, number: int, of: int, set_point: float, stage: Stage) -> None:
         """Put what the program was played by since the last stretch to a set point's stage."""
         begin = self.stretches[-1].end if self.stretches else 0
-        self.stretches.append(Stretch(number, of, set_point, stage, begin, self.ticks - self._began))
+        self.stretches.append(ProgramInterval(number, of, set_point, stage, begin, self.ticks - self._began))
 
-    def _walk(self, goal: Angles) -> None:
+    def _walk(self, goal: JointAngles) -> None:
         (from_A, from_B), (to_A, to_B) = self.at, goal
         distance = max(abs(to_A - from_A), abs(to_B - from_B))
         ticks = max(math.ceil(distance / (TRAVEL_SPEED * T_s)), 1)
@@ -227,7 +227,7 @@ class Way:
         behind = 1.0 - math.exp(-T_s / _WINDING_LAG_S)
         state = motion_primitives.PretensionState(0.0, 0.0, *self.at, 0.0)
         theta = list(self.at)
-        ticks: list[Angles] = []
+        ticks: list[JointAngles] = []
         while state.steady_s < motion_primitives.STANDSTILL_S and len(ticks) * T_s < _WINDING_MAX_S:
             F = [max(tension(self._springs[side], r_m * angle), 0.0) for side, angle in zip(SIDES, theta, strict=True)]
             state = motion_primitives.step_pretension(state, PRETENSION_N, *F)
@@ -240,7 +240,7 @@ class Way:
     def _drive(self, step: VoltageStep) -> tuple[Array, Array]:
         """Step both motors as they are known (equation 17, with dry friction); return the way of braking them."""
         motors = [_FreeMotor(self._parameters, side, angle) for side, angle in zip(SIDES, self.at, strict=True)]
-        turned: list[Angles] = []
+        turned: list[JointAngles] = []
         while len(turned) < round(step.duration_s / T_s):
             turned.append((motors[0].step(step.u), motors[1].step(step.u)))
             if max(abs(angle - step.theta_start) for angle in turned[-1]) >= step.travel_rad:
@@ -309,7 +309,7 @@ class Timetable:
     """
 
     law: Law
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[ProgramInterval, ...]
     t: Array
     signals: dict[str, Array]
 
@@ -318,21 +318,23 @@ class Timetable:
         """Length from the first tick to the last one [s]."""
         return self.stretches[-1].end * T_s
 
-    def title(self, stretch: Stretch) -> str:
+    def title(self, stretch: ProgramInterval) -> str:
         """Name the set point of a stretch."""
         return titled(self.law, stretch.set_point)
 
 
-def timetable(plan: IdentificationPlan, parameters: PlantParameters, references: Angles | None = None) -> Timetable:
+def timetable(
+    plan: IdentificationPlan, parameters: PlantParameters, references: JointAngles | None = None
+) -> Timetable:
     """Go through an identification that begins with motor references [rad]; without any, in pretension."""
-    way = Way(parameters, Start(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
+    way = ReferenceTrajectory(parameters, Start(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
     way.at = way.wound(PRETENSION_N) if references is None else references
     program = plan.program()
     way.play(program)
     return of_way(way, program, parameters)
 
 
-def of_way(way: Way, program: Program, parameters: PlantParameters) -> Timetable:
+def of_way(way: ReferenceTrajectory, program: Program, parameters: PlantParameters) -> Timetable:
     """Return the timetable of the program that a way was played by last."""
     every = _every_tick(way, program)
     kept = _kept(every)
@@ -343,7 +345,7 @@ def of_way(way: Way, program: Program, parameters: PlantParameters) -> Timetable
     return Timetable(program.law, tuple(way.stretches), (kept + 1) * np.float64(T_s), signals)
 
 
-def _every_tick(way: Way, program: Program) -> dict[str, Array]:
+def _every_tick(way: ReferenceTrajectory, program: Program) -> dict[str, Array]:
     """Return what is asked for in every tick of a program."""
     theta_A, theta_B, _ = way.references()
     last = way.stretches[-1].end
@@ -447,7 +449,7 @@ def forecast(
     plans: Sequence[IdentificationPlan], parameters: PlantParameters, start: Start, lam_motor: float
 ) -> Forecast:
     """Follow ``plans`` in turn from ``start``, with motor loops of ``lam_motor`` [s]."""
-    way = Way(parameters, start)
+    way = ReferenceTrajectory(parameters, start)
     begins, ends = [], []
     for plan in plans:
         program = plan.program()
@@ -510,7 +512,7 @@ class Expected:
 def expected(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
     """Tell how long a run takes from its order to its end, the way to where it can start included."""
     program = plan.program()
-    way = Way(parameters, start)
+    way = ReferenceTrajectory(parameters, start)
     way.to_where_it_can_start(program.law)
     before_s = way.duration_s
     if program.law not in IDENTIFYING:

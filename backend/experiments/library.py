@@ -16,7 +16,7 @@ from backend.experiments.parser import settings_of as settings_of_parser
 from backend.experiments.plans import (
     KIND,
     ActuatorIdentificationPlan,
-    ComposedPlan,
+    ExperimentPlan,
     IdentificationPlan,
     MotorIdentificationPlan,
     Plan,
@@ -87,14 +87,14 @@ LEAST = 10
 _MOST = round(LONGEST_PART_S / T_s)
 
 
-class Change(NamedTuple):
+class ReferenceChange(NamedTuple):
     """A part without a duration that is due at a tick of the references: a tuning or a wall."""
 
     tick: int
     part: dict[str, Any]
 
 
-class Followed(NamedTuple):
+class RecordedParts(NamedTuple):
     """Parts that follow recorded columns, and how far they are off them at most.
 
     ``late_ticks`` is how late the latest push or change comes. ``unpushed`` are the ticks, first and end, of which the
@@ -123,7 +123,9 @@ def commanded(q_ref: Column, S_ref: Column) -> tuple[int, int]:
     return first, end
 
 
-def followed(q: Column, S: Column, F_push: Column | None = None, changes: Sequence[Change] = ()) -> Followed:
+def followed(
+    q: Column, S: Column, F_push: Column | None = None, changes: Sequence[ReferenceChange] = ()
+) -> RecordedParts:
     """Return parts that bring references and push, tick by tick, to where these columns are.
 
     ``changes`` are in order of their ticks. Where a jump and a way, or two changes, come closer together than a part
@@ -136,7 +138,7 @@ def followed(q: Column, S: Column, F_push: Column | None = None, changes: Sequen
 class _Follower:
     """Goes through the columns part by part: ``_at`` is the tick, ``_reached`` where the parts so far have led."""
 
-    def __init__(self, q: Column, S: Column, F: Column, changes: Sequence[Change]) -> None:
+    def __init__(self, q: Column, S: Column, F: Column, changes: Sequence[ReferenceChange]) -> None:
         self._q, self._S, self._F = q, S, F
         self._changes = list(changes)
         self._edges = np.flatnonzero(np.diff(F != 0.0)) + 1
@@ -148,7 +150,7 @@ class _Follower:
         self._late = 0
         self._unpushed: list[tuple[int, int]] = []
 
-    def followed(self) -> Followed:
+    def followed(self) -> RecordedParts:
         while self._at < len(self._q):
             self._change()
             bound = self._bound()
@@ -159,7 +161,7 @@ class _Follower:
                     f"its references take more than {MAX_SEGMENTS} holds and ramps, as many as an experiment can have: "
                     "compose it of parts"
                 )
-        return Followed(self._parts, *self._off, self._late, self._unpushed)
+        return RecordedParts(self._parts, *self._off, self._late, self._unpushed)
 
     def _change(self) -> None:
         """Add what is due, of several changes of one kind the last one; a tuning takes over what others changed."""
@@ -310,7 +312,7 @@ OF_THE_PAPER = ("tracking", "compliance", "robustness")
 """Ready-made experiments whose runs are of a kind of their own, as they were before experiments were data."""
 
 
-def ready_plan(name: str, **values: Any) -> ComposedPlan:
+def ready_plan(name: str, **values: Any) -> ExperimentPlan:
     """Return the plan of a ready-made experiment. Raises KeyError, SettingError, OutOfRangeError, ExperimentError."""
     experiment, lines = ready_made(name)
     return composed(experiment, values, name if name in OF_THE_PAPER else KIND, lines)
@@ -318,22 +320,22 @@ def ready_plan(name: str, **values: Any) -> ComposedPlan:
 
 def settings_of(plan: Plan) -> tuple[Setting, ...]:
     """Return the settings that a plan declares."""
-    return plan.settings if isinstance(plan, ComposedPlan) else describe(type(plan))
+    return plan.settings if isinstance(plan, ExperimentPlan) else describe(type(plan))
 
 
 def values_of(plan: Plan) -> dict[str, Value]:
     """Return the settings of a plan by name."""
-    return dict(plan.values) if isinstance(plan, ComposedPlan) else asdict(plan)
+    return dict(plan.values) if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
 def kept_values(plan: Plan) -> dict[str, Value]:
     """Return what a run keeps of its plan."""
-    return plan.stored() if isinstance(plan, ComposedPlan) else asdict(plan)
+    return plan.stored() if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
 def declared(plan: Plan) -> tuple[DeclaredValue, ...]:
     """Return what was chosen with symbol, unit and meaning."""
-    if not isinstance(plan, ComposedPlan):
+    if not isinstance(plan, ExperimentPlan):
         return declared_values(plan)
     return tuple(
         DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, plan.values[setting.name])
@@ -361,7 +363,7 @@ def stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
 
 
 @dataclass(frozen=True)
-class Entry:
+class ExperimentDefinition:
     """An experiment that can be ordered: the words that present it, its settings, and what makes a plan of values.
 
     ``run_kind`` is the kind of its runs; ``written`` the experiment where it is data.
@@ -381,10 +383,12 @@ class Entry:
         return self.make({})
 
 
-def entry_of(experiment: Experiment, lines: Lines | None = None, *, name: str = "", run_kind: str = KIND) -> Entry:
+def entry_of(
+    experiment: Experiment, lines: Lines | None = None, *, name: str = "", run_kind: str = KIND
+) -> ExperimentDefinition:
     """Return the entry of an experiment that is data. Raises ExperimentError for one that cannot be played."""
     where = {} if lines is None else lines
-    entry = Entry(
+    entry = ExperimentDefinition(
         name or experiment.name,
         experiment.title,
         experiment.description,
@@ -398,10 +402,10 @@ def entry_of(experiment: Experiment, lines: Lines | None = None, *, name: str = 
 
 
 @cache
-def experiments() -> Mapping[str, Entry]:
+def experiments() -> Mapping[str, ExperimentDefinition]:
     """Return the experiments that come with Sinew, by name."""
     ready = {name: entry_of(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES}
-    sequence = Entry(
+    sequence = ExperimentDefinition(
         SequencePlan.kind,
         "Own sequence",
         "Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
@@ -440,7 +444,7 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
 }
 
 
-def experiment(name: str) -> Entry:
+def experiment(name: str) -> ExperimentDefinition:
     """Return the experiment of this name. Raises SettingError with those there are."""
     known = experiments()
     if name not in known:

@@ -13,14 +13,14 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from backend.banks.tuning_settings import NAMES
-from backend.errors import OutOfRangeError, Path, RefusedValueError
+from backend.errors import InvalidValueError, OutOfRangeError, Path
 from backend.experiments.schema import EXPERIMENT, FORMAT, Declared, Experiment, Rule
 from backend.models.run import Value
 from backend.models.settings import Setting, SettingError
 from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
-from backend.recording.derived_signals import Derived, Step
+from backend.recording.derived_signals import Derived, FormulaStep
 from backend.sample import COMBINED_BY_NAME, UNIT_OF, nearest
-from backend.units import Angles
+from backend.units import AngleUnit
 
 # Expressions ---------------------------------------------------------------------------------------
 #
@@ -244,15 +244,15 @@ Lines = Mapping[Path, int]
 """Line of each part of a text, from 1, by its place in what the text says."""
 
 
-class ExperimentError(RefusedValueError):
+class ExperimentError(InvalidValueError):
     """An experiment that is not taken. ``line`` is None where nobody wrote it as a text."""
 
-    def __init__(self, why: str | RefusedValueError, path: Path = (), line: int | None = None) -> None:
+    def __init__(self, why: str | InvalidValueError, path: Path = (), line: int | None = None) -> None:
         self.why = why
         self.line = line
         super().__init__(str(path[-1]) if path else "experiment", words=in_words(path), path=path)
 
-    def sentence(self, angles: Angles) -> str:
+    def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit."""
         why = self.why if isinstance(self.why, str) else self.why.sentence(angles)
         place = f"line {self.line}" if self.line else ""
@@ -285,7 +285,7 @@ def at(path: Path, lines: Lines) -> Iterator[None]:
         yield
     except ExperimentError:
         raise
-    except RefusedValueError as error:
+    except InvalidValueError as error:
         raise ExperimentError(error, path, line_of(path, lines)) from None
 
 
@@ -612,7 +612,7 @@ def derived_of(name: str, unit: str, expression: str) -> Derived:
             f"{name!r} cannot name a formula: take 1 to 20 letters, digits and _, a letter first, "
             "and no name of a signal or function"
         )
-    steps: list[Step] = []
+    steps: list[FormulaStep] = []
     _lay(parsed_expression(expression).body, steps)
     found = Derived(name, unit, tuple(steps))
     if not found.signals:
@@ -620,12 +620,12 @@ def derived_of(name: str, unit: str, expression: str) -> Derived:
     return found
 
 
-def _lay(node: ast.AST, steps: list[Step]) -> None:
+def _lay(node: ast.AST, steps: list[FormulaStep]) -> None:
     """Append the steps of a part of an expression."""
     match node:
         case ast.Constant(value=bool() | int() | float() as value):
             try:
-                steps.append(Step("number", value=float(value)))
+                steps.append(FormulaStep("number", value=float(value)))
             except OverflowError:
                 raise ExpressionError("a number has more than 308 digits") from None
         case ast.Name(id=name):
@@ -649,7 +649,7 @@ def _lay(node: ast.AST, steps: list[Step]) -> None:
             for one, sign, other in pairs:
                 _apply(_FORMULA_COMPARE[type(sign)], [one, other], steps)
             if len(pairs) > 1:
-                steps.append(Step("and", len(pairs)))
+                steps.append(FormulaStep("and", len(pairs)))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             least, most = _ARGUMENTS[name]
             if not least <= len(arguments) <= most:
@@ -663,25 +663,25 @@ def _lay(node: ast.AST, steps: list[Step]) -> None:
             )
 
 
-def _apply(operation: str, operands: list[ast.expr], steps: list[Step]) -> None:
+def _apply(operation: str, operands: list[ast.expr], steps: list[FormulaStep]) -> None:
     for operand in operands:
         _lay(operand, steps)
-    steps.append(Step(operation, len(operands)))  # type: ignore[arg-type]  # the tables hold operations only
+    steps.append(FormulaStep(operation, len(operands)))  # type: ignore[arg-type]  # the tables hold operations only
 
 
-def _lay_name(name: str, steps: list[Step]) -> None:
+def _lay_name(name: str, steps: list[FormulaStep]) -> None:
     if name in CONSTANTS:
-        steps.append(Step("number", value=CONSTANTS[name]))
+        steps.append(FormulaStep("number", value=CONSTANTS[name]))
     elif name in COMBINED_BY_NAME:
         for number, term in enumerate(COMBINED_BY_NAME[name].terms):
-            steps.append(Step("signal", name=term.column))
+            steps.append(FormulaStep("signal", name=term.column))
             if term.length:
-                steps += [Step("length", name=term.length), Step("mul", 2)]
+                steps += [FormulaStep("length", name=term.length), FormulaStep("mul", 2)]
             if term.sign < 0:
-                steps.append(Step("neg", 1))
+                steps.append(FormulaStep("neg", 1))
             if number:
-                steps.append(Step("add", 2))
+                steps.append(FormulaStep("add", 2))
     elif name in KNOWN:
-        steps.append(Step("signal", name=name))
+        steps.append(FormulaStep("signal", name=name))
     else:
         raise ExpressionError(f"there is no signal {name!r}: the nearest is {nearest(name, KNOWN)}")

@@ -9,14 +9,14 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.control import setpoint_player
 from backend.control.decoupler import STIFFNESS_RANGE
 from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.control.motion_types import Target
-from backend.errors import WORDS, OutOfRangeError, Path, require_within
+from backend.control.motion_types import Setpoint
+from backend.errors import WORDS, OutOfRangeError, Path, check_range
 from backend.experiments import parser
-from backend.experiments.compiler import Laid, laid
+from backend.experiments.compiler import CompiledExperiment, laid
 from backend.experiments.parser import ExperimentError, Lines, line_of, parsed_setting, require_rules, settings_of
 from backend.experiments.schema import Experiment
 from backend.identification.fitting import Method
@@ -48,7 +48,7 @@ KIND = "experiment"
 
 
 @dataclass(frozen=True)
-class ComposedPlan:
+class ExperimentPlan:
     """``values`` are all settings by name. ``kind`` is the kind of its runs; ``lines`` tell where it was written."""
 
     experiment: Experiment
@@ -57,7 +57,7 @@ class ComposedPlan:
     lines: Lines = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
-    def laid(self) -> Laid:
+    def laid(self) -> CompiledExperiment:
         """What is played, and where it was written. Raises ExperimentError."""
         return laid(self.experiment, self.values, self.lines)
 
@@ -90,7 +90,7 @@ class ComposedPlan:
 
 def composed(
     experiment: Experiment, given: Mapping[str, object], kind: str = KIND, lines: Lines | None = None
-) -> ComposedPlan:
+) -> ExperimentPlan:
     """Return the plan with these settings, the others at their defaults; it can be played, but for the plant.
 
     Raises ExperimentError, SettingError, OutOfRangeError.
@@ -98,7 +98,7 @@ def composed(
     where = {} if lines is None else lines
     settings = settings_of(experiment, where)
     values = parsed_setting(settings, given)
-    plan = ComposedPlan(experiment, values, kind, where)
+    plan = ExperimentPlan(experiment, values, kind, where)
     require_rules(experiment, settings, values, given, where)
     plan.program()
     return plan
@@ -207,15 +207,15 @@ _T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
-class LoopSettings(TuningChoice):
+class LoopSettings(TuningSettings):
     """The tuning of an experiment and the seed of the simulator's noise."""
 
     seed: int = integer(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
 
     @property
-    def tuning(self) -> TuningChoice:
+    def tuning(self) -> TuningSettings:
         """The tuning alone."""
-        return TuningChoice(**self.document())
+        return TuningSettings(**self.document())
 
 
 def split_values(
@@ -265,7 +265,7 @@ def profile(program: Program, q_ref: float, S_ref: float) -> Profile:
     """Return what a program asks for that begins at these references. Each segment is there from its first tick on."""
     whole = sum(round(segment.duration_s / T_s) for segment in program.segments)
     every = max(1, round(whole / POINTS))
-    start, begun = Target(q_ref, S_ref, 0.0), 0
+    start, begun = Setpoint(q_ref, S_ref, 0.0), 0
     points = []
     for segment, row in zip(program.segments, player_of(program.segments, start).segments, strict=True):
         ticks = round(segment.duration_s / T_s)
@@ -324,7 +324,7 @@ class SequencePlan:
         segments = tuple(_segment(position, item) for position, item in enumerate(_listed(self.segments), start=1))
         duration = sum(segment.duration_s for segment in segments)
         words = "time of all segments together"
-        require_within("segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out", words=words)
+        check_range("segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out", words=words)
         return Program(Law.CASCADE, segments)
 
     def phases(self) -> tuple[Phase, ...]:
@@ -365,7 +365,7 @@ def _segment(position: int, item: Any) -> Segment:
         named, where = f"{words}, {WORDS[name]}", (*place, name)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise SettingError(name, value, "it needs a number", unit=unit, words=named, path=where)
-        require_within(name, value, minimum, maximum, unit, words=named, path=where)
+        check_range(name, value, minimum, maximum, unit, words=named, path=where)
     values = {"F_push": 0.0, "period_s": 1.0} | {name: float(value) for name, value in numbers.items()}
     return Segment(
         round(values["duration_s"], 3),  # whole milliseconds, as the loop plays them
@@ -421,7 +421,7 @@ class ActuatorIdentificationPlan:
         register, _ = max_len_seq(self.bits)
         levels = "".join("+" if chip else "-" for chip in register)
         excitation = Excitation(self.amplitude_rad, self.chip_s, levels, self.periods)
-        require_within(
+        check_range(
             "chip_s",
             excitation.duration_s,
             None,
@@ -444,5 +444,5 @@ class ActuatorIdentificationPlan:
 IdentificationPlan = ActuatorIdentificationPlan | MotorIdentificationPlan | SpringIdentificationPlan
 """Plans whose runs give models."""
 
-Plan = ComposedPlan | SequencePlan | IdentificationPlan
+Plan = ExperimentPlan | SequencePlan | IdentificationPlan
 """Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""

@@ -50,7 +50,7 @@ KEPT = 8192
 """So many messages are kept: more than any queue on the way holds."""
 
 
-class Tickets:
+class MessageSlots:
     """The newest messages by their numbers."""
 
     def __init__(self, kept: int = KEPT) -> None:
@@ -95,10 +95,10 @@ POLICY_VIOLATION, FAILED = 1008, 1011
 FAREWELL_S = 1.0
 
 
-class Door:
+class Gateway:
     """Relays between who was let in and the vendor's server on ``port``; nobody is, before there is a key."""
 
-    def __init__(self, port: int, tickets: Tickets) -> None:
+    def __init__(self, port: int, tickets: MessageSlots) -> None:
         self._port, self._tickets = port, tickets
         self._key: str | None = None
         self._inside: set[ServerConnection] = set()
@@ -241,7 +241,7 @@ class OtherVersionError(Exception):
 class Publisher:
     """Publishes what it hears of the live stream. ``clock_ns`` is the time of day; ``tickets`` keep the messages."""
 
-    def __init__(self, name: str, tickets: Tickets, clock_ns: Callable[[], int] = time.time_ns) -> None:
+    def __init__(self, name: str, tickets: MessageSlots, clock_ns: Callable[[], int] = time.time_ns) -> None:
         logging.getLogger("foxglove").setLevel(logging.ERROR)
         self._tickets, self._clock_ns = tickets, clock_ns
         context = self._context = foxglove.Context()  # which knows its channels only while somebody holds it
@@ -345,7 +345,7 @@ SILENT_S = 10.0
 
 
 @dataclass(frozen=True)
-class Source:
+class LiveSource:
     """``address`` is where a service answers; ``token`` the viewer's, empty where it asks for none."""
 
     address: str
@@ -353,15 +353,15 @@ class Source:
 
 
 async def relay(
-    look: Callable[[], Source | None], key_of: Callable[[Source], str], port: int, say: Callable[[str], None]
+    look: Callable[[], LiveSource | None], key_of: Callable[[LiveSource], str], port: int, say: Callable[[str], None]
 ) -> None:
     """Serve until cancelled. ``look`` finds the service, ``key_of`` the key for its address, ``say`` tells the person.
 
     Raises OSError where ``port`` is taken, OtherVersionError.
     """
-    tickets, told, shown = Tickets(), "", ""
+    tickets, told, shown = MessageSlots(), "", ""
     publisher = Publisher("Sinew", tickets)
-    door = Door(publisher.port, tickets)
+    door = Gateway(publisher.port, tickets)
     try:
         async with door.open(port) as open_on:
             while True:
@@ -384,7 +384,7 @@ async def relay(
         publisher.close()
 
 
-async def _listen(source: Source, publisher: Publisher) -> tuple[bool, str]:
+async def _listen(source: LiveSource, publisher: Publisher) -> tuple[bool, str]:
     """Publish what the service streams until it ends; return whether there was anything, and why it ended."""
     heard = False
     where = urlsplit(source.address)

@@ -24,7 +24,7 @@ from backend.realtime.program import Cause, HomingEnd, Mode
 from backend.schemas.base import HUGE, Schema
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.run import ChecklistState
-from backend.schemas.state import ChainLinkView, Push, References, TimingView, TouchOrder, TriggerOrder, Wall
+from backend.schemas.state import ChainLinkView, PushRequest, References, TimingView, TouchOrder, TriggerOrder, WallView
 from backend.schemas.tuning import TrialRequest
 from backend.storage.runs import EndState
 
@@ -33,7 +33,7 @@ from backend.storage.runs import EndState
 # An entry of the glossary: what a word of the page means.
 
 
-class Kind(StrEnum):
+class TermKind(StrEnum):
     """What an entry is of; the first half of its key."""
 
     SIGNAL = "signal"
@@ -56,7 +56,7 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Entry:
+class GlossaryTerm:
     """One word.
 
     ``name`` is its spelling in the code, unique within its kind; ``term`` what a person reads: a symbol, or words.
@@ -64,7 +64,7 @@ class Entry:
     ``source`` where it stands; "" where there is none. ``more`` tells further: heading and text.
     """
 
-    kind: Kind
+    kind: TermKind
     name: str
     term: str
     meaning: str
@@ -90,8 +90,8 @@ class Entry:
 
 FORMS: dict[str, type[Schema]] = {
     "references": References,
-    "push": Push,
-    "wall": Wall,
+    "push": PushRequest,
+    "wall": WallView,
     "touch": TouchOrder,
     "trigger": TriggerOrder,
     "tuning": TrialRequest,
@@ -99,7 +99,7 @@ FORMS: dict[str, type[Schema]] = {
 }
 
 
-def fields() -> list[Entry]:
+def fields() -> list[GlossaryTerm]:
     """Return an entry for each described field of each form, by the form's name and its own."""
     return [
         _field_entry(form, name, field)
@@ -109,14 +109,14 @@ def fields() -> list[Entry]:
     ]
 
 
-def _field_entry(form: str, name: str, field: FieldInfo) -> Entry:
+def _field_entry(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
     extra = field.json_schema_extra
     unit = str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
     meaning = str(field.description).removesuffix(f" [{unit}]")
     low, high = bounds(field)
     accepted = () if low is None or high is None else (("Accepted", f"{low:g} to {high:g} {unit}".strip()),)
     words = WORDS.get(name, name.replace("_", " "))
-    return Entry(Kind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
+    return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
 
 
 def bounds(field: FieldInfo) -> tuple[float | None, float | None]:
@@ -192,7 +192,7 @@ EQUATIONS: dict[str, str] = {
 """Of figures whose definition is a formula; what needs a sentence has that alone."""
 
 
-def figures() -> list[Entry]:
+def figures() -> list[GlossaryTerm]:
     """Return an entry for each figure that a result may hold; where experiments define it apart, each says its own."""
     meanings: dict[str, dict[str, list[str]]] = {}
     head: dict[str, tuple[str, str]] = {}
@@ -202,14 +202,14 @@ def figures() -> list[Entry]:
     return [_figure_entry(name, *head[name], meanings[name]) for name in head]
 
 
-def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> Entry:
+def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> GlossaryTerm:
     (first, _), *others = sorted(
         meanings.items(), key=lambda meant: -len(meant[1])
     )  # what most of them mean comes first
     more = tuple((", ".join(dict.fromkeys(of)), definition) for definition, of in others)
     shown = "" if unit == "1" else unit
     source = "docs/experiments.md"
-    return Entry(Kind.FIGURE, name, label, first, shown, EQUATIONS.get(name, ""), source, more)
+    return GlossaryTerm(TermKind.FIGURE, name, label, first, shown, EQUATIONS.get(name, ""), source, more)
 
 
 RESULTS = {
@@ -249,10 +249,10 @@ def _declared() -> list[tuple[str, str, str, str, str]]:
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 _SECTIONS = (
-    ("Signals", Kind.SIGNAL),
-    ("Parameters of the plant", Kind.PARAMETER),
-    ("Control", Kind.QUANTITY),
-    ("Identification", Kind.QUANTITY),
+    ("Signals", TermKind.SIGNAL),
+    ("Parameters of the plant", TermKind.PARAMETER),
+    ("Control", TermKind.QUANTITY),
+    ("Identification", TermKind.QUANTITY),
 )
 _ONE_SOURCE = r"\(\d+\)|table \d|decision \d+|docs/[\w-]+\.md"
 _SOURCE = re.compile(rf"^((?:{_ONE_SOURCE})(?:, (?:{_ONE_SOURCE}))*)(?:: (.*))?$")
@@ -263,32 +263,32 @@ class GlossaryError(ValueError):
     """A page does not say what the glossary needs of it."""
 
 
-def notation(page: str | None = None) -> list[Entry]:
+def notation(page: str | None = None) -> list[GlossaryTerm]:
     """Return the entries of docs/notation.md. Raises GlossaryError."""
     text = _read("notation.md") if page is None else page
     return [entry for heading, kind in _SECTIONS for row in _rows(text, heading) for entry in _of_row(kind, row)]
 
 
-def faults(page: str | None = None) -> list[Entry]:
+def faults(page: str | None = None) -> list[GlossaryTerm]:
     """Return the faults with cause, reaction, time and remedy of docs/faults.md. Raises GlossaryError."""
     text = _read("faults.md") if page is None else page
     sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL))
     return [_fault(fault, sections.get(fault.value, "")) for fault in Fault if fault is not Fault.NONE]
 
 
-def limits(page: str | None = None) -> list[Entry]:
+def limits(page: str | None = None) -> list[GlossaryTerm]:
     """Return the limits of docs/faults.md. Raises GlossaryError."""
     held = {row[0].strip("`"): row[2] for row in _rows(_read("faults.md") if page is None else page, "Limits")}
     missing = [str(limit.name) for limit in Limit if limit.name not in held]
     if missing:
         raise GlossaryError(f"docs/faults.md does not explain the limits {', '.join(missing)}")
     return [
-        Entry(Kind.LIMIT, name, _in_words(name), held[name], source="docs/faults.md")
+        GlossaryTerm(TermKind.LIMIT, name, _in_words(name), held[name], source="docs/faults.md")
         for name in (str(limit.name) for limit in Limit)
     ]
 
 
-def _of_row(kind: Kind, row: list[str]) -> list[Entry]:
+def _of_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
     """Return the entry of each code name of a row of the notation: symbol, code names, unit, meaning, equation."""
     symbol, code, unit, meaning, equation = row
     names = re.findall(r"`([\w.]+)`", code)
@@ -299,7 +299,7 @@ def _of_row(kind: Kind, row: list[str]) -> list[Entry]:
     found = _SOURCE.match(equation)
     source, equation = (_cited(found[1]), found[2] or "") if found else ("docs/notation.md", equation)
     return [
-        Entry(
+        GlossaryTerm(
             kind,
             name,
             (symbols[at] if len(symbols) > at else "") or name,
@@ -322,13 +322,15 @@ def _cited(cited: str) -> str:
     return f"paper, {word if cited.startswith('(') else ''}{cited}"
 
 
-def _fault(fault: Fault, section: str) -> Entry:
+def _fault(fault: Fault, section: str) -> GlossaryTerm:
     parts = {part: re.search(rf"^- {part}: (.+)$", section, re.MULTILINE) for part in _PARTS}
     more = tuple((part, _plain_page(found[1])) for part, found in parts.items() if found)
     if len(more) != len(_PARTS):
         raise GlossaryError(f"docs/faults.md: {fault.value} needs {', '.join(_PARTS)}")
     name = fault.value
-    return Entry(Kind.FAULT, name, _in_words(name), EXPLAINED[fault].message, source="docs/faults.md", more=more)
+    return GlossaryTerm(
+        TermKind.FAULT, name, _in_words(name), EXPLAINED[fault].message, source="docs/faults.md", more=more
+    )
 
 
 def _rows(page: str, heading: str) -> list[list[str]]:
@@ -481,37 +483,40 @@ TIMING: dict[str, str] = {
 }
 """How the header calls what the message of the loop's timing explains."""
 
-LINK = Entry(Kind.TIMING, "latency_ms", "Link", "time from this page to the service and back", "ms")
+LINK = GlossaryTerm(TermKind.TIMING, "latency_ms", "Link", "time from this page to the service and back", "ms")
 
 
-def verdicts() -> list[Entry]:
+def verdicts() -> list[GlossaryTerm]:
     """Return what is said of verdicts and states, in the order of their enumerations."""
     return [
         *(
-            Entry(Kind.OUTCOME, one.value, one.value, words, source="docs/experiments.md")
+            GlossaryTerm(TermKind.OUTCOME, one.value, one.value, words, source="docs/experiments.md")
             for one, words in OUTCOMES.items()
         ),
-        *(Entry(Kind.CRITERION, name, term, words, more=_rule(held)) for name, (term, words, held) in CRITERIA.items()),
         *(
-            Entry(Kind.GRADE, one.value, one.value, words, source="docs/identification.md", more=_rule(held))
+            GlossaryTerm(TermKind.CRITERION, name, term, words, more=_rule(held))
+            for name, (term, words, held) in CRITERIA.items()
+        ),
+        *(
+            GlossaryTerm(TermKind.GRADE, one.value, one.value, words, source="docs/identification.md", more=_rule(held))
             for one, (words, held) in GRADES.items()
         ),
-        *_plain_verdict(Kind.END, ENDS.items(), "docs/notebook.md"),
-        *_plain_verdict(Kind.MODE, MODES.items(), ""),
-        *_plain_verdict(Kind.CAUSE, CAUSES.items(), ""),
-        *(Entry(Kind.CHAIN, name, *CHAIN[name], source="docs/faults.md") for name in links()),
-        *_plain_verdict(Kind.STEP, STEPS.items(), "docs/rig.md"),
-        *_plain_verdict(Kind.SETUP, SETUP.items(), ""),
+        *_plain_verdict(TermKind.END, ENDS.items(), "docs/notebook.md"),
+        *_plain_verdict(TermKind.MODE, MODES.items(), ""),
+        *_plain_verdict(TermKind.CAUSE, CAUSES.items(), ""),
+        *(GlossaryTerm(TermKind.CHAIN, name, *CHAIN[name], source="docs/faults.md") for name in links()),
+        *_plain_verdict(TermKind.STEP, STEPS.items(), "docs/rig.md"),
+        *_plain_verdict(TermKind.SETUP, SETUP.items(), ""),
     ]
 
 
-def timing() -> list[Entry]:
+def timing() -> list[GlossaryTerm]:
     """Return what the header tells of the loop and the link, in the words of the message that carries it."""
     told = []
     for name, term in TIMING.items():
         known = TimingView.model_fields[name]
         unit = _unit(known.json_schema_extra)
-        told.append(Entry(Kind.TIMING, name, term, str(known.description).removesuffix(f" [{unit}]"), unit))
+        told.append(GlossaryTerm(TermKind.TIMING, name, term, str(known.description).removesuffix(f" [{unit}]"), unit))
     return [*told, LINK]
 
 
@@ -520,8 +525,8 @@ def links() -> tuple[str, ...]:
     return get_args(ChainLinkView.model_fields["name"].annotation)
 
 
-def _plain_verdict(kind: Kind, words: Iterable[tuple[StrEnum, str]], source: str) -> list[Entry]:
-    return [Entry(kind, one.value, one.value.replace("_", " "), said, source=source) for one, said in words]
+def _plain_verdict(kind: TermKind, words: Iterable[tuple[StrEnum, str]], source: str) -> list[GlossaryTerm]:
+    return [GlossaryTerm(kind, one.value, one.value.replace("_", " "), said, source=source) for one, said in words]
 
 
 def _rule(held: str) -> tuple[tuple[str, str], ...]:
@@ -537,10 +542,10 @@ def _unit(extra: object) -> str:
 # The glossary, whole, and as the module that the page is built with.
 
 
-def glossary() -> dict[str, Entry]:
+def glossary() -> dict[str, GlossaryTerm]:
     """Return all entries by key. Raises GlossaryError where one is defined twice, or a page lacks one."""
     listed = [*notation(), *fields(), *figures(), *verdicts(), *faults(), *limits(), *timing()]
-    found: dict[str, Entry] = {}
+    found: dict[str, GlossaryTerm] = {}
     for entry in listed:
         if found.setdefault(entry.key, entry) is not entry:
             raise GlossaryError(f"{entry.key} is explained twice")
@@ -550,7 +555,7 @@ def glossary() -> dict[str, Entry]:
 def glossary_typescript() -> str:
     """Return the glossary as a TypeScript module; what is empty is left out."""
     entries = {key: _fields(entry) for key, entry in glossary().items()}
-    kinds = json.dumps([str(kind) for kind in Kind])
+    kinds = json.dumps([str(kind) for kind in TermKind])
     written = json.dumps(entries, indent=2, ensure_ascii=False)
     return "\n".join(
         (
@@ -575,5 +580,5 @@ def glossary_typescript() -> str:
     )
 
 
-def _fields(entry: Entry) -> dict[str, object]:
+def _fields(entry: GlossaryTerm) -> dict[str, object]:
     return {name: value for name, value in vars(entry).items() if value}

@@ -11,8 +11,8 @@ from backend.identification.fitting import Fit, Method, adapt, fit, fit_output_e
 from backend.identification.friction import SIGNIFICANT_STD, both_ways, dry_friction
 from backend.identification.initialization import (
     WHITE,
-    Evaluation,
-    Problem,
+    FitEvaluation,
+    FitProblem,
     dead_times,
     least_squares,
     ranked_starts,
@@ -22,12 +22,12 @@ from backend.identification.models import (
     DEAD_TIME,
     MAX_LAGS,
     MAX_ORDER,
+    DenominatorKind,
     DryFriction,
     Estimate,
     Grade,
     Hint,
     InputOffset,
-    Kind,
     Model,
     Residuals,
     Structure,
@@ -53,7 +53,7 @@ from backend.identification.validation import (
     GOOD_FIT_PERCENT,
     MIN_COUNTS,
     NEGLIGIBLE_PERCENT,
-    Evidence,
+    ValidationData,
     information_criteria,
     judge,
     reacts_to_noise,
@@ -74,7 +74,7 @@ TRAINING_PART = 2.0 / 3.0
 
 
 @dataclass(frozen=True)
-class Beside:
+class ModelComparison:
     """Measured and predicted output, shape (n,) each, from sample ``first`` of the record on."""
 
     first: int
@@ -114,21 +114,21 @@ def last_part(record: Record) -> Record:
     return record.part(seen_samples(record), record.u.size)
 
 
-def beside(problem: Problem, parameters: Signal) -> Beside:
+def beside(problem: FitProblem, parameters: Signal) -> ModelComparison:
     """Set a structure with these parameters beside the record of ``problem``. Raises UnstableModelError."""
-    here = Evaluation(problem.unweighted, parameters)
+    here = FitEvaluation(problem.unweighted, parameters)
     unknown = least_squares(here.nuisance, here.error)
     left_over = here.error - here.nuisance @ unknown
     y = problem.record.y[problem.first :]
-    return Beside(problem.first, y, y - left_over[problem.first :])
+    return ModelComparison(problem.first, y, y - left_over[problem.first :])
 
 
-def predict(model: Model, record: Record) -> Beside:
+def predict(model: Model, record: Record) -> ModelComparison:
     """Set a model beside a record that it was not fitted to. Raises UnstableModelError."""
-    return beside(Problem(record, structure(model.structure), WHITE), model.vector)
+    return beside(FitProblem(record, structure(model.structure), WHITE), model.vector)
 
 
-def held_out(found: Fit) -> Beside:
+def held_out(found: Fit) -> ModelComparison:
     """Set a model of the first two thirds of a record beside its last third, fitted as ``found`` was.
 
     Raises IdentificationError, LinAlgError where one of them holds nothing.
@@ -158,7 +158,7 @@ _SHORTER = (1.0, 0.7, 0.4)
 
 def find_hint(record: Record, model: Model) -> Hint | None:
     """Return the structure that explains the record much better, with figures; None where there is none."""
-    shape, problem = structure(model.structure), Problem(record, structure(model.structure), WHITE)
+    shape, problem = structure(model.structure), FitProblem(record, structure(model.structure), WHITE)
     best: Hint | None = None
     for other, starts in _others(problem, shape, model.vector, with_dead_time=record.controller is None):
         try:
@@ -171,7 +171,7 @@ def find_hint(record: Record, model: Model) -> Hint | None:
 
 
 def _others(
-    problem: Problem, shape: Structure, parameters: Signal, *, with_dead_time: bool
+    problem: FitProblem, shape: Structure, parameters: Signal, *, with_dead_time: bool
 ) -> Iterator[tuple[Structure, list[Signal]]]:
     """Yield the same structure with a dead time, and that of one order more, with starting values for each."""
     record = problem.record
@@ -207,12 +207,12 @@ def _shortened(shape: Structure, parameters: Signal, share: float) -> Signal:
 def _one_order_more(shape: Structure) -> Structure | None:
     """Return the structure with a lag more, None where there is none."""
     suffix = DEAD_TIME if shape.delayed else ""
-    if shape.kind is Kind.LAGS:
+    if shape.kind is DenominatorKind.LAGS:
         return structure(f"lags{shape.order + 1}{suffix}") if shape.order < MAX_LAGS else None
     return structure(f"order:{shape.order + 1}{suffix}") if shape.order < MAX_ORDER else None
 
 
-def _compared(problem: Problem, parameters: Signal, other: Problem, starts: list[Signal]) -> Hint | None:
+def _compared(problem: FitProblem, parameters: Signal, other: FitProblem, starts: list[Signal]) -> Hint | None:
     """Fit the other structure and this one to the same samples; None where the other is not clearly better."""
     ranked = [start for _, start in ranked_starts(other, starts)][:_STARTS_TRIED]
     if not ranked:
@@ -244,12 +244,12 @@ def _compared(problem: Problem, parameters: Signal, other: Problem, starts: list
     )
 
 
-def _room(problem: Problem, parameters: Signal) -> int:
+def _room(problem: FitProblem, parameters: Signal) -> int:
     """Return how many samples a dead time that the structure has already leaves out."""
     return with_room(problem, [parameters]).first
 
 
-def _fit_percent(found: Evaluation) -> float:
+def _fit_percent(found: FitEvaluation) -> float:
     y = found.problem.record.y[found.problem.first :]
     return 100.0 * (1.0 - found.cost / float(np.linalg.norm(y - np.mean(y))))
 
@@ -355,7 +355,7 @@ def _estimate(
     step = quantum(record.y)
     left = whole.measured - whole.predicted
     wrap = wrap_of(record.y)
-    evidence = Evidence(
+    evidence = ValidationData(
         first_order=first_order,
         model=model,
         std_errors=std_errors,
@@ -422,7 +422,7 @@ def _coloured(found: Fit) -> bool:
 
 
 def _fed_back(found: Fit) -> bool:
-    here = Evaluation(found.problem.unweighted, found.parameters)
+    here = FitEvaluation(found.problem.unweighted, found.parameters)
     left = here.without_nuisance(here.error[:, np.newaxis])[:, 0]
     return reacts_to_noise(found.problem.record.u, left, float(found.parameters[0]))
 
@@ -433,7 +433,7 @@ def _input_offset(found: Fit) -> InputOffset | None:
     The offset is that at the middle of the record, where the ramp that is fitted besides is zero.
     """
     plain = replace(found.problem, low_pass=0.0, whitening=WHITE)
-    here = Evaluation(plain, found.parameters)
+    here = FitEvaluation(plain, found.parameters)
     columns = np.column_stack((here.nuisance, here.sensitivities))
     at, K = here.nuisance.shape[1] - 2, float(found.parameters[0])
     try:

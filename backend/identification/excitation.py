@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backend.identification.initialization import Problem, least_squares
+from backend.identification.initialization import FitProblem, least_squares
 from backend.identification.models import Complex, FrequencyCheck, Model, moving_average
 from backend.identification.records import Controller, Record, RecordError, Signal, UnstableModelError
 
@@ -33,7 +33,7 @@ def external_signal(record: Record) -> Signal | None:
     return record.r if record.r is not None and np.ptp(record.r) > 0.0 else None
 
 
-def noise_free_input(problem: Problem) -> NoiseFreeInput | None:
+def noise_free_input(problem: FitProblem) -> NoiseFreeInput | None:
     """How to rebuild the input without noise for this record; None where nothing from outside the loop is known."""
     record = problem.record
     external = external_signal(record)
@@ -68,7 +68,7 @@ def _feedback(record: Record, controller: Controller) -> Signal:
     return versions[int(np.argmin(roughness))]
 
 
-def _closed_loop_input(problem: Problem, parameters: Signal, feedback: Signal, from_outside: Signal) -> Signal:
+def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal, from_outside: Signal) -> Signal:
     """Response of u to what enters the loop from outside, 1/(1 + G C), with the model for G."""
     from scipy.signal import sosfilt, zpk2sos
 

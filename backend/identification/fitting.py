@@ -9,13 +9,13 @@ import numpy as np
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.initialization import (
     WHITE,
-    Evaluation,
-    Problem,
+    FitEvaluation,
+    FitProblem,
     difference,
     dominant_lag,
+    initial_estimates,
     least_squares,
     moved,
-    quick_starts,
     thorough_starts,
     triangle,
 )
@@ -45,7 +45,7 @@ _FASTER = 3.0
 _SETTLED_LAGS = 12.0
 
 
-def fit_arx(problem: Problem, low_pass: bool = True) -> tuple[Signal, Signal]:
+def fit_arx(problem: FitProblem, low_pass: bool = True) -> tuple[Signal, Signal]:
     """Parameters, shape (p,), and their covariance, shape (p, p). Raises NotContinuousError.
 
     A(z) y = B(z) u + offset with both of the structure's order, by QR, on signals that passed two lags of the
@@ -93,7 +93,7 @@ def _low_pass(decay: float, signal: Signal) -> Signal:
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal))
 
 
-def _continuous(problem: Problem, coefficients: Signal) -> Signal:
+def _continuous(problem: FitProblem, coefficients: Signal) -> Signal:
     order = problem.structure.order
     a, b = np.concatenate(([1.0], coefficients[:order])), coefficients[order : 2 * order]
     poles = continuous_poles(np.roots(a).astype(np.complex128), problem.record.period_s)
@@ -126,7 +126,7 @@ _FLOOR = 1e-11
 _MAX_DAMPING = 1e8
 
 
-def fit_output_error(problem: Problem, start: Signal, tolerance: float = FINE) -> Evaluation:
+def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE) -> FitEvaluation:
     """Minimise the output error from ``start``; the solution is the evaluation's ``parameters``.
 
     Stops when what is left to gain is below ``tolerance`` standard errors. Raises NotConvergedError,
@@ -139,13 +139,13 @@ def fit_output_error(problem: Problem, start: Signal, tolerance: float = FINE) -
     return found
 
 
-def adapt(problem: Problem, start: Signal) -> Evaluation:
+def adapt(problem: FitProblem, start: Signal) -> FitEvaluation:
     """Improve parameters that are near already, to a tenth of their standard errors or in a few iterations."""
     return _descend(problem, start, COARSE, FEW_ITERATIONS)[0]
 
 
-def _descend(problem: Problem, start: Signal, tolerance: float, iterations: int) -> tuple[Evaluation, bool]:
-    here, damping = Evaluation(problem, start), 1e-3
+def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: int) -> tuple[FitEvaluation, bool]:
+    here, damping = FitEvaluation(problem, start), 1e-3
     signal = float(np.linalg.norm(problem.whiten(problem.record.y)))
     for _ in range(iterations):
         factor, right = _normalised(here)
@@ -163,7 +163,7 @@ def _descend(problem: Problem, start: Signal, tolerance: float, iterations: int)
     return here, False
 
 
-def _normalised(here: Evaluation) -> tuple[Signal, Signal]:
+def _normalised(here: FitEvaluation) -> tuple[Signal, Signal]:
     """Triangle of the sensitivities, shape (p, p), and matching right-hand side, nuisance projected out."""
     first, size = here.nuisance.shape[1], here.parameters.size
     factor = triangle(np.column_stack((here.nuisance, here.sensitivities, here.error)))
@@ -179,9 +179,9 @@ def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
     return np.asarray(step / max(1.0, float(np.max(np.abs(step[1:]))) / 1.5))
 
 
-def _evaluated(problem: Problem, parameters: Signal) -> Evaluation | None:
+def _evaluated(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
     try:
-        return Evaluation(problem, parameters)
+        return FitEvaluation(problem, parameters)
     except UnstableModelError:
         return None
 
@@ -204,7 +204,7 @@ def _evaluated(problem: Problem, parameters: Signal) -> Evaluation | None:
 # as well.
 
 
-def fit_refined_iv(start: Evaluation, noise_free_input: NoiseFreeInput) -> Evaluation:
+def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> FitEvaluation:
     """Iterate from ``start`` to the solution. Raises NotConvergedError, UnstableModelError."""
     here, signal = start, float(np.linalg.norm(start.problem.whiten(start.problem.record.y)))
     for _ in range(MAX_ITERATIONS):
@@ -217,7 +217,7 @@ def fit_refined_iv(start: Evaluation, noise_free_input: NoiseFreeInput) -> Evalu
     raise NotConvergedError(f"{name}: refined IV did not settle within {MAX_ITERATIONS} iterations")
 
 
-def _equation(here: Evaluation, instruments: Signal) -> tuple[Signal, Signal]:
+def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]:
     """Q'J, shape (p, p), and Q'e, where Q is an orthonormal basis of the instruments without nuisance."""
     first, size = here.nuisance.shape[1], here.parameters.size
     factor = triangle(np.column_stack((here.nuisance, instruments, here.sensitivities, here.error)))
@@ -225,12 +225,12 @@ def _equation(here: Evaluation, instruments: Signal) -> tuple[Signal, Signal]:
     return factor[rows, first + size : first + 2 * size], factor[rows, -1]
 
 
-def _stable_step(here: Evaluation, step: Signal) -> Evaluation:
+def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
     """Take the step, shortened to a factor e per parameter and halved until the model is stable."""
     step = step / max(1.0, float(np.max(np.abs(step[1:]))))
     for _ in range(30):
         try:
-            return Evaluation(here.problem, moved(here.parameters, step))
+            return FitEvaluation(here.problem, moved(here.parameters, step))
         except UnstableModelError:
             step = step / 2.0
     raise NotConvergedError(f"{here.problem.structure.name}: refined IV leads to an unstable model")
@@ -275,12 +275,12 @@ class Fit:
     come from ARX.
     """
 
-    solution: Evaluation
+    solution: FitEvaluation
     drive: NoiseFreeInput | None
     arx_covariance: Signal | None = None
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> FitProblem:
         """Record, structure and noise model of the solution."""
         return self.solution.problem
 
@@ -311,7 +311,7 @@ class Fit:
         """The same without the low-pass, from ``first`` on: what is tested and what models are compared by."""
         residuals = self.residuals
         if self.problem.low_pass:
-            plain = Evaluation(replace(self.problem, low_pass=0.0), self.parameters)
+            plain = FitEvaluation(replace(self.problem, low_pass=0.0), self.parameters)
             residuals = plain.without_nuisance(plain.error[:, np.newaxis])[:, 0]
         return residuals[self.problem.first :]
 
@@ -347,7 +347,7 @@ class Fit:
 
 def fit(record: Record, structure: Structure, method: Method) -> Fit:
     """Estimate the parameters. Raises NoStartError, NotConvergedError, NotContinuousError, StructureError."""
-    problem = Problem(record, structure, WHITE)
+    problem = FitProblem(record, structure, WHITE)
     if structure.delayed:
         _check_dead_time(structure, record, method)
     if method is Method.ARX:
@@ -380,7 +380,7 @@ def _check_dead_time(structure: Structure, record: Record, method: Method) -> No
         raise StructureError(f"{structure.name} has a dead time, which cannot be found in this way: use {instead}")
 
 
-def refit(found: Fit, record: Record) -> Evaluation:
+def refit(found: Fit, record: Record) -> FitEvaluation:
     """Adapt what was found to another record, by output error with the same noise model. Raises NotContinuousError."""
     problem = replace(found.problem, record=record)
     if found.arx_covariance is not None:
@@ -388,9 +388,9 @@ def refit(found: Fit, record: Record) -> Evaluation:
     return adapt(problem, found.parameters)
 
 
-def _arx(problem: Problem) -> Fit:
+def _arx(problem: FitProblem) -> Fit:
     parameters, covariance = fit_arx(problem)
-    return Fit(Evaluation(problem, parameters), None, covariance)
+    return Fit(FitEvaluation(problem, parameters), None, covariance)
 
 
 def _with_noise_model(first: Fit) -> Fit:
@@ -425,15 +425,15 @@ def _low_frequency(first: Fit) -> Fit:
 
 
 def _unwhitened(found: Fit) -> Fit:
-    return Fit(Evaluation(replace(found.problem, whitening=WHITE), found.parameters), found.drive)
+    return Fit(FitEvaluation(replace(found.problem, whitening=WHITE), found.parameters), found.drive)
 
 
-def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
+def _from_starts(problem: FitProblem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
     """Solve from quick starting values, and from thorough ones where the residuals are not white.
 
     That they do not follow the input is not enough: a wrong valley may leave over what looks like coloured noise.
     """
-    starts = quick_starts(problem, *further)
+    starts = initial_estimates(problem, *further)
     problem = with_room(problem, starts[:_STARTS_TRIED])
     found = _first_converged(problem, starts, FINE if drive is None else COARSE)
     if problem.structure.order >= 3 and (found is None or not Fit(found, drive).whiteness().passed):
@@ -453,7 +453,7 @@ def _explains(found: Fit) -> bool:
     return found.whiteness().passed or found.input_correlation().passed
 
 
-def with_room(problem: Problem, starts: list[Signal]) -> Problem:
+def with_room(problem: FitProblem, starts: list[Signal]) -> FitProblem:
     """Leave out samples that may come from inputs before the record.
 
     They are as many as the dead time may become: twice what it starts from, and half of the lags, which may hide it.
@@ -465,7 +465,7 @@ def with_room(problem: Problem, starts: list[Signal]) -> Problem:
     return replace(problem, first=min(problem.record.u.size // 4, int(longest / period_s) + 2))
 
 
-def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -> Evaluation | None:
+def _first_converged(problem: FitProblem, starts: list[Signal], tolerance: float) -> FitEvaluation | None:
     """Take the first start that leads anywhere; with a dead time, whose valleys are many, the best of them."""
     best = None
     for start in starts[:_STARTS_TRIED]:
@@ -480,11 +480,11 @@ def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -
     return best
 
 
-def _solve(problem: Problem, drive: NoiseFreeInput | None, start: Signal) -> Fit:
+def _solve(problem: FitProblem, drive: NoiseFreeInput | None, start: Signal) -> Fit:
     return _with_instruments(fit_output_error(problem, start, FINE if drive is None else COARSE), drive)
 
 
-def _with_instruments(near: Evaluation, drive: NoiseFreeInput | None) -> Fit:
+def _with_instruments(near: FitEvaluation, drive: NoiseFreeInput | None) -> Fit:
     """Go on to refined IV where there are instruments; where it fails, output error has the last word."""
     if drive is None:
         return Fit(near, None)

@@ -224,7 +224,7 @@ class TensionRun:
 
 
 @dataclass(frozen=True)
-class LoadFriction:
+class LoadFrictionFit:
     """c0 [N·m] and c1 [1] of motor A with standard errors; ``K_t`` [N·m/V] comes out of the same fit.
 
     ``c0_c1_covariance`` [N·m] is that of the two estimates, which are strongly correlated. ``runs`` are those that were
@@ -250,7 +250,7 @@ class LoadFrictionResult:
     ``left_out`` names each run that was not used, with the reason.
     """
 
-    estimate: LoadFriction | None
+    estimate: LoadFrictionFit | None
     problem: str = ""
     left_out: tuple[str, ...] = ()
 
@@ -301,7 +301,7 @@ def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFricti
     stds = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite((c0, c1, K_t))) and np.all(np.isfinite(stds))):
         return LoadFrictionResult(None, "the standard errors could not be computed; record again", tuple(left_out))
-    estimate = LoadFriction(
+    estimate = LoadFrictionFit(
         c0=c0,
         c1=c1,
         K_t=K_t,

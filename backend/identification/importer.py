@@ -411,7 +411,7 @@ BY_THE_FILE = TimeChoice()
 
 
 @dataclass(frozen=True)
-class Reading:
+class ImportSummary:
     """What was read of a file, for the reader of a result.
 
     ``columns`` by what they serve as, ``units`` by column; ``layout`` is how the file was read. Rows count from 1, the
@@ -448,7 +448,7 @@ class Imported(NamedTuple):
     """A record, and what was read of the file that it comes from."""
 
     record: Record
-    reading: Reading
+    reading: ImportSummary
 
 
 def import_record(
@@ -520,7 +520,7 @@ def import_record(
     r = None if setpoint is None else signals[setpoint]
     used_names = {*signals, *([] if found is None else [found.name])}
     record = Record(period_s, signals[u], signals[y], r=r, controller=controller, t=t)
-    reading = Reading(
+    reading = ImportSummary(
         file=file,
         layout=dict(columns.layout),
         columns=roles,

@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from backend.identification.models import Kind, Poles, Structure, free_responses, simulate, structure
+from backend.identification.models import DenominatorKind, Poles, Structure, free_responses, simulate, structure
 from backend.identification.records import NoStartError, Record, RecordError, Signal, UnstableModelError
 
 # Linearisation -------------------------------------------------------------------------------------
@@ -29,7 +29,7 @@ WHITE = np.array([1.0])
 
 
 @dataclass(frozen=True)
-class Problem:
+class FitProblem:
     """A record, a structure and the polynomial that whitens the noise (1, d_1 .. in powers of z^-1).
 
     ``low_pass`` is the pole of a filter 1/(1 - low_pass z^-1) on both signals besides, which weights errors at low
@@ -77,19 +77,19 @@ class Problem:
         return np.concatenate((np.zeros_like(signal[: self.first]), signal[self.first :])) if self.first else signal
 
     @property
-    def unweighted(self) -> "Problem":
+    def unweighted(self) -> "FitProblem":
         """The problem of the plain simulation error."""
         return replace(self, whitening=WHITE, low_pass=0.0)
 
 
-class Evaluation:
+class FitEvaluation:
     """A problem at one set of parameters, with what steps and standard errors need. Raises UnstableModelError.
 
     ``nuisance`` shape (n, order + 2) and ``error`` shape (n,), both whitened; ``cost`` is the norm of the part of
     the error that the nuisance terms cannot explain.
     """
 
-    def __init__(self, problem: Problem, parameters: Signal) -> None:
+    def __init__(self, problem: FitProblem, parameters: Signal) -> None:
         self.problem = problem
         self.parameters = parameters
         dead_time_s = problem.structure.dead_time(parameters)
@@ -190,15 +190,15 @@ _DEAD_TIMES = 14
 _NEAR = 0.8
 
 
-def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
+def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
     """Parameters to start from, best first, each shape (p,). Raises NoStartError.
 
     Candidates are the ``further`` ones, equal lags over a grid of time constants, and state-variable-filter
     estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
     """
 
-    def found(plain: Problem, *given: Signal) -> list[tuple[float, Signal]]:
-        if plain.structure.kind is Kind.LAGS:
+    def found(plain: FitProblem, *given: Signal) -> list[tuple[float, Signal]]:
+        if plain.structure.kind is DenominatorKind.LAGS:
             return ranked_starts(plain, [*given, *_equal_lags(plain, plain.structure, _LAGS)])
         few = _equal_lags(plain, plain.structure, _FEW_LAGS)
         return ranked_starts(plain, [*given, *few, *_state_variable_filter(plain)])
@@ -213,12 +213,12 @@ def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
     return [parameters for _, parameters in ranked]
 
 
-def thorough_starts(problem: Problem) -> list[tuple[float, Signal]]:
+def thorough_starts(problem: FitProblem) -> list[tuple[float, Signal]]:
     """Return simulation errors and parameters of further starts for order 3 and more, best first.
 
     They are the best single lag with faster poles behind it.
     """
-    if problem.structure.kind is Kind.LAGS:
+    if problem.structure.kind is DenominatorKind.LAGS:
         return []
     if problem.structure.delayed:
         return _over_dead_times(problem, thorough_starts)
@@ -226,7 +226,7 @@ def thorough_starts(problem: Problem) -> list[tuple[float, Signal]]:
 
 
 def _over_dead_times(
-    problem: Problem, starts: Callable[[Problem], list[tuple[float, Signal]]]
+    problem: FitProblem, starts: Callable[[FitProblem], list[tuple[float, Signal]]]
 ) -> list[tuple[float, Signal]]:
     """Collect the starts of the undelayed structure behind each of a grid of dead times, from half a sample on."""
     record, found = problem.record, []
@@ -257,16 +257,16 @@ def dead_times(record: Record) -> list[float]:
     return [0.5, *np.unique(np.round(grid)).tolist()]
 
 
-def dominant_lag(problem: Problem) -> float:
+def dominant_lag(problem: FitProblem) -> float:
     """Time constant [s], on a coarse grid, of the single lag that simulates the record best. Raises NoStartError."""
-    single = Problem(problem.record, structure("first"), problem.whitening)
+    single = FitProblem(problem.record, structure("first"), problem.whitening)
     ranked = ranked_starts(single, _equal_lags(single, single.structure, _LAGS))
     if not ranked:
         raise NoStartError("the input does not reach the output")
     return float(ranked[0][1][1])
 
 
-def ranked_starts(problem: Problem, among: list[Signal]) -> list[tuple[float, Signal]]:
+def ranked_starts(problem: FitProblem, among: list[Signal]) -> list[tuple[float, Signal]]:
     """Return whitened errors of candidates with their best gain, and their parameters with it, best first."""
     scored = []
     for candidate in among:
@@ -278,7 +278,7 @@ def ranked_starts(problem: Problem, among: list[Signal]) -> list[tuple[float, Si
     return sorted(scored, key=lambda pair: pair[0])
 
 
-def _fit_gain(problem: Problem, candidate: Signal) -> tuple[float, Signal]:
+def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
     """Whitened error with the best gain, and the parameters with that gain."""
     unit = np.concatenate(([1.0], candidate[1:]))
     record = problem.record
@@ -298,13 +298,13 @@ def _thinned(count: int, first: int = 0) -> slice:
     return slice(first, None, max(1, count // _EQUATIONS))
 
 
-def _equal_lags(problem: Problem, shape: Structure, count: int) -> list[Signal]:
+def _equal_lags(problem: FitProblem, shape: Structure, count: int) -> list[Signal]:
     record = problem.record
     sums = np.geomspace(5.0 * record.period_s, record.duration_s / 3.0, count)
     return [_from_poles(shape, np.full(shape.order, -shape.order / total, dtype=np.complex128)) for total in sums]
 
 
-def _lag_and_faster_poles(problem: Problem) -> list[Signal]:
+def _lag_and_faster_poles(problem: FitProblem) -> list[Signal]:
     """Put faster poles over a grid of frequencies behind the best single lag: a pair, at order 4 and another lag."""
     T = dominant_lag(problem)
     found = []
@@ -316,7 +316,7 @@ def _lag_and_faster_poles(problem: Problem) -> list[Signal]:
     return found
 
 
-def _state_variable_filter(problem: Problem) -> list[Signal]:
+def _state_variable_filter(problem: FitProblem) -> list[Signal]:
     """Least squares on A(s) F(s) y = b0 F(s) u with F = 1/(s/w + 1)^N, for each cut-off w; unstable poles mirrored."""
     record, shape = problem.record, problem.structure
     order, count, found = shape.order, record.u.size, []

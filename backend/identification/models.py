@@ -207,7 +207,7 @@ DEAD_TIME = "+delay"
 KNOWN = f"first, third, lags2 .. lags{MAX_LAGS}, order:1 .. order:{MAX_ORDER}, each also with {DEAD_TIME}"
 
 
-class Kind(StrEnum):
+class DenominatorKind(StrEnum):
     """How the parameters make the denominator."""
 
     FIRST = "first"
@@ -225,7 +225,7 @@ class Structure:
     """
 
     name: str
-    kind: Kind
+    kind: DenominatorKind
     order: int
     names: tuple[str, ...]
     delayed: bool = False
@@ -247,32 +247,32 @@ class Structure:
         """Coefficients 1, a_1 .. a_N in ascending powers of s, shape (order + 1,); units s^i."""
         dynamics = self._dynamics(parameters)
         match self.kind:
-            case Kind.FIRST:
+            case DenominatorKind.FIRST:
                 return np.array([1.0, dynamics[0]])
-            case Kind.THIRD:
+            case DenominatorKind.THIRD:
                 T, a2, a1 = dynamics
                 return np.convolve([1.0, T], [1.0, a1, a2])
-            case Kind.LAGS:
+            case DenominatorKind.LAGS:
                 return np.asarray(np.poly1d([dynamics[0], 1.0]) ** self.order).ravel()[::-1]
-            case Kind.FREE:
+            case DenominatorKind.FREE:
                 return np.concatenate(([1.0], dynamics))
 
     def poles(self, parameters: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
         """Poles [rad/s], shape (order,)."""
-        if self.kind in (Kind.FIRST, Kind.LAGS):
+        if self.kind in (DenominatorKind.FIRST, DenominatorKind.LAGS):
             return np.full(self.order, -1.0 / parameters[1], dtype=np.complex128)
-        if self.kind is Kind.THIRD:
+        if self.kind is DenominatorKind.THIRD:
             T, a2, a1 = self._dynamics(parameters)
             return np.concatenate(([-1.0 / T], _roots(np.array([1.0, a1, a2]))))
         return _roots(self.denominator(parameters))
 
     def from_denominator(self, gain: float, denominator: Signal) -> Signal:
         """Parameters, without dead time, nearest to a stable denominator of the same order (ascending, 1 first)."""
-        if self.kind is Kind.FIRST:
+        if self.kind is DenominatorKind.FIRST:
             return np.array([gain, denominator[1]])
-        if self.kind is Kind.LAGS:
+        if self.kind is DenominatorKind.LAGS:
             return np.array([gain, denominator[1] / self.order])
-        if self.kind is Kind.THIRD:
+        if self.kind is DenominatorKind.THIRD:
             poles = _roots(denominator)
             slowest = int(np.argmin(np.where(np.abs(poles.imag) < 1e-9 * np.abs(poles), np.abs(poles), np.inf)))
             a2, a1, _ = np.real(np.poly(np.delete(poles, slowest)) / np.prod(-np.delete(poles, slowest)).real)
@@ -290,16 +290,16 @@ def structure(name: str) -> Structure:
         if not plain.delayed:
             return replace(plain, name=name, names=(*plain.names, "t_d"), delayed=True)
     if name == "first":
-        return Structure(name, Kind.FIRST, 1, ("K", "T"))
+        return Structure(name, DenominatorKind.FIRST, 1, ("K", "T"))
     if name == "third":
-        return Structure(name, Kind.THIRD, 3, ("K", "T", "a2", "a1"))
+        return Structure(name, DenominatorKind.THIRD, 3, ("K", "T", "a2", "a1"))
     lags = re.fullmatch(r"lags([2-9])", name)
     if lags and int(lags[1]) <= MAX_LAGS:
-        return Structure(name, Kind.LAGS, int(lags[1]), ("K", "tau"))
+        return Structure(name, DenominatorKind.LAGS, int(lags[1]), ("K", "tau"))
     free = re.fullmatch(r"order:([1-9])", name)
     if free and int(free[1]) <= MAX_ORDER:
         order = int(free[1])
-        return Structure(name, Kind.FREE, order, ("b0", *(f"a{i}" for i in range(1, order + 1))))
+        return Structure(name, DenominatorKind.FREE, order, ("b0", *(f"a{i}" for i in range(1, order + 1))))
     raise StructureError(f"structure '{name}' does not exist: choose one of {KNOWN}")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from backend.identification.estimation import Beside
+from backend.identification.estimation import ModelComparison
 from backend.identification.friction import SIGNIFICANT_STD, both_ways, differences, moving, positive_lag
 from backend.identification.initialization import dead_times
 from backend.identification.models import CorrelationTest, Grade, Verdict, worst
@@ -66,7 +66,7 @@ _SMOOTHING_PART = 0.02
 
 
 @dataclass(frozen=True)
-class VoltageStep:
+class VoltageStepRecord:
     """One run: ``u`` [V] steps once from zero and stays; ``theta`` [rad] at the outlet; both shape (n,).
 
     ``tension_N`` is the tendon's force, shape (n,), where it is measured; ``u_max`` [V] the output's limit and
@@ -149,7 +149,7 @@ class MotorIdentification:
     verdict: Verdict
 
 
-def identify_motor(runs: Sequence[VoltageStep]) -> MotorIdentification:
+def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
     """Identify the motor from steps of different voltages. Raises RecordError, NotConvergedError."""
     from scipy.stats import norm
 
@@ -183,7 +183,7 @@ def identify_motor(runs: Sequence[VoltageStep]) -> MotorIdentification:
     )
 
 
-def rule_of_63_percent(run: VoltageStep) -> RuleResult:
+def rule_of_63_percent(run: VoltageStepRecord) -> RuleResult:
     """Take K_m from the steady speed and T_m where the speed reaches 63.21 % of it, as the paper does."""
     t = np.arange(run.u.size - run.first) * run.period_s
     theta = run.theta[run.first :]
@@ -197,7 +197,7 @@ def rule_of_63_percent(run: VoltageStep) -> RuleResult:
     return RuleResult(run.voltage, steady / run.voltage, float(middle[reached]))
 
 
-def _least_squares(runs: Sequence[VoltageStep], start: Signal, *, coulomb: bool) -> tuple[Signal, Signal, float]:
+def _least_squares(runs: Sequence[VoltageStepRecord], start: Signal, *, coulomb: bool) -> tuple[Signal, Signal, float]:
     """Parameters (K_m, T_m, u_c), their covariance, shape (3, 3), and the RMS error [rad]."""
     from scipy.optimize import least_squares
 
@@ -229,19 +229,19 @@ def steady_speed(voltage: float, K_m: float, u_c: float) -> float:
     return K_m * (voltage - math.copysign(u_c, voltage))
 
 
-def _position(run: VoltageStep, parameters: Signal) -> Signal:
+def _position(run: VoltageStepRecord, parameters: Signal) -> Signal:
     K_m, T_m, u_c = parameters
     t = np.arange(run.u.size - run.first) * run.period_s
     return turn_from_rest(t, steady_speed(run.voltage, K_m, u_c), T_m)
 
 
-def step_beside(run: VoltageStep, K_m: float, T_m: float, u_c: float) -> Beside:
+def step_beside(run: VoltageStepRecord, K_m: float, T_m: float, u_c: float) -> ModelComparison:
     """Set a motor beside a step that it was not fitted to; where the motor stood before is no part of the model."""
     measured, turn = run.theta[run.first :], _position(run, np.array([K_m, T_m, u_c]))
-    return Beside(run.first, measured, turn + np.mean(measured - turn))
+    return ModelComparison(run.first, measured, turn + np.mean(measured - turn))
 
 
-def _motion(runs: Sequence[VoltageStep]) -> float:
+def _motion(runs: Sequence[VoltageStepRecord]) -> float:
     """Root mean square of the turn about its mean [rad], over all runs."""
     turned = np.concatenate([_without_mean(run.theta[run.first :]) for run in runs])
     return float(np.sqrt(np.mean(turned**2)))
@@ -251,7 +251,7 @@ def _without_mean(error: Signal) -> Signal:
     return np.asarray(error - np.mean(error))
 
 
-def _check_length(runs: Sequence[VoltageStep], T_m: float) -> None:
+def _check_length(runs: Sequence[VoltageStepRecord], T_m: float) -> None:
     shortest = min((run.u.size - run.first) * run.period_s for run in runs)
     if shortest < _MIN_LENGTH_LAGS * T_m:
         raise RecordError(

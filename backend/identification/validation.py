@@ -258,7 +258,7 @@ def misfit_percent(fit: float, resolution_percent: float) -> float:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class ValidationData:
     """What a verdict is made from.
 
     ``fit`` [%] on unseen data, NaN where there is none. ``motion_counts`` is the output's peak-to-peak in sensor
@@ -343,7 +343,7 @@ def _errors_of(found: FirstOrder | DryFriction) -> list[float]:
 Finding = tuple[Grade, str]
 
 
-def judge(evidence: Evidence) -> Verdict:
+def judge(evidence: ValidationData) -> Verdict:
     """Grade a model and give the reasons. A figure that could not be had never counts in favour."""
     if evidence.wrap is not None or evidence.lead is not None:
         return Verdict(Grade.UNUSABLE, tuple(reason for _, reason in _unsuitable(evidence)))
@@ -376,7 +376,7 @@ def graded(value: float, caution: float, most: float) -> Grade:
     return Grade.CAUTION if value <= most else Grade.UNUSABLE
 
 
-def _unsuitable(evidence: Evidence) -> Iterator[Finding]:
+def _unsuitable(evidence: ValidationData) -> Iterator[Finding]:
     """Signals that no model of this kind can connect; what else there is to say about the model follows from it."""
     if evidence.wrap is not None:
         yield (
@@ -392,7 +392,7 @@ def _unsuitable(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _signals(evidence: Evidence) -> Iterator[Finding]:
+def _signals(evidence: ValidationData) -> Iterator[Finding]:
     """Grade what is doubtful about the signals themselves, whatever the model."""
     if evidence.one_step:
         yield (
@@ -429,7 +429,7 @@ def _signals(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _motion(evidence: Evidence) -> Iterator[Finding]:
+def _motion(evidence: ValidationData) -> Iterator[Finding]:
     counts = evidence.motion_counts
     if counts is not None and not counts >= MIN_COUNTS:
         yield (
@@ -439,7 +439,7 @@ def _motion(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _friction(evidence: Evidence) -> Iterator[Finding]:
+def _friction(evidence: ValidationData) -> Iterator[Finding]:
     friction = evidence.friction
     if friction is None or not friction.found:
         return
@@ -454,7 +454,7 @@ def _friction(evidence: Evidence) -> Iterator[Finding]:
     )
 
 
-def _fit(evidence: Evidence) -> Iterator[Finding]:
+def _fit(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.unseen_rests:
         yield (
             worst(Grade.CAUTION, graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
@@ -475,7 +475,7 @@ def _fit(evidence: Evidence) -> Iterator[Finding]:
         yield grade, f"fit of {percent(evidence.fit)} % on unseen data, where {bound:.0f} % are needed"
 
 
-def _gain(evidence: Evidence) -> Iterator[Finding]:
+def _gain(evidence: ValidationData) -> Iterator[Finding]:
     error = evidence.gain_error_percent
     if error is None:
         return
@@ -484,7 +484,7 @@ def _gain(evidence: Evidence) -> Iterator[Finding]:
         yield grade, f"gain {error:+.1f} % off the geometric one"
 
 
-def _errors(evidence: Evidence) -> Iterator[Finding]:
+def _errors(evidence: ValidationData) -> Iterator[Finding]:
     found = evidence.first_order
     # Beside what the loop may do to them, the standard errors of K and T say nothing.
     reduced = () if evidence.biased_by_loop else (("K", found.K, found.K_std), ("T", found.T, found.T_std))
@@ -506,7 +506,7 @@ def _known(name: str, spread: float) -> str:
     return f"{name} known to ±{spread:.3g} % only"
 
 
-def _residuals(evidence: Evidence) -> Iterator[Finding]:
+def _residuals(evidence: ValidationData) -> Iterator[Finding]:
     misfit, known_sensor = evidence.misfit, evidence.resolution_percent > 0.0
     follows = not evidence.residuals.input_correlation.passed
     named = evidence.friction is not None and evidence.friction.found

@@ -46,7 +46,7 @@ def unchanged(document: Any) -> Any:
     return document
 
 
-class Edge(Generic[T]):
+class DocumentCodec(Generic[T]):
     """Reads and writes one kind of document.
 
     ``what`` names it in a sentence, ``version`` is the one that is written, 0 for parts of a document that tells it.

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor, spread_percent
-from backend.models.document import ABSENT, Edge, UnreadableDocumentError
+from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
 from plant.parameters import Side
 
 # Actuator ------------------------------------------------------------------------------------------
@@ -98,7 +98,7 @@ class FrequencyEstimate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
+class TriedStructure:
     """A structure that was tried, in brief."""
 
     structure: str
@@ -153,7 +153,7 @@ class ChannelQuality:
     usable: bool = False
     grade: Grade
     verdict: str = ""
-    candidates: tuple[Annotated[Candidate | FailedCandidate, Field(union_mode="left_to_right")], ...] = ()
+    candidates: tuple[Annotated[TriedStructure | FailedCandidate, Field(union_mode="left_to_right")], ...] = ()
     arx: Annotated[ArxEstimate | NoArx | None, Field(union_mode="left_to_right")] = field(default=None, metadata=ABSENT)
 
 
@@ -187,7 +187,7 @@ class ActuatorOptions:
 
 
 @dataclass(frozen=True)
-class Channel:
+class IdentifiedChannel:
     """One channel: its model, and how good that is."""
 
     model: ChannelModel
@@ -201,11 +201,11 @@ class ActuatorFound:
     model: ActuatorModel
     quality: ActuatorQuality
 
-    def channel(self, name: ChannelName) -> Channel:
+    def channel(self, name: ChannelName) -> IdentifiedChannel:
         """Return one channel."""
         if name == "G_q":
-            return Channel(self.model.G_q, self.quality.G_q)
-        return Channel(self.model.G_S, self.quality.G_S)
+            return IdentifiedChannel(self.model.G_q, self.quality.G_q)
+        return IdentifiedChannel(self.model.G_S, self.quality.G_S)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,12 +252,12 @@ class PartialQuality:
     G_S: PartialChannelQuality | None = None
 
 
-MODEL: Edge[ActuatorModel] = Edge(ActuatorModel, "its model", VERSION)
-QUALITY: Edge[ActuatorQuality] = Edge(ActuatorQuality, "the quality of its model", VERSION)
-RECORD: Edge[ActuatorRecord] = Edge(ActuatorRecord, "what is told of its samples", VERSION)
-OPTIONS: Edge[ActuatorOptions] = Edge(ActuatorOptions, "its options", VERSION)
-PARTIAL_MODEL: Edge[PartialModel] = Edge(PartialModel, "its model", VERSION)
-PARTIAL_QUALITY: Edge[PartialQuality] = Edge(PartialQuality, "the quality of its model", VERSION)
+MODEL: DocumentCodec[ActuatorModel] = DocumentCodec(ActuatorModel, "its model", VERSION)
+QUALITY: DocumentCodec[ActuatorQuality] = DocumentCodec(ActuatorQuality, "the quality of its model", VERSION)
+RECORD: DocumentCodec[ActuatorRecord] = DocumentCodec(ActuatorRecord, "what is told of its samples", VERSION)
+OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions, "its options", VERSION)
+PARTIAL_MODEL: DocumentCodec[PartialModel] = DocumentCodec(PartialModel, "its model", VERSION)
+PARTIAL_QUALITY: DocumentCodec[PartialQuality] = DocumentCodec(PartialQuality, "the quality of its model", VERSION)
 
 
 # Motor ---------------------------------------------------------------------------------------------
@@ -293,7 +293,7 @@ class RuleStep:
 
 
 @dataclass(frozen=True)
-class MotorModel:
+class IdentifiedMotor:
     """One motor; ``before`` is what was in force."""
 
     parameters: Fitted
@@ -314,7 +314,7 @@ class RefusedStep:
 
 
 @dataclass(frozen=True)
-class StepCurve:
+class StoredStepCurve:
     """A few points of a step [V] as measured and as the model says, to draw: t [s], turn [rad]."""
 
     voltage: float
@@ -331,15 +331,15 @@ class MotorQuality:
     grade: Grade | None = field(default=None, metadata=ABSENT)
     verdict: str
     refused: tuple[RefusedStep, ...]
-    steps: tuple[StepCurve, ...]
+    steps: tuple[StoredStepCurve, ...]
 
 
 @dataclass(frozen=True)
 class MotorModels:
     """Both motors."""
 
-    A: MotorModel
-    B: MotorModel
+    A: IdentifiedMotor
+    B: IdentifiedMotor
     version: int = VERSION
 
 
@@ -356,7 +356,7 @@ class MotorQualities:
 class MotorFound:
     """One motor: its model, and how good that is."""
 
-    model: MotorModel
+    model: IdentifiedMotor
     quality: MotorQuality
 
 
@@ -374,8 +374,8 @@ class MotorsFound:
         return MotorFound(self.models.B, self.qualities.B)
 
 
-MOTOR_MODELS: Edge[MotorModels] = Edge(MotorModels, "its model", VERSION)
-MOTOR_QUALITIES: Edge[MotorQualities] = Edge(MotorQualities, "the quality of its model", VERSION)
+MOTOR_MODELS: DocumentCodec[MotorModels] = DocumentCodec(MotorModels, "its model", VERSION)
+MOTOR_QUALITIES: DocumentCodec[MotorQualities] = DocumentCodec(MotorQualities, "the quality of its model", VERSION)
 
 
 # Motor grade ---------------------------------------------------------------------------------------
@@ -404,7 +404,7 @@ def grade_of(found: MotorFound) -> Grade:
 
 
 @dataclass(frozen=True)
-class SpringFit:
+class StoredSpringFit:
     """A polynomial of one order and its errors; ``rising`` where it rises over all elongations that were measured."""
 
     order: int
@@ -422,7 +422,7 @@ class SpringModel:
 
     recommended: int
     reason: str
-    fits: tuple[SpringFit, ...]
+    fits: tuple[StoredSpringFit, ...]
     before: tuple[float, ...] | None = field(default=None, metadata=ABSENT)
 
 
@@ -493,9 +493,9 @@ class TableRecord:
     read: TableReading | None = None
 
 
-SPRING_MODELS: Edge[SpringModels] = Edge(SpringModels, "its model", VERSION)
-SPRING_QUALITIES: Edge[SpringQualities] = Edge(SpringQualities, "the quality of its model", VERSION)
-TABLE: Edge[TableRecord] = Edge(TableRecord, "what is told of its file", VERSION)
+SPRING_MODELS: DocumentCodec[SpringModels] = DocumentCodec(SpringModels, "its model", VERSION)
+SPRING_QUALITIES: DocumentCodec[SpringQualities] = DocumentCodec(SpringQualities, "the quality of its model", VERSION)
+TABLE: DocumentCodec[TableRecord] = DocumentCodec(TableRecord, "what is told of its file", VERSION)
 
 
 def springs_found(models: SpringModels, qualities: SpringQualities, of: str) -> dict[str, SpringFound]:

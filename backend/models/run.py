@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from backend.models.document import ABSENT, Document, Edge, json_ready
+from backend.models.document import ABSENT, Document, DocumentCodec, json_ready
 from plant.dynamics import Obstacle
 
 # Bank entry ----------------------------------------------------------------------------------------
@@ -30,7 +30,7 @@ class EntryModel:
     version: int = ENTRY_VERSION
 
 
-ENTRY: Edge[EntryModel] = Edge(EntryModel, "its models", ENTRY_VERSION)
+ENTRY: DocumentCodec[EntryModel] = DocumentCodec(EntryModel, "its models", ENTRY_VERSION)
 
 
 # Kept wall -----------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def standing(changes: Sequence[KeptWall], t: float) -> Obstacle | None:
 
 
 @dataclass(frozen=True)
-class PlantNumber:
+class StoredPlantNumber:
     """A number, or a list of points, in its unit, and where it comes from."""
 
     value: Any
@@ -93,9 +93,9 @@ class PlantNumber:
     source: str = ""
 
 
-PlantNumbers = dict[str, dict[str, PlantNumber]]
+PlantNumbers = dict[str, dict[str, StoredPlantNumber]]
 
-PLANT_NUMBERS: Edge[PlantNumbers] = Edge(PlantNumbers, "numbers of its plant", 0)
+PLANT_NUMBERS: DocumentCodec[PlantNumbers] = DocumentCodec(PlantNumbers, "numbers of its plant", 0)
 
 
 # Applied parameters --------------------------------------------------------------------------------
@@ -122,7 +122,9 @@ class AppliedParameters:
     version: int = APPLIED_VERSION
 
 
-APPLIED: Edge[AppliedParameters] = Edge(AppliedParameters, "what was applied to the parameters", APPLIED_VERSION)
+APPLIED: DocumentCodec[AppliedParameters] = DocumentCodec(
+    AppliedParameters, "what was applied to the parameters", APPLIED_VERSION
+)
 
 
 # Result --------------------------------------------------------------------------------------------
@@ -151,7 +153,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Figure:
+class MeasuredFigure:
     """A figure of a result. ``reason`` says why it, or a part of it, was not measured; "" where nothing is missing."""
 
     name: str
@@ -186,7 +188,7 @@ class StepFigures:
 
 
 @dataclass(frozen=True)
-class Criterion:
+class RunCriterion:
     """One criterion. ``relation`` is "<" or ">".
 
     ``passed`` is None when it was not measured, and ``reason`` says why; ``figure`` is then what was seen, if anything.
@@ -218,7 +220,7 @@ class Metrics:
     complete: bool
     played_s: float
     planned_s: float
-    figures: tuple[Figure, ...] = ()
+    figures: tuple[MeasuredFigure, ...] = ()
     steps: tuple[StepFigures, ...] | None = field(default=None, metadata=ABSENT)
     phases: tuple[Phase, ...] = ()
     missing_samples: int | None = None
@@ -248,8 +250,10 @@ def _with_reason(item: Any, measured: str) -> Any:
     return {**item, "reason": OLDER if item.get(measured) is None else ""}
 
 
-METRICS: Edge[Metrics] = Edge(Metrics, "its result", METRICS_VERSION, _metrics_with_reasons)
-CRITERIA: Edge[tuple[Criterion, ...]] = Edge(tuple[Criterion, ...], "its criteria", 0, _criteria_with_reasons)
+METRICS: DocumentCodec[Metrics] = DocumentCodec(Metrics, "its result", METRICS_VERSION, _metrics_with_reasons)
+CRITERIA: DocumentCodec[tuple[RunCriterion, ...]] = DocumentCodec(
+    tuple[RunCriterion, ...], "its criteria", 0, _criteria_with_reasons
+)
 
 
 # Outcome -------------------------------------------------------------------------------------------
@@ -269,7 +273,7 @@ class Outcome(StrEnum):
     """there is nothing to judge it by"""
 
 
-def outcome_of(metrics: Metrics | None, criteria: Sequence[Criterion]) -> Outcome:
+def outcome_of(metrics: Metrics | None, criteria: Sequence[RunCriterion]) -> Outcome:
     """Judge a run; one criterion that failed decides, then one that was not measured."""
     if metrics is None or not metrics.complete:
         return Outcome.INCOMPLETE
@@ -295,8 +299,8 @@ LAMBDA, TIME_OPTIMAL = MOTIONS = ("lambda", "time-optimal")
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeptLoop:
-    """The tuning that a run began with, as ``TuningChoice`` spells it, and the seed of the simulator.
+class StoredLoopSettings:
+    """The tuning that a run began with, as ``TuningSettings`` spells it, and the seed of the simulator.
 
     What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry. Before ``motion`` was kept,
     ``u_plan`` alone said it (``with_motion``).
@@ -360,7 +364,7 @@ class RunSettings:
 
     mode: str | None = field(default=None, metadata=ABSENT)
     plan: dict[str, Value] | None = field(default=None, metadata=ABSENT)
-    loop: KeptLoop = field(default_factory=KeptLoop)
+    loop: StoredLoopSettings = field(default_factory=StoredLoopSettings)
     declared: tuple[DeclaredValue, ...] | None = field(default=None, metadata=ABSENT)
     versions: dict[str, str] | None = field(default=None, metadata=ABSENT)
     granted: KeptGrant | None = field(default=None, metadata=ABSENT)
@@ -407,7 +411,7 @@ def loop_apart(document: Any) -> Any:
     return {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
 
 
-SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", SETTINGS_VERSION, loop_apart)
+SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "what it was set to", SETTINGS_VERSION, loop_apart)
 
 
 # Run banks -----------------------------------------------------------------------------------------
@@ -554,7 +558,7 @@ def _whole(value: Any) -> int | None:
 
 
 @dataclass(frozen=True)
-class Headline:
+class RunHeadline:
     """A figure in SI. ``relation`` and ``bound`` are those of its criterion; "" and None for a figure without one."""
 
     name: str
@@ -566,8 +570,8 @@ class Headline:
 
 
 def headline_of(
-    metrics: Metrics | None, criteria: Sequence[Criterion], fits: Mapping[str, float] | None = None
-) -> Headline | None:
+    metrics: Metrics | None, criteria: Sequence[RunCriterion], fits: Mapping[str, float] | None = None
+) -> RunHeadline | None:
     """Return the first criterion that failed, else the first measured one, else the first measured figure.
 
     Of an identification ``fits`` are those of its channels [%]: the lower one comes before any figure of the motion.
@@ -575,11 +579,11 @@ def headline_of(
     """
     for item in sorted(criteria, key=lambda item: item.passed is not False):
         if item.figure is not None:
-            return Headline(item.name, item.title, item.figure, item.unit, item.relation, item.bound)
+            return RunHeadline(item.name, item.title, item.figure, item.unit, item.relation, item.bound)
     if fits:
         channel = min(fits, key=lambda name: fits[name])
-        return Headline("fit_percent", f"Fit of {channel}", fits[channel], "%")
+        return RunHeadline("fit_percent", f"Fit of {channel}", fits[channel], "%")
     for figure in metrics.figures if metrics is not None else ():
         if figure.value is not None:
-            return Headline(figure.name, figure.label, figure.value, figure.unit)
+            return RunHeadline(figure.name, figure.label, figure.value, figure.unit)
     return None

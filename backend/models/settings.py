@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from backend.errors import Path, RefusedValueError, require_within
+from backend.errors import InvalidValueError, Path, check_range
 from backend.models.run import DeclaredValue, Value
-from backend.units import Angles, reading_of, typed
+from backend.units import AngleUnit, reading_of, typed
 
 _KEY = "setting"
 _SHOWN = 100
@@ -19,7 +19,7 @@ _WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _T = TypeVar("_T")
 
 
-class SettingError(RefusedValueError):
+class SettingError(InvalidValueError):
     """A setting that is not even of the right kind: unknown, no number, not among the choices.
 
     A number outside its bounds raises ``backend.errors.OutOfRangeError`` instead.
@@ -42,7 +42,7 @@ class SettingError(RefusedValueError):
         self.legal = legal
         super().__init__(quantity, words=words, path=path)
 
-    def sentence(self, angles: Angles) -> str:
+    def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit; a number is wanted in it, where the quantity has one."""
         wanted = f" in {reading_of(self.unit, angles).unit}" if self.unit not in ("", "1") else ""
         return f"{self.words}: {repr(self.value)[:_SHOWN]} is refused: {self.reason}{wanted}"
@@ -77,7 +77,7 @@ class Setting:
         if self.kind == "text":
             if not isinstance(value, str):
                 raise self._refused(value, "it needs a text")
-            require_within(self.name, len(value), None, self.maximum, "1", words=f"length of {self.symbol}")
+            check_range(self.name, len(value), None, self.maximum, "1", words=f"length of {self.symbol}")
             return value
         if self.kind == "boolean":
             truth = _WORDS.get(str(value).lower())
@@ -85,7 +85,7 @@ class Setting:
                 raise self._refused(value, "it needs true or false", ("true", "false"))
             return truth
         number = self._number(value)
-        require_within(self.name, number, self.minimum, self.maximum, self.unit, words=self.meaning)
+        check_range(self.name, number, self.minimum, self.maximum, self.unit, words=self.meaning)
         if self.kind == "integer" and number != int(number):
             raise self._refused(value, "it needs a whole number")
         return int(number) if self.kind == "integer" else number

@@ -3,16 +3,16 @@
 from dataclasses import dataclass
 
 from backend.faults import Fault
-from backend.realtime.program import ContactFelt as ContactFelt
+from backend.realtime.program import BiasLost as BiasLost
+from backend.realtime.program import ConfigureContactDetection as ConfigureContactDetection
+from backend.realtime.program import ContactDetected as ContactDetected
 from backend.realtime.program import EntryGains as EntryGains
 from backend.realtime.program import Mode, Program, Why
 from backend.realtime.program import MotorGains as MotorGains
-from backend.realtime.program import SetTouch as SetTouch
 from backend.realtime.program import SetTuning as SetTuning
-from backend.realtime.program import TouchForgotten as TouchForgotten
 from plant.dynamics import Obstacle
 from plant.interface import Broken
-from plant.manual_input import Hand
+from plant.manual_input import ManualInput
 from plant.parameters import Side
 
 # Play recording ------------------------------------------------------------------------------------
@@ -80,7 +80,7 @@ class RunProgram:
 
 
 @dataclass(frozen=True)
-class Push:
+class ApplyPush:
     """Push the joint by an external force [N] for a time [s], where the plant can (the simulator); 0 N lets go."""
 
     F_push: float
@@ -148,10 +148,10 @@ class SwitchDrives:
 
 
 @dataclass(frozen=True)
-class ByHand:
+class SimulateManualInput:
     """Let a hand act on a plant that is computed, as a person would at a rig."""
 
-    hand: Hand
+    hand: ManualInput
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,9 @@ Command = (
     SetMode
     | SetReferences
     | SetTuning
-    | SetTouch
+    | ConfigureContactDetection
     | RunProgram
-    | Push
+    | ApplyPush
     | Inject
     | Obstruct
     | PlayRecording
@@ -197,7 +197,7 @@ Command = (
     | Home
     | ProveDirections
     | SwitchDrives
-    | ByHand
+    | SimulateManualInput
     | Stop
     | Reset
     | Heartbeat
@@ -322,8 +322,8 @@ Event = (
     | Refused
     | ModeChanged
     | PretensionReached
-    | ContactFelt
-    | TouchForgotten
+    | ContactDetected
+    | BiasLost
     | PushReleased
     | Stopped
     | RunEnded

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from enum import Enum, auto
 
 from backend.control import cascade, motion_primitives, pid
-from backend.control.motion_types import AT_REST, Carry, Decision, Target
-from backend.realtime.motions import Interpreted, Trial
+from backend.control.motion_types import AT_REST, ControlOutput, MotorLoopState, Setpoint
+from backend.realtime.motions import CommissioningMotion, PythonMotion
 from backend.realtime.program import Cause, HomingEnd
 from plant.interface import Measurement, T_s
 
@@ -61,14 +61,20 @@ def travel_to(position: float) -> float:
     return abs(position) + SPARE_RAD
 
 
-class Homing(Trial):
+class Homing(CommissioningMotion):
     """``position`` [rad] is where the switch holds the joint, ``ratio`` what a motor turns for a radian of the joint.
 
     ``at_end`` tells whether the switch was held in the newest reading.
     """
 
     def __init__(
-        self, carry: Carry, target: Target, m: Measurement, position: float, ratio: float, at_end: Callable[[], bool]
+        self,
+        carry: MotorLoopState,
+        target: Setpoint,
+        m: Measurement,
+        position: float,
+        ratio: float,
+        at_end: Callable[[], bool],
     ) -> None:
         super().__init__(carry, target)
         self.end: HomingEnd | None = None
@@ -92,7 +98,7 @@ class Homing(Trial):
         """Return where the joint is [rad] that reads ``q`` in the encoder's counts so far."""
         return self._position + q - self._touched
 
-    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick: look for surprises, then go on."""
         self._ticks += 1
         self.end = self._surprise(m) or self._advanced(m)
@@ -215,19 +221,19 @@ COAST_S = 0.2
 REST_S = 0.3
 
 
-class MotorTrial(Trial):
+class MotorTrial(CommissioningMotion):
     """One motor out and back; the other one gets nothing."""
 
     cause = Cause.MOTOR_TRIED
 
-    def __init__(self, carry: Carry, target: Target, m: Measurement, motor: str) -> None:
+    def __init__(self, carry: MotorLoopState, target: Setpoint, m: Measurement, motor: str) -> None:
         super().__init__(carry, target)
         self._began = m
         self._is_A = motor == "A"
         self._ticks = 0
         self._out = 0
 
-    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick of the way out, of standing, of the way back."""
         self._ticks += 1
         if not self._out and (self._shown(m) or self._ticks * T_s >= TRIAL_MAX_V / MOTOR_TRIAL_RISE_V_PER_S):
@@ -235,10 +241,10 @@ class MotorTrial(Trial):
         u = self._voltage()
         u_A, u_B = (u, 0.0) if self._is_A else (0.0, u)
         nan = math.nan
-        self._carry = Carry(
+        self._carry = MotorLoopState(
             pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
         )
-        return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=False)
+        return ControlOutput(u_A, u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=False)
 
     def _voltage(self) -> float:
         if not self._out:
@@ -276,20 +282,20 @@ RISE_MAX_N = 3.0
 """A tendon that gets tauter by more [N] meanwhile ends it at once."""
 
 
-class ModuleTrial(Interpreted):
+class ModuleTrial(PythonMotion):
     """Hold the motors; from the module's trip on drive them with a voltage that rises, and be done after DRIVEN_S.
 
     Friction holds a motor within a band of voltages, at whose lower end it creeps back although it has its drive. The
     rise makes the difference: what has its drive winds up, and what lost it is turned back by its tendon.
     """
 
-    def __init__(self, carry: Carry, target: Target, m: Measurement) -> None:
+    def __init__(self, carry: MotorLoopState, target: Setpoint, m: Measurement) -> None:
         super().__init__(carry, target)
         self._u_A = self._u_B = 0.0
         self._ticks = 0
         self._tautest = max(m.F_A, m.F_B) + RISE_MAX_N
 
-    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick of holding, or of driving."""
         if not (self._ticks or m.safety_trip):
             held = self.follow(tuning, m, self._carry.theta_A_ref, self._carry.theta_B_ref)
@@ -302,6 +308,8 @@ class ModuleTrial(Interpreted):
             min(max(u, 0.0) + MODULE_TRIAL_RISE_V_PER_S * T_s, TRIAL_MAX_V) for u in (self._u_A, self._u_B)
         )
         at_rest = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)
-        self._carry = Carry(at_rest, tuning.motors, m.theta_A, m.theta_B)
+        self._carry = MotorLoopState(at_rest, tuning.motors, m.theta_A, m.theta_B)
         nan = math.nan
-        return Decision(self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=self.done)
+        return ControlOutput(
+            self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=self.done
+        )

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from backend.control import decoupler
 from backend.control.cascade import CascadeTuning
 from backend.control.decoupler import Bounds
-from backend.control.motion_types import Carry, Target
-from backend.errors import require_within
-from backend.realtime.commands import Event, Push, PushReleased, WallChanged
-from backend.realtime.gains import Tunings
+from backend.control.motion_types import MotorLoopState, Setpoint
+from backend.errors import check_range
+from backend.realtime.commands import ApplyPush, Event, PushReleased, WallChanged
+from backend.realtime.gains import ActiveGains
 from backend.realtime.motions import Tracking
 from backend.realtime.program import (
     CONTACT_MAX_N,
@@ -25,17 +25,17 @@ from backend.realtime.program import (
     NEIGHBOUR,
     NO_WALL,
     SIGMAS,
-    ContactFelt,
+    BiasLost,
+    CommandRejectedError,
+    ConfigureContactDetection,
+    ContactDetected,
+    ContactDetection,
     Law,
     Mode,
     Program,
-    RefusedError,
     Segment,
-    SetTouch,
-    Touch,
-    TouchForgotten,
 )
-from backend.realtime.shared_state import TickDesk
+from backend.realtime.shared_state import StepContext
 from plant.dynamics import Obstacle, Obstructed
 from plant.interface import NO_LOAD, Measurement, Plant, PlantError, ShaftLoad, T_s
 
@@ -48,7 +48,7 @@ from plant.interface import NO_LOAD, Measurement, Plant, PlantError, ShaftLoad, 
 # is. Once it stands it goes to the lowest stiffness. A program is played no further; TAIL_S of what
 # follows still belong to its run. It stays so until an operator chooses a mode again.
 #
-# A program may have contacts of its own (``Touch``): they end a part of it, for the rest of whose
+# A program may have contacts of its own (``ContactDetection``): they end a part of it, for the rest of whose
 # time the joint gives way, and then the program goes on, no later than without. What the operator
 # gives way to goes before that.
 
@@ -64,7 +64,7 @@ STAND_TICKS, TAIL_TICKS = round(STAND_S / T_s), round(TAIL_S / T_s)
 MAX_POINTS = 64
 
 
-class Acting(NamedTuple):
+class ActiveInputs(NamedTuple):
     """Push [N], loads [N·m] and numbers of tuning, wall and touch as a program has them in force, if any."""
 
     F_push: float
@@ -74,7 +74,7 @@ class Acting(NamedTuple):
     touch: int
 
 
-NOTHING = Acting(0.0, NO_LOAD, 0, 0, 0)
+NOTHING = ActiveInputs(0.0, NO_LOAD, 0, 0, 0)
 
 
 class Contact:
@@ -83,7 +83,7 @@ class Contact:
     ``paused`` is what of a program is still to be played, where one of its own contacts has ended a part of it.
     """
 
-    def __init__(self, desk: TickDesk, events: list[Event], tunings: Tunings) -> None:
+    def __init__(self, desk: StepContext, events: list[Event], tunings: ActiveGains) -> None:
         self.felt = False
         self.paused: Program | None = None
         self._tunings = tunings
@@ -91,20 +91,23 @@ class Contact:
         self._operators: NDArray[np.float64] = np.zeros((0, 2))
         self._own: list[tuple[float, float]] = []
         self._noise_N = math.inf
-        self._touches: tuple[Touch, ...] = ()
+        self._touches: tuple[ContactDetection, ...] = ()
         self._desk = desk
         self._events = events
 
-    def put(self, command: SetTouch) -> None:
-        """Use another bias and threshold. Raises OutOfRangeError, ValueError, RefusedError: nothing has changed."""
-        require_within("points", len(command.bias), 0, MAX_POINTS, "1", words="number of points of the bias")
+    def put(self, command: ConfigureContactDetection) -> None:
+        """Use another bias and threshold.
+
+        Raises OutOfRangeError, ValueError, CommandRejectedError: nothing has changed.
+        """
+        check_range("points", len(command.bias), 0, MAX_POINTS, "1", words="number of points of the bias")
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
             raise ValueError("the bias of the outside force is to rise in S from point to point: it was left as it is")
         if len(bias) == 0 and self._tunings.gains.rejection.k_ext > 0.0:
-            raise RefusedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
+            raise CommandRejectedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
         if command.contact_N != 0.0:
-            require_within("contact_N", command.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
+            check_range("contact_N", command.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
         self._operators, self._from_N = bias, command.contact_N or math.inf
         self._take_off()
 
@@ -113,24 +116,24 @@ class Contact:
         self._tunings.reject_nothing()
         if len(self._operators) or self._from_N != math.inf:
             self._operators, self._from_N = np.zeros((0, 2)), math.inf
-            self._events.append(TouchForgotten(tick))
+            self._events.append(BiasLost(tick))
         self.end()
 
     def require(self, program: Program) -> None:
-        """Raise RefusedError or OutOfRangeError for a program's own contacts that cannot be given way to."""
+        """Raise CommandRejectedError or OutOfRangeError for a program's own contacts that cannot be given way to."""
         touches = program.touches
         words = "number of changes of what is given way to"
-        require_within("touches", len(touches), None, MAX_TOUCHES, "1", words=words)
+        check_range("touches", len(touches), None, MAX_TOUCHES, "1", words=words)
         for segment in program.segments:
             if not 0 <= segment.touch <= len(touches):
-                raise RefusedError(f"a segment wants touch {segment.touch} of the program's {len(touches)}")
+                raise CommandRejectedError(f"a segment wants touch {segment.touch} of the program's {len(touches)}")
         for touch in touches:
             if touch.contact_N != 0.0:
-                require_within("contact_N", touch.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
+                check_range("contact_N", touch.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
         if touches and program.law is not Law.CASCADE:
-            raise RefusedError(f"a {program.law} program gives way to nothing: play it by the cascade")
+            raise CommandRejectedError(f"a {program.law} program gives way to nothing: play it by the cascade")
         if self._from_N != math.inf and any(touch.contact_N for touch in touches):
-            raise RefusedError(
+            raise CommandRejectedError(
                 f"the joint gives way to contacts from {self._from_N:g} N on, and stays so: that would end this "
                 "program at its first contact. Have it give way to none first, the program gives way by itself"
             )
@@ -141,7 +144,7 @@ class Contact:
 
     def use(self, number: int) -> None:
         """Give way to what a program's touch says from now on; where nothing was learned, to nothing."""
-        touch = self._touches[number - 1] if number else Touch()
+        touch = self._touches[number - 1] if number else ContactDetection()
         if touch.learns:
             self._learn()
         quiet = bool(self._own) and touch.contact_N >= SIGMAS * self._noise_N
@@ -169,15 +172,15 @@ class Contact:
         return min(self._from_N, self._own_N) if isinstance(motion, Tracking) and not self.felt else math.inf
 
     def require_none(self, legal: tuple[Mode, ...]) -> None:
-        """Raise RefusedError while one is being reacted to."""
+        """Raise CommandRejectedError while one is being reacted to."""
         if self.felt:
-            raise RefusedError("the joint gives way to a contact: choose a mode to go on, then move it", legal)
+            raise CommandRejectedError("the joint gives way to a contact: choose a mode to go on, then move it", legal)
 
     def feel(self, tick: int) -> bool:
         """Take note of a contact and tell of it, where it is not known yet; whether it was not."""
         begins, self.felt = not self.felt, True
         if begins:
-            self._events.append(ContactFelt(tick, self._desk.F_ext_hat, self._from_N))
+            self._events.append(ContactDetected(tick, self._desk.F_ext_hat, self._from_N))
         return begins
 
     def pause(self, program: Program | None, motion: object) -> int:
@@ -216,10 +219,10 @@ def _after(program: Program, position: int, elapsed: int) -> tuple[int, Program]
 
 def giving_way(
     tuning: CascadeTuning,
-    carry: Carry,
+    carry: MotorLoopState,
     m: Measurement,
     bounds: Bounds,
-    acting: Acting,
+    acting: ActiveInputs,
     ticks: int = TAIL_TICKS,
 ) -> Tracking:
     """Return the motion of a joint that gives way where it is, under what is ``acting``; it is done after ``ticks``.
@@ -253,7 +256,7 @@ PUSHED_IN = (Mode.RUN, Mode.COMPLIANCE)
 """Modes in which an operator may push: the joint is under control, and no program pushes by itself."""
 
 
-class HandPush:
+class ManualDisturbance:
     """At most one push at a time; a new one takes the place of the one before."""
 
     def __init__(self, plant: Plant) -> None:
@@ -265,16 +268,18 @@ class HandPush:
         """Whether nothing is pushed by hand."""
         return self._until is None
 
-    def begin(self, command: Push, tick: int, mode: Mode) -> None:
+    def begin(self, command: ApplyPush, tick: int, mode: Mode) -> None:
         """Push from ``tick`` on; 0 N lets go.
 
-        Raises RefusedError in another mode, OutOfRangeError, and PlantError where nothing can push.
+        Raises CommandRejectedError in another mode, OutOfRangeError, and PlantError where nothing can push.
         """
         if command.F_push != 0.0 and mode not in PUSHED_IN:
             wanted = " and ".join(PUSHED_IN)
-            raise RefusedError(f"a push takes a joint under the operator's control, in {wanted}; the mode is {mode}")
-        require_within("F_push", command.F_push, None, None, "N")
-        require_within("duration_s", command.duration_s, 0.0, PUSH_MAX_S, "s", "order it again to push for longer")
+            raise CommandRejectedError(
+                f"a push takes a joint under the operator's control, in {wanted}; the mode is {mode}"
+            )
+        check_range("F_push", command.F_push, None, None, "N")
+        check_range("duration_s", command.duration_s, 0.0, PUSH_MAX_S, "s", "order it again to push for longer")
         if command.F_push == 0.0 and self._until is None:
             return  # a program's push is not an operator's to let go of
         self._plant.push(command.F_push)
@@ -297,7 +302,7 @@ class HandPush:
 # What a program does to the joint and the shafts, where the plant can push, load and be obstructed.
 
 
-class ProgramPush:
+class ProgramDisturbances:
     """``F_push`` [N], ``load`` [N·m], numbers of the ``wall`` and of the ``touch`` in force by a program.
 
     What can do none of these is not asked to. The operator's wall, number 0, is back where a program has ended.
@@ -313,32 +318,32 @@ class ProgramPush:
     def obstruct(self, wall: Obstacle | None, tick: int) -> None:
         """Put an operator's wall in the joint's way, None takes it away.
 
-        Raises RefusedError while a program puts up its own and on a plant that takes none, PlantError.
+        Raises CommandRejectedError while a program puts up its own and on a plant that takes none, PlantError.
         """
         if len(self._walls) > 1:
-            raise RefusedError("the program puts up walls by itself: wait for its end or stop it")
+            raise CommandRejectedError("the program puts up walls by itself: wait for its end or stop it")
         self._put(wall, 0, tick)
         self._walls = (wall,)
 
     def require(self, program: Program) -> None:
-        """Raise RefusedError or OutOfRangeError for walls that cannot be put up, and contacts not given way to."""
+        """Raise CommandRejectedError or OutOfRangeError for walls and contact reactions that are not possible."""
         self._contact.require(program)
         walls = program.walls
-        require_within("walls", len(walls), None, MAX_WALLS, "1", words="number of changes of the obstacle")
+        check_range("walls", len(walls), None, MAX_WALLS, "1", words="number of changes of the obstacle")
         if walls and program.law in IDENTIFYING:
-            raise RefusedError(f"no wall stands while a {program.law} program plays: leave it out")
+            raise CommandRejectedError(f"no wall stands while a {program.law} program plays: leave it out")
         if walls:
             self._require_obstructed()
         for segment in program.segments:
             if not 0 <= segment.wall <= len(walls):
-                raise RefusedError(f"a segment wants wall {segment.wall} of the program's {len(walls)}")
+                raise CommandRejectedError(f"a segment wants wall {segment.wall} of the program's {len(walls)}")
 
     def begin(self, program: Program) -> None:
         """Be ready for a program's walls and touches, numbered from 1 on."""
         self._walls = (self._walls[0], *program.walls)
         self._contact.begin(program)
 
-    def act(self, target: Target, tick: int) -> None:
+    def act(self, target: Setpoint, tick: int) -> None:
         """Push, load, obstruct and feel from now on as a program's target says. Raises PlantError."""
         if target.touch != self.touch:
             self.touch = target.touch
@@ -348,9 +353,9 @@ class ProgramPush:
             self._put(self._walls[target.wall], target.wall, tick)
         self._act(target.F_push, target.load)
 
-    def acting(self, tuning: int) -> Acting:
+    def acting(self, tuning: int) -> ActiveInputs:
         """Return what is in force, beside the ``tuning`` of this number."""
-        return Acting(self.F_push, self.load, tuning, self.wall, self.touch)
+        return ActiveInputs(self.F_push, self.load, tuning, self.wall, self.touch)
 
     def _act(self, F_push: float, load: ShaftLoad) -> None:
         (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
@@ -385,5 +390,5 @@ class ProgramPush:
 
     def _require_obstructed(self) -> Obstructed:
         if not isinstance(self._plant, Obstructed):
-            raise RefusedError(NO_WALL)
+            raise CommandRejectedError(NO_WALL)
         return self._plant

@@ -8,14 +8,14 @@ import numpy as np
 
 from backend.control import fault_detection
 from backend.control.decoupler import bounds_for
-from backend.control.fault_detection import SLACK_MAX_S, FaultDetectionState, Found
+from backend.control.fault_detection import SLACK_MAX_S, DetectedFault, FaultDetectionState
 from backend.control.motion_types import AT_REST, NO_REFERENCE
-from backend.control.step import DECIDED, DONE, FELT, FOUND, PUSHES, QUIET, TUNES, Orders, Stretch
-from backend.errors import require_within
+from backend.control.step import DECIDED, DONE, FELT, FOUND, PUSHES, QUIET, TUNES, StepInputs, TickRange
+from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault, Limit
 from backend.realtime.commands import (
     Accepted,
-    ByHand,
+    ApplyPush,
     Command,
     Event,
     Heartbeat,
@@ -26,13 +26,13 @@ from backend.realtime.commands import (
     PlantFailing,
     PlayRecording,
     ProveDirections,
-    Push,
     Refused,
     Reset,
     RunProgram,
     SetMode,
     SetReferences,
     Shutdown,
+    SimulateManualInput,
     Stop,
     SwitchDrives,
     TryModule,
@@ -40,37 +40,37 @@ from backend.realtime.commands import (
     Zero,
 )
 from backend.realtime.commissioning_motions import TENSION_MAX_N, Homing, ModuleTrial, MotorTrial
-from backend.realtime.contact import HandPush
+from backend.realtime.contact import ManualDisturbance
 from backend.realtime.gains import tuning_of
-from backend.realtime.mode_manager import ModeMachine, Now
+from backend.realtime.mode_manager import ModeManager, TickContext
 from backend.realtime.motions import Motion
 from backend.realtime.program import (
     DRIVES_OFF,
     LEGAL,
     MODE_CODE,
     Cause,
+    CommandRejectedError,
+    ConfigureContactDetection,
     HomingEnd,
     Mode,
-    RefusedError,
-    SetTouch,
     SetTuning,
 )
 from backend.realtime.ring_buffer import Ring, SampleRing
-from backend.realtime.shared_state import TickDesk
+from backend.realtime.shared_state import StepContext
 from backend.sample import FIELDS
-from backend.tuning.gains import Lambdas, knowledge
+from backend.tuning.gains import TuningParameters, knowledge
 from backend.units import in_digits
 from plant.interface import (
     NO_RAW,
     ZERO_VOLTS,
-    EndSwitched,
+    HasLimitSwitch,
     Measurement,
     MotorCommand,
     Plant,
     PlantError,
-    Proven,
     RawReading,
-    Switched,
+    SupportsDirectionCheck,
+    SupportsDriveEnable,
     T_s,
 )
 from plant.manual_input import Handled
@@ -86,18 +86,18 @@ from plant.simulator import Simulator
 SHORTEST_RAD = 0.1
 """An end switch nearer to the joint's middle than this [rad] is none."""
 
-CommissioningCommand = Zero | TryMotor | TryModule | Home | ProveDirections | SwitchDrives | ByHand
+CommissioningCommand = Zero | TryMotor | TryModule | Home | ProveDirections | SwitchDrives | SimulateManualInput
 
 
-def carry_out(command: CommissioningCommand, machine: ModeMachine, plant: Plant, now: Now) -> None:
-    """Carry out a command. Raises RefusedError, and PlantError where the plant has no such thing."""
+def carry_out(command: CommissioningCommand, machine: ModeManager, plant: Plant, now: TickContext) -> None:
+    """Carry out a command. Raises CommandRejectedError, and PlantError where the plant has no such thing."""
     match command:
         case Zero():
             _require_off(machine, "a zero is set")
             set_zero(command, machine, plant)
         case TryMotor(motor):
             _require_free(machine, "a motor is tried")
-            if isinstance(plant, Proven):
+            if isinstance(plant, SupportsDirectionCheck):
                 plant.prove_directions(proven=False)  # until the step has come to its end
             machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, now.m, motor), Cause.MOTOR_TRIAL, now)
         case Home(position):
@@ -107,11 +107,11 @@ def carry_out(command: CommissioningCommand, machine: ModeMachine, plant: Plant,
         case ProveDirections(proven):
             if proven:
                 _require_off(machine, "directions are proven")
-            if isinstance(plant, Proven):
+            if isinstance(plant, SupportsDirectionCheck):
                 plant.prove_directions(proven=proven)
         case SwitchDrives(on):
             _switch_drives(machine, plant, now, on=on)
-        case ByHand(hand):
+        case SimulateManualInput(hand):
             if not isinstance(plant, Handled):
                 raise PlantError("nothing here is moved by this program's hand: do it at the rig")
             plant.by_hand(hand)
@@ -119,9 +119,9 @@ def carry_out(command: CommissioningCommand, machine: ModeMachine, plant: Plant,
             assert_never(command)
 
 
-def _switch_drives(machine: ModeMachine, plant: Plant, now: Now, *, on: bool) -> None:
+def _switch_drives(machine: ModeManager, plant: Plant, now: TickContext, *, on: bool) -> None:
     """Off in any mode, and with it zero volts; on in off only. What the card does not obey leaves the loop locked."""
-    if not isinstance(plant, Switched):
+    if not isinstance(plant, SupportsDriveEnable):
         raise PlantError("this plant has no drives that could be switched off")
     if on:
         _require_off(machine, "drives are switched on")
@@ -133,13 +133,13 @@ def _switch_drives(machine: ModeMachine, plant: Plant, now: Now, *, on: bool) ->
         machine.drives_off = False
 
 
-def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:
+def set_zero(zero: Zero, machine: ModeManager, plant: Plant) -> None:
     """Let the encoders count from where joint and motors are said to stand. Raises PlantError."""
     plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
     machine.zeros.begin_anew()  # pretension finds the motors' zeros
 
 
-def zero_where_homed(motion: Motion, machine: ModeMachine, plant: Plant, desk: TickDesk) -> None:
+def zero_where_homed(motion: Motion, machine: ModeManager, plant: Plant, desk: StepContext) -> None:
     """Set the zero that a motion has found, if it was a homing that has. Raises PlantError."""
     if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
         found = Zero(motion.position_of(desk.m.q), 0.0, 0.0)
@@ -147,16 +147,16 @@ def zero_where_homed(motion: Motion, machine: ModeMachine, plant: Plant, desk: T
         desk.stands_at(found.q)
 
 
-def _home(position: float, machine: ModeMachine, plant: Plant, now: Now) -> None:
+def _home(position: float, machine: ModeManager, plant: Plant, now: TickContext) -> None:
     _require_free(machine, "the joint is driven to its end switch")
-    if not isinstance(plant, EndSwitched):
+    if not isinstance(plant, HasLimitSwitch):
         raise PlantError("this plant has no end switch that its joint could be driven to")
     if plant.unproven:
-        raise RefusedError(plant.unproven)
+        raise CommandRejectedError(plant.unproven)
     bounds, m = machine.bounds, now.m
-    require_within("position", abs(position), SHORTEST_RAD, bounds.q_trip, "rad", words="way to the end switch")
+    check_range("position", abs(position), SHORTEST_RAD, bounds.q_trip, "rad", words="way to the end switch")
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
-        raise RefusedError(
+        raise CommandRejectedError(
             f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
         )
     ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
@@ -165,15 +165,15 @@ def _home(position: float, machine: ModeMachine, plant: Plant, now: Now) -> None
     machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), Cause.HOMING, now)
 
 
-def _require_off(machine: ModeMachine, what: str) -> None:
+def _require_off(machine: ModeManager, what: str) -> None:
     if machine.mode is not Mode.OFF:
-        raise RefusedError(f"{what} in off only; the mode is {machine.mode}", LEGAL[machine.mode])
+        raise CommandRejectedError(f"{what} in off only; the mode is {machine.mode}", LEGAL[machine.mode])
 
 
-def _require_free(machine: ModeMachine, what: str) -> None:
+def _require_free(machine: ModeManager, what: str) -> None:
     _require_off(machine, what)
     if machine.drives_off:
-        raise RefusedError(DRIVES_OFF)
+        raise CommandRejectedError(DRIVES_OFF)
 
 
 # Orders --------------------------------------------------------------------------------------------
@@ -181,11 +181,11 @@ def _require_free(machine: ModeMachine, what: str) -> None:
 # What the compiled tick is told of the mode machine before it is made.
 
 
-def orders_of(machine: ModeMachine) -> Orders:
+def orders_of(machine: ModeManager) -> StepInputs:
     """Return what the next tick is to know."""
     zeros, lambdas, push, motion = machine.zeros, machine.tunings.lambdas, machine.push, machine.motion
     trial = isinstance(motion, ModuleTrial)  # the trip that it provokes is heard when it is done, and then in any case
-    return Orders(
+    return StepInputs(
         zeros.offset_A,
         zeros.offset_B,
         zeros.middle,
@@ -219,7 +219,7 @@ ANSWERS_S = 1.0
 """So long without a failure [s] and the plant answers again: one that fails now and then is told of once."""
 
 
-class PlantWatch:
+class PlantHealthMonitor:
     """Counts ticks without a failure. ``failure`` is what went wrong in the present tick, empty when nothing did."""
 
     def __init__(self) -> None:
@@ -257,7 +257,9 @@ _NAMES: Final = ("q", "theta_A", "theta_B", "F_A", "F_B")
 _UNITS: Final = ("rad", "rad", "rad", "N", "N")
 
 
-def told(found: Found, past: Measurement, raw: Measurement, m: Measurement, command: MotorCommand) -> tuple[Fault, str]:
+def describe_fault(
+    found: DetectedFault, past: Measurement, raw: Measurement, m: Measurement, command: MotorCommand
+) -> tuple[Fault, str]:
     """Fault and words of readings that cannot be true.
 
     ``past`` and ``raw`` are as read, before and now; ``m`` has the zeros; ``command`` was written in between.
@@ -295,7 +297,7 @@ class Checks:
 
     def told(
         self,
-        found: Found,
+        found: DetectedFault,
         seen: FaultDetectionState,
         m: Measurement,
         heard: Measurement,
@@ -315,7 +317,7 @@ class Checks:
                 read = _read("F_A", m.F_A, ".1f", "N"), _read("F_B", m.F_B, ".1f", "N"), _read("q", m.q, "", "rad")
                 return Fault.SAFETY_MODULE, f"the loop read {', '.join(read)} then"
             case fault_detection.INCREDIBLE:
-                return told(found, seen.past, seen.newest, m, command)
+                return describe_fault(found, seen.past, seen.newest, m, command)
             case fault_detection.SLACK:
                 F_slack = self._bounds.F_slack
                 slack, taut = _parted(m, lambda F: F_slack > F)
@@ -377,19 +379,19 @@ class Loop:
         self._plant, self._ring, self.finished = plant, ring, False
         self._known = known = knowledge(parameters)
         self.bounds = known.bounds
-        self._checks, self._plant_watch = Checks(parameters), PlantWatch()
+        self._checks, self._plant_watch = Checks(parameters), PlantHealthMonitor()
         self._tick = self._newest_tick = self._overruns = 0
         self._command = ZERO_VOLTS  # what was written last
         self._changed = True  # whether the desk may not know yet what has become of the machine
-        self._hand, self._row = HandPush(plant), np.zeros(len(FIELDS))
+        self._hand, self._row = ManualDisturbance(plant), np.zeros(len(FIELDS))
         self._events: list[Event] = []
         gains = tuning_of(tuning, self._known)
-        self._desk = TickDesk(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
+        self._desk = StepContext(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
         try:
             plant.open()
             self._desk.begin(plant.read())
-            self._machine = ModeMachine(
-                plant, parameters, self._desk, gains, Lambdas(tuning.lam_q, tuning.lam_S), self._events
+            self._machine = ModeManager(
+                plant, parameters, self._desk, gains, TuningParameters(tuning.lam_q, tuning.lam_S), self._events
             )
         except BaseException:  # the drives may be on already, and nobody else has this plant to close
             self.close()
@@ -426,7 +428,7 @@ class Loop:
         self._changed = True
         try:
             self._carry_out(command)
-        except RefusedError as refused:
+        except CommandRejectedError as refused:
             events.append(Refused(sequence, tick, str(refused), refused.legal))
         except (ValueError, PlantError) as error:
             events.append(Refused(sequence, tick, str(error)))
@@ -437,24 +439,26 @@ class Loop:
 
     def _carry_out(self, command: Command) -> None:
         if isinstance(command, CommissioningCommand):
-            carry_out(command, self._machine, self._plant, Now(self._newest_tick, self._desk.m))
+            carry_out(command, self._machine, self._plant, TickContext(self._newest_tick, self._desk.m))
             if isinstance(command, Zero):
                 self._desk.stands_at(command.q)
             return
         match command:
             case Stop():
-                self._machine.begin_stop(command, command.detail, Now(self._newest_tick, self._desk.m))
+                self._machine.begin_stop(command, command.detail, TickContext(self._newest_tick, self._desk.m))
             case SetMode():
-                self._machine.set_mode(command, Now(self._newest_tick, self._desk.m))
+                self._machine.set_mode(command, TickContext(self._newest_tick, self._desk.m))
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
-                self._machine.set_tuning(tuning_of(command, self._known), Lambdas(command.lam_q, command.lam_S))
-            case SetTouch():
+                self._machine.set_tuning(
+                    tuning_of(command, self._known), TuningParameters(command.lam_q, command.lam_S)
+                )
+            case ConfigureContactDetection():
                 self._machine.contact.put(command)
             case RunProgram():
-                self._machine.run_program(command, Now(self._newest_tick, self._desk.m))
-            case Push():
+                self._machine.run_program(command, TickContext(self._newest_tick, self._desk.m))
+            case ApplyPush():
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
                 self._plant.inject(command.broken)
@@ -467,19 +471,19 @@ class Loop:
             case Heartbeat():
                 pass
             case PlayRecording():
-                raise RefusedError("no recording is played: there is nothing to play, pause or go to")
+                raise CommandRejectedError("no recording is played: there is nothing to play, pause or go to")
             case _:
                 assert_never(command)
 
     def _reset(self) -> None:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
-            raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
+            raise CommandRejectedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
         fault, seen = self._checks.standing(machine.zeros.from_middle(self._desk.m), self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
-            raise RefusedError(f"the cause is still there: {seen}")
-        machine.reset(Now(self._newest_tick, self._desk.m))
+            raise CommandRejectedError(f"the cause is still there: {seen}")
+        machine.reset(TickContext(self._newest_tick, self._desk.m))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
         """One period: read, look, decide, write, keep the row. Zero volts on any way out by an error."""
@@ -498,7 +502,7 @@ class Loop:
             self.tick(overruns=self._overruns)
             return 1
         self._tell_desk()
-        stretch = Stretch(self._tick, plant.periods, alone, self._overruns)
+        stretch = TickRange(self._tick, plant.periods, alone, self._overruns)
         made, came, u_A, u_B, m = desk.run(plant.simulated, plant.read(), stretch, ring.rows)
         plant.has_gone(made, m)
         ring.count_in(made)
@@ -557,7 +561,7 @@ class Loop:
         if came & FOUND:
             self._react(missed)
         elif came & FELT:
-            machine.give_way(Now(self._newest_tick, desk.m))
+            machine.give_way(TickContext(self._newest_tick, desk.m))
         desk.order(orders_of(machine))
         if machine.interpreted is not None:
             decision = desk.decision = machine.interpreted.step(machine.tunings.gains, desk.m)
@@ -574,7 +578,7 @@ class Loop:
         if came & DONE and motion is not None:
             motion.done = True
             zero_where_homed(motion, machine, self._plant, desk)
-            desk.m = machine.end_motion(Now(self._newest_tick, m))
+            desk.m = machine.end_motion(TickContext(self._newest_tick, m))
         return decision.u_A, decision.u_B
 
     def _react(self, missed: int) -> None:
@@ -585,7 +589,7 @@ class Loop:
         heard = machine.zeros.from_middle(m)
         fault, seen = self._checks.told(desk.found, desk.readings, m, heard, command, self._plant.raw, missed)
         if machine.motion is not None or fault in _AT_REST_TOO:
-            machine.begin_stop(Stop(fault), seen, Now(self._newest_tick, m))
+            machine.begin_stop(Stop(fault), seen, TickContext(self._newest_tick, m))
 
     def _write(self, command: MotorCommand) -> None:
         machine = self._machine
@@ -598,7 +602,7 @@ class Loop:
             self._changed = True
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
-                machine.begin_stop(Stop(fault), str(error), Now(self._newest_tick, self._desk.m))
+                machine.begin_stop(Stop(fault), str(error), TickContext(self._newest_tick, self._desk.m))
         except PlantError as error:
             self._plant_failed(error)
             return
@@ -608,7 +612,7 @@ class Loop:
         self._plant_watch.failure = str(error)
         self._changed = True
         if self._machine.mode is not Mode.TRIPPED:
-            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), Now(self._newest_tick, self._desk.m))
+            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), TickContext(self._newest_tick, self._desk.m))
 
     def close(self) -> None:
         """Zero volts and let go of the plant. Safe to call twice."""

@@ -8,12 +8,28 @@ import numpy as np
 
 from backend.control import cascade, pid
 from backend.control.cascade import CascadeTuning
-from backend.errors import require_within
+from backend.errors import check_range
 from backend.realtime.commands import Event, TuningChanged
 from backend.realtime.motions import BASELINES
-from backend.realtime.program import IDENTIFYING, MAX_TUNINGS, EntryGains, MotorGains, Program, RefusedError, SetTuning
-from backend.realtime.shared_state import TickDesk
-from backend.tuning.gains import Knowledge, Lambdas, MotorModel, PointModel, cascade_tuning, require_share, tuning_with
+from backend.realtime.program import (
+    IDENTIFYING,
+    MAX_TUNINGS,
+    CommandRejectedError,
+    EntryGains,
+    MotorGains,
+    Program,
+    SetTuning,
+)
+from backend.realtime.shared_state import StepContext
+from backend.tuning.gains import (
+    MotorModel,
+    PlantModel,
+    PointModel,
+    TuningParameters,
+    cascade_tuning,
+    require_share,
+    tuning_with,
+)
 from plant.parameters import PlantParameters
 
 # Tuned ---------------------------------------------------------------------------------------------
@@ -23,7 +39,7 @@ from plant.parameters import PlantParameters
 
 def tuning_for(
     parameters: PlantParameters,
-    lambdas: Lambdas,
+    lambdas: TuningParameters,
     points: Sequence[PointModel] = (),
     motor: MotorModel | None = None,
     interpolate: bool = False,
@@ -44,7 +60,7 @@ def tuning_for(
     )
 
 
-def tuning_of(command: SetTuning, known: Knowledge) -> cascade.CascadeTuning:
+def tuning_of(command: SetTuning, known: PlantModel) -> cascade.CascadeTuning:
     """Tuning that a command carries. Raises ValueError for a bank without entries or gains that are no numbers."""
     if not command.entries:
         raise ValueError("a bank needs at least one entry: no gain was changed")
@@ -55,7 +71,7 @@ def tuning_of(command: SetTuning, known: Knowledge) -> cascade.CascadeTuning:
     )
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
-    require_within("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
+    check_range("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
     require_share(command.k_ext)
     return tuning_with(known, inner, table, command.interpolate, command.u_plan, command.k_ext)
 
@@ -72,51 +88,54 @@ NOT_LEARNED = (
 )
 
 
-class InForce(NamedTuple):
+class GainsInUse(NamedTuple):
     """Gains, and the λ that they are of."""
 
     gains: CascadeTuning
-    lambdas: Lambdas
+    lambdas: TuningParameters
 
 
-class Tunings:
+class ActiveGains:
     """Keeps the desk to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
 
-    def __init__(self, desk: TickDesk, events: list[Event], gains: CascadeTuning, lambdas: Lambdas) -> None:
+    def __init__(self, desk: StepContext, events: list[Event], gains: CascadeTuning, lambdas: TuningParameters) -> None:
         self.gains, self.lambdas = _rejecting_nothing(gains), lambdas
         self.number = 0
         self._desk = desk
         self._events = events
-        self._of_program: tuple[InForce, ...] = ()  # the operator's first
+        self._of_program: tuple[GainsInUse, ...] = ()  # the operator's first
         desk.retune(self.gains)  # as nothing is learned yet
 
-    def replace(self, gains: CascadeTuning, lambdas: Lambdas) -> None:
-        """Put an operator's tuning into use. Raises RefusedError while a program changes it."""
+    def replace(self, gains: CascadeTuning, lambdas: TuningParameters) -> None:
+        """Put an operator's tuning into use. Raises CommandRejectedError while a program changes it."""
         if self._of_program:
-            raise RefusedError("the program changes the tuning by itself: wait for its end or stop it")
+            raise CommandRejectedError("the program changes the tuning by itself: wait for its end or stop it")
         self._require_learned(gains)
-        self._put(InForce(gains, lambdas))
+        self._put(GainsInUse(gains, lambdas))
 
-    def of(self, program: Program, known: Knowledge) -> tuple[InForce, ...]:
-        """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
+    def of(self, program: Program, known: PlantModel) -> tuple[GainsInUse, ...]:
+        """Return the tunings of a program, ready to be used.
+
+        Raises CommandRejectedError, OutOfRangeError, ValueError.
+        """
         found = tunings_of(program, known)
         for tuning in found:
             self._require_learned(tuning.gains)
         return found
 
     def _require_learned(self, gains: CascadeTuning) -> None:
-        """Raise RefusedError for a rejection of what is not known."""
+        """Raise CommandRejectedError for a rejection of what is not known."""
         if gains.rejection.k_ext > 0.0 and not self._desk.learned:
-            raise RefusedError(NOT_LEARNED)
+            raise CommandRejectedError(NOT_LEARNED)
 
     def reject_nothing(self) -> None:
         """Leave pushes to the position loop: what was learned of the outside force is gone."""
-        self._of_program = tuple(InForce(_rejecting_nothing(one.gains), one.lambdas) for one in self._of_program)
-        self._put(InForce(_rejecting_nothing(self.gains), self.lambdas))
+        self._of_program = tuple(GainsInUse(_rejecting_nothing(one.gains), one.lambdas) for one in self._of_program)
+        self._put(GainsInUse(_rejecting_nothing(self.gains), self.lambdas))
 
-    def begin(self, changed: Sequence[InForce]) -> None:
+    def begin(self, changed: Sequence[GainsInUse]) -> None:
         """Be ready for a program that puts ``changed`` into use, numbered from 1 on."""
-        self._of_program = (InForce(self.gains, self.lambdas), *changed) if changed else ()
+        self._of_program = (GainsInUse(self.gains, self.lambdas), *changed) if changed else ()
 
     def use(self, number: int, tick: int) -> None:
         """Put a tuning of the program into use."""
@@ -130,7 +149,7 @@ class Tunings:
             self.use(0, tick)
         self._of_program = ()
 
-    def _put(self, tuning: InForce) -> None:
+    def _put(self, tuning: GainsInUse) -> None:
         self.gains, self.lambdas = tuning
         self._desk.retune(tuning.gains)
 
@@ -139,14 +158,19 @@ def _rejecting_nothing(gains: CascadeTuning) -> CascadeTuning:
     return gains._replace(rejection=gains.rejection._replace(k_ext=0.0))
 
 
-def tunings_of(program: Program, known: Knowledge) -> tuple[InForce, ...]:
-    """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
-    require_within("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
+def tunings_of(program: Program, known: PlantModel) -> tuple[GainsInUse, ...]:
+    """Return the tunings of a program, ready to be used. Raises CommandRejectedError, OutOfRangeError, ValueError."""
+    check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
-        raise RefusedError(f"gains are fixed while a {program.law} program plays: leave out the changes of the tuning")
+        raise CommandRejectedError(
+            f"gains are fixed while a {program.law} program plays: leave out the changes of the tuning"
+        )
     for segment in program.segments:
         if not 0 <= segment.tuning <= len(program.tunings):
-            raise RefusedError(f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}")
+            raise CommandRejectedError(
+                f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}"
+            )
     return tuple(
-        InForce(tuning_of(command, known), Lambdas(command.lam_q, command.lam_S)) for command in program.tunings
+        GainsInUse(tuning_of(command, known), TuningParameters(command.lam_q, command.lam_S))
+        for command in program.tunings
     )

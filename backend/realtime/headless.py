@@ -5,18 +5,18 @@ from collections.abc import Callable
 
 from backend.realtime.commands import Accepted, Command, Event, Refused
 from backend.realtime.control_loop import Loop
-from backend.realtime.program import SetTouch, SetTuning, TouchForgotten
+from backend.realtime.program import BiasLost, ConfigureContactDetection, SetTuning
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import Listener
-from backend.realtime.timing import Granted
+from backend.realtime.supervisor import EventListener
+from backend.realtime.timing import RealTimeStatus
 from plant.interface import Plant, T_s
 from plant.parameters import PlantParameters
 
 _BATCH_TICKS = 1000
 
 
-class Headless:
-    """A ``LoopAccess`` without clock, process or heartbeat.
+class SimulatedLoop:
+    """A ``LoopClient`` without clock, process or heartbeat.
 
     ``each_batch`` is called after at most 1000 ticks and at the end of each advance: to record, to show progress.
     ``learned`` tells that the loop knows what the outside force reads with nothing outside.
@@ -30,14 +30,14 @@ class Headless:
         each_batch: Callable[[Ring], None] = lambda _ring: None,
     ) -> None:
         self.ring = Ring.create()
-        self.granted: Granted | None = None
+        self.granted: RealTimeStatus | None = None
         self._loop = Loop(plant, parameters, self.ring, tuning)
         self._each_batch = each_batch
-        self._listeners: list[Listener] = []
+        self._listeners: list[EventListener] = []
         self._sequence = 0
         self.learned = False
 
-    def listen(self, listener: Listener) -> Callable[[], None]:
+    def listen(self, listener: EventListener) -> Callable[[], None]:
         """Call ``listener`` with each event from now on; return what to call to end that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
@@ -47,7 +47,7 @@ class Headless:
         self._sequence += 1
         self._loop.handle(self._sequence, command)
         answer = next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
-        if isinstance(command, SetTouch) and isinstance(answer, Accepted):
+        if isinstance(command, ConfigureContactDetection) and isinstance(answer, Accepted):
             self.learned = len(command.bias) > 0
         return answer
 
@@ -82,7 +82,7 @@ class Headless:
     def _deliver(self) -> list[Event]:
         events = self._loop.drain_events()
         for event in events:
-            self.learned = self.learned and not isinstance(event, TouchForgotten)
+            self.learned = self.learned and not isinstance(event, BiasLost)
             for listener in tuple(self._listeners):
                 listener(event)
         return events

@@ -36,7 +36,7 @@ LAST_RESORT_S = WATCHDOG_S + 0.1
 _LOG = logging.getLogger(__name__)
 
 
-class CardGuard:
+class WatchdogMonitor:
     """Looks at one card; ``problem`` says what is wrong with its watchdog.
 
     Clearing the outputs is the last resort where the loop and the watchdog are both dead. It works because the service
@@ -142,7 +142,7 @@ def _beat(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
             words[_BEATEN] = now_ns
 
 
-class Heart:
+class HeartbeatSender:
     """Beats on a channel: ``run`` is the work of a thread. ``shown`` is called by the event loop while it lives."""
 
     def __init__(self, channel: Channel) -> None:

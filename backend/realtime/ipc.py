@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Union, get_args
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
 from backend.realtime.commands import Command, Event, RunProgram
-from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, RefusedError, Segment, SetTuning, require_few
-from backend.realtime.timing import Granted
+from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, CommandRejectedError, Segment, SetTuning, require_few
+from backend.realtime.timing import RealTimeStatus
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp
 from plant.interface import PlantChoice
 
@@ -119,7 +119,7 @@ class Ready:
     ``wired`` is the fingerprint of the wiring file that it has read; empty where there is none.
     """
 
-    granted: Granted
+    granted: RealTimeStatus
     driven: str
     wired: str = ""
 
@@ -257,7 +257,7 @@ class ProgramParts:
             self._tunings += part.tunings
 
     def whole(self, sequence: int, rest: LongProgram) -> RunProgram:
-        """Return the program with all its parts. Raises RefusedError where one is missing."""
+        """Return the program with all its parts. Raises CommandRejectedError where one is missing."""
         self.keep(sequence, ProgramPart())
         segments, tunings = tuple(self._segments), tuple(self._tunings)
         self._segments, self._tunings = [], []
@@ -266,5 +266,5 @@ class ProgramParts:
             (len(tunings), rest.tunings, "tunings"),
         ):
             if arrived != expected:
-                raise RefusedError(f"{arrived} of the program's {expected} {what} arrived: send it again")
+                raise CommandRejectedError(f"{arrived} of the program's {expected} {what} arrived: send it again")
         return replace(rest.command, program=replace(rest.command.program, segments=segments, tunings=tunings))

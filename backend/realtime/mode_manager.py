@@ -8,7 +8,7 @@ from typing import NamedTuple
 from backend.control import pid
 from backend.control.cascade import CascadeTuning
 from backend.control.motion_primitives import PRETENSION_N
-from backend.control.motion_types import NO_REFERENCE, Carry, Target
+from backend.control.motion_types import NO_REFERENCE, MotorLoopState, Setpoint
 from backend.faults import Fault
 from backend.realtime.commands import (
     Event,
@@ -22,36 +22,36 @@ from backend.realtime.commands import (
     Stopped,
 )
 from backend.realtime.commissioning_motions import ModuleTrial
-from backend.realtime.contact import NOTHING, TAIL_TICKS, Contact, ProgramPush, giving_way
-from backend.realtime.gains import Tunings
+from backend.realtime.contact import NOTHING, TAIL_TICKS, Contact, ProgramDisturbances, giving_way
+from backend.realtime.gains import ActiveGains
 from backend.realtime.motions import (
     Baseline,
     Braking,
-    Interpreted,
+    CommissioningMotion,
+    IdleMotion,
     Motion,
     MotorSteps,
+    PointToPointMotion,
+    PretensionMotion,
     ProgramMotions,
-    Rest,
+    PythonMotion,
     Tracking,
-    Travel,
-    Trial,
-    Winding,
 )
 from backend.realtime.program import (
     DRIVES_OFF,
     IDENTIFYING,
     LEGAL,
     Cause,
+    CommandRejectedError,
     Mode,
     Program,
-    RefusedError,
     Why,
     mode_of_law,
     starts_from,
 )
-from backend.realtime.shared_state import TickDesk
-from backend.tuning.gains import Lambdas, knowledge
-from plant.interface import Measurement, Plant, Proven
+from backend.realtime.shared_state import StepContext
+from backend.tuning.gains import TuningParameters, knowledge
+from plant.interface import Measurement, Plant, SupportsDirectionCheck
 from plant.parameters import PlantParameters
 
 # Now -----------------------------------------------------------------------------------------------
@@ -59,7 +59,7 @@ from plant.parameters import PlantParameters
 # When something is done to the loop: after which tick, and after what was measured.
 
 
-class Now(NamedTuple):
+class TickContext(NamedTuple):
     """The newest tick, and what was measured in it."""
 
     tick: int
@@ -72,7 +72,7 @@ class Now(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PendingStop:
+class StopRequest:
     """A stop on its way to zero volts: what asked for it, in which tick, at which reading of the clock."""
 
     stop: Stop
@@ -86,7 +86,7 @@ class PendingStop:
 # Where joint and motors count from, beside what their encoders say.
 
 
-class Zeros:
+class EncoderOffsets:
     """The zeros that the loop has found of one plant.
 
     ``motors_known`` tells that those of the motor encoders are known, ``middle`` [rad] is where the joint reads that is
@@ -132,7 +132,7 @@ _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
 
 
-class ModeMachine:
+class ModeManager:
     """Mode, motion and latched fault of one loop; what happens to them is told to ``events``.
 
     ``drives_off`` tells that hands may be at the rig, ``zeros`` where joint and motors count from.
@@ -142,26 +142,26 @@ class ModeMachine:
         self,
         plant: Plant,
         parameters: PlantParameters,
-        desk: TickDesk,
+        desk: StepContext,
         tuning: CascadeTuning,
-        lambdas: Lambdas,
+        lambdas: TuningParameters,
         events: list[Event],
     ) -> None:
         self.mode, self.fault = Mode.OFF, Fault.NONE
         self._events, self._plant, self._desk = events, plant, desk
-        self._rest = Rest(tuning.motors)
+        self._rest = IdleMotion(tuning.motors)
         self.motion = None
         self.run, self.reached_told = 0, False
-        self.tunings = Tunings(desk, events, tuning, lambdas)
+        self.tunings = ActiveGains(desk, events, tuning, lambdas)
         self._known = knowledge(parameters)
         self.bounds = self._known.bounds
-        self.zeros, self.drives_off = Zeros(), False
-        self._pending_stop: PendingStop | None = None
+        self.zeros, self.drives_off = EncoderOffsets(), False
+        self._pending_stop: StopRequest | None = None
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
         self.contact = Contact(desk, events, self.tunings)
-        self.push = ProgramPush(plant, events, self.contact)
+        self.push = ProgramDisturbances(plant, events, self.contact)
 
     @property
     def motion(self) -> Motion | None:
@@ -171,14 +171,14 @@ class ModeMachine:
     @motion.setter
     def motion(self, motion: Motion | None) -> None:
         self._motion = motion
-        self.interpreted = motion if isinstance(motion, Interpreted) else None
+        self.interpreted = motion if isinstance(motion, PythonMotion) else None
         if self.interpreted is None:
             self._desk.lay(motion or self._rest)
 
     @property
     def pretension_done(self) -> bool:
         """Whether pretension has been reached and both tendons are held."""
-        return self.mode is Mode.PRETENSION and isinstance(self.motion, Travel) and self.motion.done
+        return self.mode is Mode.PRETENSION and isinstance(self.motion, PointToPointMotion) and self.motion.done
 
     @property
     def unready(self) -> str:
@@ -192,7 +192,7 @@ class ModeMachine:
         Voltage steps are made with slack tendons on purpose.
         """
         on_the_way = self.mode is Mode.PRETENSION and not self.reached_told
-        slack_wanted = isinstance(self.motion, MotorSteps | Trial)
+        slack_wanted = isinstance(self.motion, MotorSteps | CommissioningMotion)
         closed = self.motion is not None and self.zeros.motors_known and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
 
@@ -201,15 +201,15 @@ class ModeMachine:
         """Whether a stop has come to zero volts that nobody was told of yet."""
         return self._pending_stop is not None and self.mode is Mode.TRIPPED
 
-    def set_mode(self, command: SetMode, now: Now) -> None:
-        """Carry out an operator's move. Raises RefusedError."""
+    def set_mode(self, command: SetMode, now: TickContext) -> None:
+        """Carry out an operator's move. Raises CommandRejectedError."""
         mode = command.mode
         self._require_legal(mode)
-        if isinstance(self.motion, Trial) and mode is not Mode.STOPPING:
-            raise RefusedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
+        if isinstance(self.motion, CommissioningMotion) and mode is not Mode.STOPPING:
+            raise CommandRejectedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
         if mode is Mode.PRETENSION:
             if self.unready:
-                raise RefusedError(self.unready)
+                raise CommandRejectedError(self.unready)
             self._enter_pretension(now, Cause.ASKED_FOR)
         elif mode is Mode.OFF:
             self._enter(now, Mode.OFF, None, Cause.ASKED_FOR)
@@ -220,16 +220,16 @@ class ModeMachine:
             motion = Tracking(self.tunings.gains, self._carried(now.m), now.m, self.bounds, mode is Mode.RUN)
             self._enter(now, mode, motion, Cause.ASKED_FOR, command.run)
         else:
-            raise RefusedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
+            raise CommandRejectedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
 
-    def run_program(self, command: RunProgram, now: Now) -> None:
-        """Start a program. Raises RefusedError or OutOfRangeError before anything has moved."""
+    def run_program(self, command: RunProgram, now: TickContext) -> None:
+        """Start a program. Raises CommandRejectedError or OutOfRangeError before anything has moved."""
         program, mode = command.program, mode_of_law(command.program.law)
         self._require_legal(mode)
         self._require_taut(mode)
         if not starts_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
-            raise RefusedError(reason, LEGAL[self.mode])
+            raise CommandRejectedError(reason, LEGAL[self.mode])
         tunings, own = self.tunings, self.tunings.of(program, self._known)
         motion = self._programs.motion_for(program, self._carried(now.m), now.m, tunings.gains, tunings.lambdas)
         self.push.require(program)
@@ -238,31 +238,35 @@ class ModeMachine:
         self.push.begin(program)
         tunings.begin(own)
 
-    def try_out(self, made: Callable[[Carry], Motion], cause: Why, now: Now) -> None:
+    def try_out(self, made: Callable[[MotorLoopState], Motion], cause: Why, now: TickContext) -> None:
         """Play what the bring-up asks for, from OFF."""
         self._enter(now, Mode.IDENTIFY, made(self._carried(now.m)), cause)
 
-    def try_module(self, now: Now) -> None:
-        """Provoke the safety module's trip at the pretension. Raises RefusedError."""
+    def try_module(self, now: TickContext) -> None:
+        """Provoke the safety module's trip at the pretension. Raises CommandRejectedError."""
         if not self.pretension_done or self.motion is None:
-            raise RefusedError("the safety module is tried once both tendons hold the pretension")
+            raise CommandRejectedError("the safety module is tried once both tendons hold the pretension")
         self.motion = ModuleTrial(self.motion.carry(), NO_REFERENCE, now.m)
 
-    def set_tuning(self, tuning: CascadeTuning, lambdas: Lambdas) -> None:
-        """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
+    def set_tuning(self, tuning: CascadeTuning, lambdas: TuningParameters) -> None:
+        """Replace all gains of the cascade. Raises CommandRejectedError while a law without them plays."""
         if isinstance(self.motion, Baseline):
-            raise RefusedError("the gains of a baseline are fixed while its program plays: wait for its end or stop it")
+            raise CommandRejectedError(
+                "the gains of a baseline are fixed while its program plays: wait for its end or stop it"
+            )
         self.tunings.replace(tuning, lambdas)
 
     def set_references(self, command: SetReferences) -> None:
-        """Move the operator's references. Raises RefusedError or OutOfRangeError."""
+        """Move the operator's references. Raises CommandRejectedError or OutOfRangeError."""
         self.contact.require_none(LEGAL[self.mode])
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
-            raise RefusedError(f"references are the operator's in run and compliance only; the mode is {self.mode}")
+            raise CommandRejectedError(
+                f"references are the operator's in run and compliance only; the mode is {self.mode}"
+            )
         self._programs.require_references(command.q_ref, command.S_ref)
-        self.motion.aim(Target(float(command.q_ref), float(command.S_ref), 0.0))
+        self.motion.aim(Setpoint(float(command.q_ref), float(command.S_ref), 0.0))
 
-    def give_way(self, now: Now) -> None:
+    def give_way(self, now: TickContext) -> None:
         """React to a contact: the joint gives way where it is, and for good where no program's run goes on."""
         playing, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
         goes_on = bool(ticks) or (self.contact.feel(now.tick) and playing)
@@ -273,24 +277,24 @@ class ModeMachine:
         else:
             self._enter(now, Mode.COMPLIANCE, motion, Cause.CONTACT, 0 if playing else self.run)
 
-    def reset(self, now: Now) -> None:
-        """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""
+    def reset(self, now: TickContext) -> None:
+        """Leave TRIPPED; the loop has made sure that the cause is gone. Raises CommandRejectedError or PlantError."""
         self._plant.acknowledge()
         self.fault = Fault.NONE
         self._enter(now, Mode.OFF, None, Cause.RESET)
 
-    def begin_stop(self, stop: Stop, detail: str, now: Now) -> None:
+    def begin_stop(self, stop: Stop, detail: str, now: TickContext) -> None:
         """Latch the fault and go to zero volts at once (hard) or after braking (soft). Never refused."""
         if self._pending_stop is None or stop.hard:
-            self._pending_stop = PendingStop(stop, now.tick, time.perf_counter(), detail)
+            self._pending_stop = StopRequest(stop, now.tick, time.perf_counter(), detail)
         if self.mode is Mode.TRIPPED:
             return
         self.fault = stop.fault
         if stop.fault in _DOUBTS_ZEROS:
             self.zeros.doubt()
-        if stop.fault is Fault.MOTOR_REVERSED and isinstance(self._plant, Proven):
+        if stop.fault is Fault.MOTOR_REVERSED and isinstance(self._plant, SupportsDirectionCheck):
             self._plant.prove_directions(proven=False)
-        if stop.hard or self.motion is None or isinstance(self.motion, Trial):
+        if stop.hard or self.motion is None or isinstance(self.motion, CommissioningMotion):
             self._enter(now, Mode.TRIPPED, None, stop.fault)
         elif self.mode is not Mode.STOPPING:
             self._brake(now, stop.fault)
@@ -304,11 +308,11 @@ class ModeMachine:
         self._events.append(Stopped(stop.fault, stop.hard, pending.arrived_tick, tick, elapsed_ms, pending.detail))
         self._pending_stop = None
 
-    def end_motion(self, now: Now) -> Measurement:
+    def end_motion(self, now: TickContext) -> Measurement:
         """Go on from a motion that has reached its end by itself; return what is measured, from zeros just found."""
-        if isinstance(self.motion, Winding):
+        if isinstance(self.motion, PretensionMotion):
             return self._take_zero(self.motion, now)
-        if isinstance(self.motion, Trial):
+        if isinstance(self.motion, CommissioningMotion):
             self._enter(now, Mode.OFF, None, self.motion.cause)
         elif self.contact.paused is not None:
             self._program = rest = self.contact.go_on(self.contact.paused)
@@ -328,20 +332,24 @@ class ModeMachine:
         legal = LEGAL[self.mode]
         if mode not in legal:
             names = ", ".join(legal) or "none: reset the fault first"
-            raise RefusedError(f"{self.mode} cannot go to {mode}; legal now: {names}", legal)
+            raise CommandRejectedError(f"{self.mode} cannot go to {mode}; legal now: {names}", legal)
 
     def _require_taut(self, mode: Mode) -> None:
         if self.mode is Mode.PRETENSION and not self.pretension_done:
-            raise RefusedError(f"{mode} has to wait until both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode])
+            raise CommandRejectedError(
+                f"{mode} has to wait until both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode]
+            )
 
-    def _carried(self, m: Measurement) -> Carry:
+    def _carried(self, m: Measurement) -> MotorLoopState:
         if self.motion is not None:
             return self.motion.carry()
         gains = self.tunings.gains.motors
-        return Carry(pid.at_rest_motor_pair(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
+        return MotorLoopState(
+            pid.at_rest_motor_pair(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B
+        )
 
     def _enter(
-        self, now: Now, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False
+        self, now: TickContext, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False
     ) -> None:
         if self._program is not None or self.run not in (0, run):
             whole = completed or (self._program is None and not isinstance(cause, Fault))
@@ -356,12 +364,12 @@ class ModeMachine:
         self.mode, self.motion, self.run = mode, motion, run
         self.reached_told, self.contact.felt = False, cause is Cause.CONTACT
 
-    def _enter_pretension(self, now: Now, cause: Why, *, completed: bool = False) -> None:
+    def _enter_pretension(self, now: TickContext, cause: Why, *, completed: bool = False) -> None:
         carry, known, wound = self._carried(now.m), self.zeros.motors_known, self._programs.wound(PRETENSION_N)
-        motion: Motion = Travel(carry, *wound) if known else Winding(carry)
+        motion: Motion = PointToPointMotion(carry, *wound) if known else PretensionMotion(carry)
         self._enter(now, Mode.PRETENSION, motion, cause, completed=completed)
 
-    def _take_zero(self, winding: Winding, now: Now) -> Measurement:
+    def _take_zero(self, winding: PretensionMotion, now: TickContext) -> Measurement:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
         m = now.m
         move_A, move_B = self._programs.off_by(winding.tensions, m)
@@ -369,12 +377,14 @@ class ModeMachine:
         self.zeros.move(move_A, move_B)
         carry = winding.carry()
         state = pid.shift_motor_pair(carry.gains, carry.state, move_A, move_B)
-        shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
-        self.motion = Travel(shifted, *self._programs.wound(PRETENSION_N))
+        shifted = MotorLoopState(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
+        self.motion = PointToPointMotion(shifted, *self._programs.wound(PRETENSION_N))
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
-    def _brake(self, now: Now, cause: Why) -> None:
-        if isinstance(self.motion, Trial):  # which way it turns is not known: to brake could be to drive on
+    def _brake(self, now: TickContext, cause: Why) -> None:
+        if isinstance(
+            self.motion, CommissioningMotion
+        ):  # which way it turns is not known: to brake could be to drive on
             self._enter(now, Mode.OFF, None, cause)
             return
         self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), now.m, self.tunings.gains.u_max), cause)

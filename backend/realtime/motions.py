@@ -9,23 +9,23 @@ from backend.control import baselines, cascade, motion_primitives, pid, setpoint
 from backend.control.cascade import CascadeTuning
 from backend.control.decoupler import Bounds, bounds_for, decoupler_for
 from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
-from backend.control.motion_types import NO_REFERENCE, Carry, Decision, Target, follow
+from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState, Setpoint, follow
 from backend.control.step import Moving, Resting
-from backend.errors import require_within
+from backend.errors import check_range
 from backend.realtime.program import (
     Cause,
+    CommandRejectedError,
     Excitation,
     Law,
     Program,
-    RefusedError,
     Segment,
     Shape,
     Why,
     require_able,
     require_few,
 )
-from backend.tuning.gains import Lambdas, feedback_linearization_tuning, single_loop_tuning
-from plant.compiled import Cell
+from backend.tuning.gains import TuningParameters, feedback_linearization_tuning, single_loop_tuning
+from plant.compiled import StateBlock
 from plant.dynamics import elongation
 from plant.interface import Measurement, Plant, T_s
 from plant.parameters import PlantParameters
@@ -45,7 +45,7 @@ _SHAPES = {
 }
 
 
-def player_of(segments: Sequence[Segment], start: Target) -> setpoint_player.Player:
+def player_of(segments: Sequence[Segment], start: Setpoint) -> setpoint_player.SetpointPlayer:
     """Play segments from a target on."""
     rows = [
         (
@@ -67,13 +67,13 @@ def player_of(segments: Sequence[Segment], start: Target) -> setpoint_player.Pla
         )
         for segment in segments
     ]
-    return setpoint_player.Player(
+    return setpoint_player.SetpointPlayer(
         np.array(rows, dtype=np.float64).reshape(-1, setpoint_player.COLUMNS), 0, 0, setpoint_player.FIRST, start
     )
 
 
 def tension_hold_of(
-    program: Program, excitation: Excitation, carry: Carry, theta_A: float
+    program: Program, excitation: Excitation, carry: MotorLoopState, theta_A: float
 ) -> motion_primitives.TensionHoldState:
     """Hold the program's tension, which ``theta_A`` [rad] of motor A gives about, settle, and excite."""
     amplitude = excitation.amplitude_rad
@@ -117,12 +117,12 @@ class Motion:
     It begins with ``first`` and goes on in the cell where it is laid.
     """
 
-    def __init__(self, carry: Carry, state: Any, target: Target = NO_REFERENCE) -> None:
+    def __init__(self, carry: MotorLoopState, state: Any, target: Setpoint = NO_REFERENCE) -> None:
         self.done = False
         self.first = Moving(carry, target, state)
-        self._cell: Cell[Moving] | None = None
+        self._cell: StateBlock[Moving] | None = None
 
-    def lie_in(self, cell: Cell[Moving]) -> None:
+    def lie_in(self, cell: StateBlock[Moving]) -> None:
         """Go on in a cell of its kind, in which nothing else moves any more."""
         cell.put(self.first)
         self._cell = cell
@@ -132,34 +132,36 @@ class Motion:
         """As it stands now."""
         return self.first if self._cell is None else self._cell.get()
 
-    def carry(self) -> Carry:
+    def carry(self) -> MotorLoopState:
         """Return the motor loops for the next motion."""
         return self.now.carry
 
-    def aim(self, target: Target) -> None:
+    def aim(self, target: Setpoint) -> None:
         """Go for another target from the next tick on."""
         if self._cell is not None:
             self._cell.field("target").put(target)
 
 
-def _held(carry: Carry, m: Measurement, u_max: float) -> tuple[float, float]:
+def _held(carry: MotorLoopState, m: Measurement, u_max: float) -> tuple[float, float]:
     """Voltages [V] that the motor loops would go on with."""
     references = carry.theta_A_ref, carry.theta_B_ref
     held, _ = pid.step_motor_pair(carry.gains, carry.state, *references, m.theta_A, m.theta_B, u_max)
     return held.u_A, held.u_B
 
 
-class Rest(Motion):
+class IdleMotion(Motion):
     """None: zero volts."""
 
     def __init__(self, gains: pid.MotorPairGains) -> None:
-        super().__init__(Carry(pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0), gains, 0.0, 0.0), Resting(0.0))
+        super().__init__(
+            MotorLoopState(pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0), gains, 0.0, 0.0), Resting(0.0)
+        )
 
 
-class Winding(Motion):
+class PretensionMotion(Motion):
     """Pretension from slack: both motors wind until both load cells read the pretension."""
 
-    def __init__(self, carry: Carry) -> None:
+    def __init__(self, carry: MotorLoopState) -> None:
         super().__init__(carry, motion_primitives.begin_winding(carry))
 
     @property
@@ -169,17 +171,17 @@ class Winding(Motion):
         return wound.F_A, wound.F_B
 
 
-class Travel(Motion):
+class PointToPointMotion(Motion):
     """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
 
-    def __init__(self, carry: Carry, theta_A: float, theta_B: float) -> None:
+    def __init__(self, carry: MotorLoopState, theta_A: float, theta_B: float) -> None:
         super().__init__(carry, motion_primitives.TravelState(theta_A, theta_B, 0.0))
 
 
 class Braking(Motion):
     """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
 
-    def __init__(self, carry: Carry, m: Measurement, u_max: float) -> None:
+    def __init__(self, carry: MotorLoopState, m: Measurement, u_max: float) -> None:
         super().__init__(carry, motion_primitives.begin_soft_stop(*_held(carry, m, u_max), m))
 
 
@@ -201,7 +203,7 @@ class Tracking(Motion):
     def __init__(
         self,
         tuning: cascade.CascadeTuning,
-        carry: Carry,
+        carry: MotorLoopState,
         m: Measurement,
         bounds: Bounds,
         position_loop: bool,
@@ -213,17 +215,17 @@ class Tracking(Motion):
         here = tracking.here(tuning, m, bounds, position_loop=position_loop or gives_way)
         player = player_of(() if program is None else program.segments, here)
         references = carry.theta_A_ref, carry.theta_B_ref
-        law = cascade.take_over(tuning, carry.state, carry.gains, *references, m, here.q_ref)
+        law = cascade.initialize_bumpless(tuning, carry.state, carry.gains, *references, m, here.q_ref)
         super().__init__(carry, tracking.TrackingState(law, position_loop, program is not None, player), here)
 
 
-def _single_loop(parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement) -> Any:
+def _single_loop(parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement) -> Any:
     tuning = single_loop_tuning(parameters, lambdas)
     return tracking.SingleLoop, tuning, baselines.take_over_single_loop(tuning, *u, m)
 
 
 def _feedback_linearization(
-    parameters: PlantParameters, lambdas: Lambdas, u: tuple[float, float], m: Measurement
+    parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement
 ) -> Any:
     tuning = feedback_linearization_tuning(parameters, lambdas)
     return (
@@ -233,7 +235,7 @@ def _feedback_linearization(
     )
 
 
-BASELINES: dict[Law, Callable[[PlantParameters, Lambdas, tuple[float, float], Measurement], Any]] = {
+BASELINES: dict[Law, Callable[[PlantParameters, TuningParameters, tuple[float, float], Measurement], Any]] = {
     Law.SINGLE_LOOP: _single_loop,
     Law.FEEDBACK_LINEARIZATION: _feedback_linearization,
 }
@@ -247,9 +249,9 @@ class Baseline(Motion):
         self,
         program: Program,
         parameters: PlantParameters,
-        lambdas: Lambdas,
+        lambdas: TuningParameters,
         tuning: cascade.CascadeTuning,
-        carry: Carry,
+        carry: MotorLoopState,
         m: Measurement,
         bounds: Bounds,
     ) -> None:
@@ -259,29 +261,31 @@ class Baseline(Motion):
         super().__init__(carry, kind(own, law, player_of(program.segments, here)), here)
 
 
-class Interpreted(Motion):
+class PythonMotion(Motion):
     """What a bring-up plays: rare, short, and stepped by the interpreter."""
 
-    def __init__(self, carry: Carry, target: Target) -> None:
+    def __init__(self, carry: MotorLoopState, target: Setpoint) -> None:
         self.done = False
         self.target = target
         self._carry = carry
 
-    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> Decision:
+    def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick: measurement to voltages."""
         raise NotImplementedError
 
-    def carry(self) -> Carry:
+    def carry(self) -> MotorLoopState:
         """Return the motor loops for the next motion."""
         return self._carry
 
-    def follow(self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
+    def follow(
+        self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float
+    ) -> ControlOutput:
         """One tick of both motor loops towards motor references [rad]."""
         decision, self._carry = follow(tuning, self._carry, self.target, theta_A_ref, theta_B_ref, m, False)
         return decision
 
 
-class Trial(Interpreted):
+class CommissioningMotion(PythonMotion):
     """What the bring-up plays, from OFF to OFF: never braked, as nothing is proven yet, but ended at zero volts.
 
     ``cause`` says how it ended.
@@ -307,9 +311,9 @@ class ProgramMotions:
         self._geometry = decoupler_for(parameters)
 
     def motion_for(
-        self, program: Program, carry: Carry, m: Measurement, tuning: CascadeTuning, lambdas: Lambdas
+        self, program: Program, carry: MotorLoopState, m: Measurement, tuning: CascadeTuning, lambdas: TuningParameters
     ) -> Motion:
-        """Return what plays the program from here on. Raises RefusedError or OutOfRangeError."""
+        """Return what plays the program from here on. Raises CommandRejectedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
             if program.excitation is None:
                 raise ValueError("a force-hold program needs an excitation")
@@ -339,8 +343,8 @@ class ProgramMotions:
 
     def require_references(self, q_ref: float, S_ref: float) -> None:
         """Raise OutOfRangeError unless the joint may be brought to q_ref [rad] and S_ref [N·m/rad]."""
-        require_within("q_ref", q_ref, self._bounds.q_min, self._bounds.q_max, "rad")
-        require_within("S_ref", S_ref, self._bounds.S_min, self._bounds.S_max, "N·m/rad")
+        check_range("q_ref", q_ref, self._bounds.q_min, self._bounds.q_max, "rad")
+        check_range("S_ref", S_ref, self._bounds.S_min, self._bounds.S_max, "N·m/rad")
 
     def _require_segments(self, program: Program) -> None:
         require_few(program.segments)
@@ -355,20 +359,20 @@ class ProgramMotions:
         self.require_references(segment.q_ref, segment.S_ref)
         require_able(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
 
-    def _motor_steps(self, program: Program, carry: Carry) -> MotorSteps:
+    def _motor_steps(self, program: Program, carry: MotorLoopState) -> MotorSteps:
         if not program.steps:
-            raise RefusedError("a program of voltage steps needs at least one step")
+            raise CommandRejectedError("a program of voltage steps needs at least one step")
         theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip  # what the joint's range winds up
         for step in program.steps:
-            require_within("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
-            require_within("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
+            check_range("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
+            check_range("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
         room = VoltageMargin(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
         return MotorSteps(carry, voltage_steps_of(program, room))
 
-    def _tension_sweep(self, program: Program, carry: Carry) -> TensionSweep:
+    def _tension_sweep(self, program: Program, carry: MotorLoopState) -> TensionSweep:
         if not program.legs:
-            raise RefusedError("a sweep of the tension needs at least one leg")
+            raise CommandRejectedError("a sweep of the tension needs at least one leg")
         tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
         for tension_N in tensions:
-            require_within("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")
+            check_range("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")
         return TensionSweep(carry, tension_sweep_of(program, [self.wound(tension_N) for tension_N in tensions]))

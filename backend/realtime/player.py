@@ -28,7 +28,7 @@ from backend.realtime.program import Mode
 from backend.realtime.ring_buffer import SampleRing
 from backend.sample import FIELDS, INDEX
 from plant.interface import T_s
-from plant.replay import Recording
+from plant.replay import RecordedSamples
 
 UNREADY = "a recording is played: nothing real moves, and no mode starts"
 REFUSED = "a recording is played: nothing real moves, so it takes no commands but play, pause, speed and position"
@@ -49,7 +49,7 @@ class PlayerLoop:
     mode = Mode.OFF
     readiness = (UNREADY, False)
 
-    def __init__(self, recording: Recording, ring: SampleRing) -> None:
+    def __init__(self, recording: RecordedSamples, ring: SampleRing) -> None:
         names = [name for name in recording.columns if name in INDEX and name not in PRESENT]
         self._places = [INDEX[name] for name in names]
         self._recorded = np.column_stack([recording.columns[name].astype(np.float32) for name in names])

@@ -41,14 +41,14 @@ from backend.realtime.ipc import (
     decode_to_loop,
     encode,
 )
-from backend.realtime.motions import BASELINES, Rest
+from backend.realtime.motions import BASELINES, IdleMotion
 from backend.realtime.player import PlayerLoop
 from backend.realtime.program import (
+    CommandRejectedError,
     Excitation,
     Law,
     Mode,
     Program,
-    RefusedError,
     Segment,
     SetTuning,
     TensionLeg,
@@ -58,7 +58,7 @@ from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import Pacer, request_real_time
 from backend.tuning.gains import knowledge, motor_model
 from plant.factory import make_plant
-from plant.interface import Plant, PlantError, T_s, Wired
+from plant.interface import HasWiring, Plant, PlantError, T_s
 from plant.parameters import ParameterError, PlantParameters, load_parameters
 from plant.replay import Replay
 from plant.safety_card import Card
@@ -83,12 +83,12 @@ _IDENTIFYING = (
 )
 
 
-class RehearsalError(Exception):
+class WarmUpError(Exception):
     """The loop cannot even work on the simulator with these parameters and this tuning."""
 
 
-def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
-    """Run pretension, run, compliance, every kind of program, a soft stop and a homing. Raises RehearsalError."""
+def warm_up(parameters: PlantParameters, tuning: SetTuning) -> None:
+    """Run pretension, run, compliance, every kind of program, a soft stop and a homing. Raises WarmUpError."""
     ring = Ring.create(capacity=16)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
     plain = replace(tuning, k_ext=0.0)  # nothing is learned here
@@ -119,7 +119,7 @@ def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
     """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
     plant = Simulator(parameters)
     gains = tuning_of(tuning, knowledge(parameters))
-    homing = Homing(Rest(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
+    homing = Homing(IdleMotion(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
     homing.step(gains, plant.read())
 
 
@@ -127,7 +127,7 @@ def _order(loop: Loop, command: Command) -> None:
     loop.handle(0, command)
     for event in loop.drain_events():
         if isinstance(event, Refused):
-            raise RehearsalError(f"{type(command).__name__} refused in rehearsal on the simulator: {event.reason}")
+            raise WarmUpError(f"{type(command).__name__} refused in rehearsal on the simulator: {event.reason}")
 
 
 def _pretension(loop: Loop) -> None:
@@ -135,7 +135,7 @@ def _pretension(loop: Loop) -> None:
         if loop.pretension_done:
             return
         loop.tick()
-    raise RehearsalError(f"pretension was not reached within {_PRETENSION_TICKS} ticks; the mode is {loop.mode}")
+    raise WarmUpError(f"pretension was not reached within {_PRETENSION_TICKS} ticks; the mode is {loop.mode}")
 
 
 def _tick_while(loop: Loop, mode: Mode) -> None:
@@ -250,7 +250,7 @@ class Worker:
             case LongProgram():
                 try:
                     self._loop.handle(sequence, self._parts.whole(sequence, message))
-                except RefusedError as refused:
+                except CommandRejectedError as refused:
                     self.tell(Refused(sequence, self._tick, str(refused)))
             case command:
                 self._loop.handle(sequence, command)
@@ -281,7 +281,7 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters).with_identified(setup.identified)
     plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
-    rehearse(parameters, setup.tuning)
+    warm_up(parameters, setup.tuning)
     # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.
     gc.collect()
     gc.freeze()
@@ -294,7 +294,7 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     try:
         worker = Worker(plant, loop, channel, drives_off=setup.drives_off)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
-        worker.tell(Ready(granted, plant.description, plant.wired if isinstance(plant, Wired) else ""))
+        worker.tell(Ready(granted, plant.description, plant.wired if isinstance(plant, HasWiring) else ""))
         worker.run(Pacer(T_s))
     finally:
         loop.close()

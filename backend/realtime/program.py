@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.errors import require_within
+from backend.errors import check_range
 from backend.faults import Fault
 from plant.dynamics import Obstacle
 
@@ -93,7 +93,7 @@ DRIVES_OFF = (
 """Why nothing starts while hands are at the rig."""
 
 
-class RefusedError(Exception):
+class CommandRejectedError(Exception):
     """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
 
     def __init__(self, reason: str, legal: tuple[Mode, ...] = ()) -> None:
@@ -117,7 +117,7 @@ SIGMAS = 6.0
 
 
 @dataclass(frozen=True)
-class SetTouch:
+class ConfigureContactDetection:
     """What the estimate of the outside force has learned, and from what force on [N] a contact is reacted to, 0: never.
 
     ``bias`` are points of S [N·m/rad], rising, and the force [N] that is estimated there with nothing outside.
@@ -128,7 +128,7 @@ class SetTouch:
 
 
 @dataclass(frozen=True)
-class ContactFelt:
+class ContactDetected:
     """An outside force estimated at ``F_ext_hat`` [N] was a contact, as ``contact_N`` [N] says: the joint gives way."""
 
     tick: int
@@ -137,7 +137,7 @@ class ContactFelt:
 
 
 @dataclass(frozen=True)
-class TouchForgotten:
+class BiasLost:
     """The motors' zeros were found anew: what the outside force had learned is gone, and nothing is given way to."""
 
     tick: int
@@ -258,7 +258,7 @@ OSCILLATING = (Shape.SINE, Shape.SWEEP, Shape.PRBS, Shape.MULTISINE)
 
 
 @dataclass(frozen=True)
-class Touch:
+class ContactDetection:
     """What a program does about contacts from a segment on.
 
     An outside force above ``contact_N`` [N] ends what is played up to the next change of this: for the rest of that
@@ -312,21 +312,24 @@ def left_at(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]
 def require_few(segments: Collection[Segment]) -> None:
     """Raise OutOfRangeError for more segments than a program may have."""
     words = "number of segments"
-    require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words=words)
+    check_range("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words=words)
 
 
 NO_WALL = "no wall can be put in this joint's way by command: play it as a dry run"
 
 
 def require_able(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
-    """Raise RefusedError for a push or a load that the plant cannot give, OutOfRangeError for one that nothing can."""
-    require_within("F_push", segment.F_push, None, None, "N")
+    """Raise CommandRejectedError for a push or load that this plant cannot give.
+
+    Raises OutOfRangeError for one that no plant can give.
+    """
+    check_range("F_push", segment.F_push, None, None, "N")
     if segment.F_push and not pushes:
-        raise RefusedError("nothing here pushes the joint by command: push by hand, or play it as a dry run")
+        raise CommandRejectedError("nothing here pushes the joint by command: push by hand, or play it as a dry run")
     for load in filter(None, (segment.load_A, segment.load_B)):
         if not loads_shafts:
-            raise RefusedError("this rig cannot load its motors' shafts by itself: play it as a dry run")
-        require_within("load", load, 0.0, None, "N·m", "loads pull as tendons do")
+            raise CommandRejectedError("this rig cannot load its motors' shafts by itself: play it as a dry run")
+        check_range("load", load, 0.0, None, "N·m", "loads pull as tendons do")
 
 
 @dataclass(frozen=True)
@@ -391,7 +394,7 @@ class Program:
     legs: tuple[TensionLeg, ...] = ()
     tunings: tuple[SetTuning, ...] = ()
     walls: tuple[Obstacle | None, ...] = ()
-    touches: tuple[Touch, ...] = ()
+    touches: tuple[ContactDetection, ...] = ()
 
     @property
     def duration_s(self) -> float:

@@ -8,27 +8,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, step
-from backend.control.motion_types import AT_REST, Decision
-from backend.control.step import NO_ORDERS, Desk, Moving, Orders, Stretch
+from backend.control.motion_types import AT_REST, ControlOutput
+from backend.control.step import NO_INPUTS, ControlState, Moving, StepInputs, TickRange
 from backend.realtime.motions import Motion
 from backend.sample import FIELDS
-from plant.compiled import Cell, Specialised
+from plant.compiled import PrecompiledCall, StateBlock
 from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 from plant.parameters import PlantParameters
 from plant.simulator import Simulated
 
 _Made = tuple[int, int, float, float, Measurement]
-_Run = Callable[[Cell[Desk], Cell[Moving], Cell[Simulated], Measurement, Stretch, NDArray[np.float64]], _Made]
+_Run = Callable[
+    [StateBlock[ControlState], StateBlock[Moving], StateBlock[Simulated], Measurement, TickRange, NDArray[np.float64]],
+    _Made,
+]
 _Look = Callable[[Measurement, int], int]
 _Decide = Callable[[], tuple[int, float, float]]
 _WriteRow = Callable[[NDArray[np.float64], int, MotorCommand, RawReading, float, int], None]
 
 
-class TickDesk:
+class StepContext:
     """One loop's desk, and on it the motion that is under way.
 
-    ``unattended_max_s`` [s] is how long the plant may be left alone. ``look``, ``decide`` and ``write_row`` are of
-    ``backend.control.step``, for this desk and what lies on it.
+    ``unattended_max_s`` [s] is how long the plant may be left alone. ``detect_faults``, ``compute_control`` and
+    ``write_row`` are of ``backend.control.step``, for this desk and what lies on it.
     """
 
     def __init__(
@@ -37,11 +40,11 @@ class TickDesk:
         unattended_max_s: float,
         tuning: cascade.CascadeTuning,
     ) -> None:
-        self.cell = cell = Cell(
-            Desk(
+        self.cell = cell = StateBlock(
+            ControlState(
                 tuning,
                 fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
-                NO_ORDERS,
+                NO_INPUTS,
                 fault_detection.FaultDetectionState(
                     0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.nothing_remembered()
                 ),
@@ -62,11 +65,13 @@ class TickDesk:
         )  # fmt: skip
         self._found, self._checks = cell.field("found"), cell.field("checks")
         self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("touch", "bias", "F_ext_hat"))
-        self._orders = NO_ORDERS
-        self._places: dict[type, tuple[Cell[Moving], _Decide]] = {}
+        self._orders = NO_INPUTS
+        self._places: dict[type, tuple[StateBlock[Moving], _Decide]] = {}
         row = np.zeros(len(FIELDS))
-        self.look: _Look = partial(Specialised(step.look, cell, NOT_MEASURED, 0), cell)
-        self.write_row: _WriteRow = partial(Specialised(step.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell)
+        self.look: _Look = partial(PrecompiledCall(step.detect_faults, cell, NOT_MEASURED, 0), cell)
+        self.write_row: _WriteRow = partial(
+            PrecompiledCall(step.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell
+        )
 
     def begin(self, raw: Measurement) -> None:
         """Take in what is measured before the first tick."""
@@ -77,17 +82,22 @@ class TickDesk:
         """Let a motion be the one that is under way."""
         kind = type(motion.first.state)
         if kind not in self._places:
-            place = Cell(motion.first)
-            self._places[kind] = place, partial(Specialised(step.decide, self.cell, place), self.cell, place)
+            place = StateBlock(motion.first)
+            self._places[kind] = (
+                place,
+                partial(PrecompiledCall(step.compute_control, self.cell, place), self.cell, place),
+            )
         self.moving, self.decide = self._places[kind]
         motion.lie_in(self.moving)
         self._run: _Run | None = None  # on a clock there are no batches
 
-    def run(self, simulated: Cell[Simulated], m: Measurement, stretch: Stretch, rows: NDArray[np.float64]) -> _Made:
+    def run(
+        self, simulated: StateBlock[Simulated], m: Measurement, stretch: TickRange, rows: NDArray[np.float64]
+    ) -> _Made:
         """Make ticks in a batch (``backend.control.step``)."""
         if self._run is None:
             like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
-            self._run = Specialised(step.run_batch, self.cell, self.moving, simulated, m, stretch, like)
+            self._run = PrecompiledCall(step.run_batch, self.cell, self.moving, simulated, m, stretch, like)
         made = self._run(self.cell, self.moving, simulated, m, stretch, rows)
         self._orders = self._orders_cell.get()
         return made
@@ -97,7 +107,7 @@ class TickDesk:
         """Push [N] and loads [N·m] in force, as far as the tick knows."""
         return self._orders.F_push, self._orders.load
 
-    def order(self, orders: Orders) -> None:
+    def order(self, orders: StepInputs) -> None:
         """Say what is to be known in the next tick."""
         if orders != self._orders:
             self._orders = orders
@@ -114,13 +124,13 @@ class TickDesk:
         self._m.put(m)
 
     @property
-    def decision(self) -> Decision:
+    def decision(self) -> ControlOutput:
         """What was decided."""
-        decision: Decision = self._decision.get()
+        decision: ControlOutput = self._decision.get()
         return decision
 
     @decision.setter
-    def decision(self, decision: Decision) -> None:
+    def decision(self, decision: ControlOutput) -> None:
         self._decision.put(decision)
 
     @property
@@ -130,9 +140,9 @@ class TickDesk:
         return command
 
     @property
-    def found(self) -> fault_detection.Found:
+    def found(self) -> fault_detection.DetectedFault:
         """What the checks have found."""
-        found: fault_detection.Found = self._found.get()
+        found: fault_detection.DetectedFault = self._found.get()
         return found
 
     @property

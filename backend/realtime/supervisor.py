@@ -25,7 +25,7 @@ from backend.realtime.commands import (
     Stopped,
     SwitchDrives,
 )
-from backend.realtime.heartbeat import HEARTBEAT_S, CardGuard, Heart
+from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender, WatchdogMonitor
 from backend.realtime.heartbeat import PART as GUARD
 from backend.realtime.ipc import (
     Channel,
@@ -42,7 +42,7 @@ from backend.realtime.ipc import (
 )
 from backend.realtime.program import MODES, Mode
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.timing import Granted
+from backend.realtime.timing import RealTimeStatus
 from backend.sample import INDEX
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
 from plant.calibration import found_with
@@ -56,13 +56,13 @@ from plant.safety_card import Card
 
 
 @dataclass(frozen=True)
-class LoopDied:
+class LoopExited:
     """The loop process ended unasked; nothing controls the plant until it is started again."""
 
     reason: str
 
 
-class LoopDiedError(Exception):
+class LoopExitedError(Exception):
     """There is no loop to command, or it died while it was waited for; the message says why."""
 
 
@@ -81,10 +81,10 @@ async def result_of(awaited: asyncio.Future[_Result], timeout_s: float) -> _Resu
     return awaited.result()
 
 
-Listener = Callable[[Event | LoopDied], None]
+EventListener = Callable[[Event | LoopExited], None]
 
 
-class LoopAccess(Protocol):
+class LoopClient(Protocol):
     """Commands in, events and samples out. Not for several threads: all calls from one event loop."""
 
     @property
@@ -93,24 +93,24 @@ class LoopAccess(Protocol):
         ...
 
     @property
-    def granted(self) -> Granted | None:
+    def granted(self) -> RealTimeStatus | None:
         """What the machine granted to the loop; None while there is no loop, and for one that keeps to no clock."""
         ...
 
-    def listen(self, listener: Listener) -> Callable[[], None]:
+    def listen(self, listener: EventListener) -> Callable[[], None]:
         """Call ``listener`` with each event from now on; return what to call to end that."""
         ...
 
     async def send(self, command: Command) -> Accepted | Refused:
-        """Hand over a command and wait for the loop's answer. Raises LoopDiedError."""
+        """Hand over a command and wait for the loop's answer. Raises LoopExitedError."""
         ...
 
     async def advance(self, seconds: float) -> None:
-        """Let the loop tick for so many seconds of its own time. Raises LoopDiedError."""
+        """Let the loop tick for so many seconds of its own time. Raises LoopExitedError."""
         ...
 
     async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
-        """Let the loop tick until ``reached()``; raises TimeoutError after ``timeout_s`` of its time, LoopDiedError.
+        """Let the loop tick until ``reached()``; raises TimeoutError after ``timeout_s`` of its time, LoopExitedError.
 
         Headless it is asked after every tick, live a few times per 0.1 s: ask for what lasts, not for a passing moment.
         """
@@ -125,7 +125,7 @@ class LoopAccess(Protocol):
 Answer = asyncio.Future[Accepted | Refused]
 
 
-class Answers:
+class PendingReplies:
     """Numbers commands and hands each answer to whoever waits for it."""
 
     def __init__(self) -> None:
@@ -151,7 +151,7 @@ class Answers:
             if answer is not None and not answer.done():
                 answer.set_result(event)
 
-    def fail(self, died: LoopDiedError) -> None:
+    def fail(self, died: LoopExitedError) -> None:
         """Tell all who wait that no answer will come."""
         for answer in self._waiting.values():
             if not answer.done():
@@ -166,7 +166,7 @@ class Answers:
 # Imports little, so that the process is there before the service has loaded all of its own.
 
 
-class Launched:
+class LoopProcess:
     """A loop process that nobody has told yet what to drive, with the memory that it shares; outputs untouched.
 
     ``take`` it, or ``discard`` it.
@@ -176,7 +176,7 @@ class Launched:
         self.process, self.ring, self.card, self.channel = process, ring, card, channel
         self._taken = False
 
-    def take(self) -> "Launched | None":
+    def take(self) -> "LoopProcess | None":
         """Own the process from now on; None where somebody does, or where it has ended."""
         if self._taken or self.process.returncode is not None:
             return None
@@ -193,7 +193,7 @@ class Launched:
             await self.process.wait()
 
 
-async def launch(parameters: str) -> Launched:
+async def launch(parameters: str) -> LoopProcess:
     """Start a loop process; it gets ready for a plant of ``parameters`` before it is told which."""
     ring, card = Ring.create(), Card.create()
     channel, theirs = channel_pair()
@@ -205,7 +205,7 @@ async def launch(parameters: str) -> Launched:
             stdin=DEVNULL,
             pass_fds=(ring.fd, theirs.fileno(), card.fd),
         )
-    return Launched(process, ring, card, channel)
+    return LoopProcess(process, ring, card, channel)
 
 
 # Ticking -------------------------------------------------------------------------------------------
@@ -217,7 +217,7 @@ HUNG_BEATS = 16
 """A loop that has not ticked for so many heartbeats hangs; it is killed, so that the card's watchdog takes over."""
 
 
-class Ticking:
+class LivenessMonitor:
     """Looks at one loop process once a heartbeat."""
 
     def __init__(self) -> None:
@@ -276,33 +276,35 @@ class Restart:
 
 
 class Supervisor:
-    """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop.
+    """A ``LoopClient`` to the loop process. Lives in one asyncio event loop.
 
     ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote;
     ``guard`` looks at them, ``supervision`` keeps what watches running. It goes by ``started_with`` of a bring-up.
     """
 
-    def __init__(self, setup: Setup, supervision: Supervision | None = None, launched: Launched | None = None) -> None:
+    def __init__(
+        self, setup: Setup, supervision: Supervision | None = None, launched: LoopProcess | None = None
+    ) -> None:
         self.setup = setup
         self._launched = launched
         self.started_with = setup.brought_up
         self.ring = Ring.create()
         self.card = Card.create()
-        self.guard = CardGuard(self.card)
-        self.granted: Granted | None = None
+        self.guard = WatchdogMonitor(self.card)
+        self.granted: RealTimeStatus | None = None
         self.driven = ""
         self.restarting: Restart | None = None
         """The planned restart that is under way."""
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
-        self._heart: Heart | None = None
+        self._heart: HeartbeatSender | None = None
         self._beating: KeptThread | None = None
         self._channel: Channel | None = None
         self._kept: list[KeptTask] = []
-        self._ready: asyncio.Future[Granted] | None = None
-        self._answers = Answers()
-        self._ticking = Ticking()
-        self._listeners: list[Listener] = []
+        self._ready: asyncio.Future[RealTimeStatus] | None = None
+        self._answers = PendingReplies()
+        self._ticking = LivenessMonitor()
+        self._listeners: list[EventListener] = []
         self._reason = "it has not been started"
         self._ending = False
         self._one_at_a_time = asyncio.Lock()
@@ -322,13 +324,13 @@ class Supervisor:
         if self._heart is not None:
             self._heart.pause(duration_s)
 
-    def listen(self, listener: Listener) -> Callable[[], None]:
+    def listen(self, listener: EventListener) -> Callable[[], None]:
         """Call ``listener`` with each event from now on; return what to call to end that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
-    async def start(self) -> Granted:
-        """Start the loop process, outputs at zero volts, and wait until it ticks. Raises LoopDiedError."""
+    async def start(self) -> RealTimeStatus:
+        """Start the loop process, outputs at zero volts, and wait until it ticks. Raises LoopExitedError."""
         async with self._one_at_a_time:
             return await self._start()
 
@@ -337,10 +339,10 @@ class Supervisor:
         async with self._one_at_a_time:
             await self._stop(cause)
 
-    async def restart(self, purpose: str) -> Granted:
+    async def restart(self, purpose: str) -> RealTimeStatus:
         """End the loop process, if it is there, and start another one with the present ``setup``.
 
-        ``purpose`` describes the restart to people while it takes place. Raises LoopDiedError.
+        ``purpose`` describes the restart to people while it takes place. Raises LoopExitedError.
         """
         async with self._one_at_a_time:
             self.restarting = Restart(purpose, time.monotonic())
@@ -350,14 +352,14 @@ class Supervisor:
             finally:
                 self.restarting = None
 
-    async def _start(self) -> Granted:
+    async def _start(self) -> RealTimeStatus:
         if self._process is not None:
-            raise LoopDiedError("the loop process is there already: stop it first")
+            raise LoopExitedError("the loop process is there already: stop it first")
         self.card.expire()  # the loop before may have been killed a moment ago, and it is one and the same card
         if self._launched is None or (launched := self._launched.take()) is None:
             launched = await launch(self.setup.parameters)
         self.ring, self.card = launched.ring, launched.card
-        self.guard = CardGuard(self.card)
+        self.guard = WatchdogMonitor(self.card)
         self._ending, self._reason = False, "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be given up
@@ -366,7 +368,7 @@ class Supervisor:
         with suppress(ChannelClosedError):  # its end is noticed and told by _watch
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
-        self._heart = Heart(channel)
+        self._heart = HeartbeatSender(channel)
         self._beating = self._supervision.keep_thread(_HEARTBEAT, self._heart.run, self._heart.stop)
         keep = self._supervision.keep_task
         self._kept = [
@@ -394,7 +396,7 @@ class Supervisor:
             else:
                 process.terminate()
             await result_of(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
-        except (LoopDiedError, TimeoutError, ProcessLookupError):
+        except (LoopExitedError, TimeoutError, ProcessLookupError):
             self._kill("it did not end when told to")
         for kept in self._kept:
             await kept.ended()
@@ -402,7 +404,7 @@ class Supervisor:
     async def send(self, command: Command) -> Accepted | Refused:
         """Hand over a command and wait for the loop's answer.
 
-        Raises LoopDiedError; OutOfRangeError or ChannelError when it is too long.
+        Raises LoopExitedError; OutOfRangeError or ChannelError when it is too long.
         """
         channel = self._require_alive()
         with self._answers.expected() as (sequence, answer), self._ticking.excused(command):
@@ -418,17 +420,17 @@ class Supervisor:
                 return await result_of(answer, ANSWER_TIMEOUT_S)
             except TimeoutError:
                 self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
-                raise LoopDiedError(f"the control loop is not running: {self._reason}") from None
+                raise LoopExitedError(f"the control loop is not running: {self._reason}") from None
 
     async def advance(self, seconds: float) -> None:
-        """Wait while the loop ticks for so many seconds of its time. Raises LoopDiedError."""
+        """Wait while the loop ticks for so many seconds of its time. Raises LoopExitedError."""
         end = self.ring.count + round(seconds / T_s)
         while self.ring.count < end:
             self._require_alive()
             await asyncio.sleep(_POLL_S)
 
     async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
-        """Wait until ``reached()``. Raises TimeoutError after ``timeout_s`` of the loop's time, LoopDiedError."""
+        """Wait until ``reached()``. Raises TimeoutError after ``timeout_s`` of the loop's time, LoopExitedError."""
         end = self.ring.count + round(timeout_s / T_s)
         while not reached():
             self._require_alive()
@@ -438,7 +440,7 @@ class Supervisor:
 
     def _require_alive(self) -> Channel:
         if self._channel is None or not self.alive:
-            raise LoopDiedError(f"the control loop is not running: {self._reason}")
+            raise LoopExitedError(f"the control loop is not running: {self._reason}")
         return self._channel
 
     def _is_voltageless(self) -> bool:
@@ -449,7 +451,7 @@ class Supervisor:
     async def _come_to_rest(self, cause: str) -> None:
         stopped: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
 
-        def hear(event: Event | LoopDied) -> None:
+        def hear(event: Event | LoopExited) -> None:
             if isinstance(event, Stopped) and not stopped.done():
                 stopped.set_result(event)
 
@@ -497,15 +499,15 @@ class Supervisor:
                 self._answers.take(event)
                 self._tell(event)
 
-    def _tell(self, event: Event | LoopDied) -> None:
+    def _tell(self, event: Event | LoopExited) -> None:
         for listener in tuple(self._listeners):
             try:
                 listener(event)
             except Exception:
                 _LOG.exception("a listener failed on %s", event)
 
-    async def _show_alive(self, channel: Channel, heart: Heart) -> None:
-        ticking = self._ticking = Ticking()
+    async def _show_alive(self, channel: Channel, heart: HeartbeatSender) -> None:
+        ticking = self._ticking = LivenessMonitor()
         while self._channel is channel:
             heart.shown()
             if self.alive and ticking.hangs(self.ring.count):
@@ -525,12 +527,12 @@ class Supervisor:
             channel.close()
         was_alive, self.granted, self._process = self.alive, None, None
         self._reason = _reason_of_end(status, self._reason)
-        died = LoopDiedError(f"the control loop is not running: {self._reason}")
+        died = LoopExitedError(f"the control loop is not running: {self._reason}")
         if self._ready is not None and not self._ready.done():
             self._ready.set_exception(died)
         self._answers.fail(died)
         if was_alive and not self._ending:
-            self._tell(LoopDied(self._reason))
+            self._tell(LoopExited(self._reason))
 
 
 def _reason_of_end(status: int, known: str) -> str:

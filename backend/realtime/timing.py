@@ -35,7 +35,7 @@ _PRIORITY = 60
 
 
 @dataclass(frozen=True)
-class Granted:
+class RealTimeStatus:
     """What the machine granted to the loop; ``refusals`` say what it did not, why, and the remedy.
 
     ``priority`` is that of SCHED_FIFO, 0 under ordinary scheduling.
@@ -47,7 +47,7 @@ class Granted:
     refusals: tuple[str, ...]
 
 
-def request_real_time() -> Granted:
+def request_real_time() -> RealTimeStatus:
     """Ask for FIFO scheduling, locked memory and a timer slack of 1 ns for this process; go on with what is granted."""
     refusals = []
     _LIBC.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(_TIMER_SLACK_NS), 0, 0, 0)
@@ -65,7 +65,7 @@ def request_real_time() -> Granted:
         reason = os.strerror(ctypes.get_errno())
         refusals.append(f"locked memory: {reason}; raise memlock in limits.conf or grant CAP_IPC_LOCK")
     slack_ns = _LIBC.prctl(_PR_GET_TIMERSLACK, 0, 0, 0, 0)
-    return Granted(priority, memory_locked, slack_ns, tuple(refusals))
+    return RealTimeStatus(priority, memory_locked, slack_ns, tuple(refusals))
 
 
 def _sleep_until(deadline_ns: int) -> None:

@@ -34,7 +34,7 @@ Operation = Literal[
 
 
 @dataclass(frozen=True)
-class Step:
+class FormulaStep:
     """One step: ``op`` takes the last ``of`` values and leaves one.
 
     ``number`` leaves ``value``, ``signal`` the column ``name``, ``length`` the length ``name`` of the geometry.
@@ -52,7 +52,7 @@ class Derived:
 
     name: str
     unit: str
-    steps: tuple[Step, ...]
+    steps: tuple[FormulaStep, ...]
     meaning: str = ""
 
     @cached_property
@@ -177,7 +177,7 @@ def told_of(session: Session, names: Iterable[str]) -> dict[str, Field | Followi
 def derived_from(formula: Formula) -> Derived:
     """Return the derived signal of a stored formula."""
     meaning = f"{formula.meaning}, {formula.expression}" if formula.meaning else formula.expression
-    return Derived(formula.name, formula.unit, tuple(Step(**step) for step in formula.steps), meaning)
+    return Derived(formula.name, formula.unit, tuple(FormulaStep(**step) for step in formula.steps), meaning)
 
 
 def columns_of(wanted: Iterable[Following]) -> list[str]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from backend.faults import Fault, explained
 from backend.realtime.commands import Event, Stopped
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.recording.codec import pack, unpack
 from backend.recording.reader import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
@@ -104,14 +104,14 @@ class FlightRecorder:
         # Trips are heard in the event loop and stored in a thread.
         self._list_lock, self._drain_lock = threading.Lock(), threading.Lock()
 
-    def hear(self, event: Event | LoopDied) -> None:
-        """Take note of a trip; a listener for ``LoopAccess.listen``."""
+    def hear(self, event: Event | LoopExited) -> None:
+        """Take note of a trip; a listener for ``LoopClient.listen``."""
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail) if not self._is_expected(fault):
                 text = explained(fault, detail)
                 ring = self._ring()
                 self._trip(_Trip(ring, fault, tick, text, time_of(ring, tick)))
-            case LoopDied(reason):
+            case LoopExited(reason):
                 self._end_of_ring()
                 ring = self._ring()
                 text = f"The control loop died: {reason}"

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from backend.errors import OutOfRangeError, require_within
+from backend.errors import OutOfRangeError, check_range
 from backend.recording.derived_signals import computed, lengths_of
 from backend.recording.reader import read_samples
 from backend.sample import COMBINED_BY_NAME
@@ -110,7 +110,7 @@ _EXACT = 1e-6
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TickInterval:
     """Ticks ``begin`` to ``end`` (exclusive) of a run, counted from its first sample."""
 
     run_id: int
@@ -146,7 +146,7 @@ class Slab:
     columns: dict[str, NDArray[np.float64]]
 
 
-def stretch_of(session: Session, run_id: int, from_s: float = 0.0, to_s: float | None = None) -> Stretch:
+def stretch_of(session: Session, run_id: int, from_s: float = 0.0, to_s: float | None = None) -> TickInterval:
     """Return the ticks with from_s <= t <= to_s; without ``to_s`` up to the last sample.
 
     Raises UnknownRecordError when nothing of the run was recorded, and OutOfRangeError for a range that is not within
@@ -159,20 +159,20 @@ def stretch_of(session: Session, run_id: int, from_s: float = 0.0, to_s: float |
     slack_s = _EXACT * period_s
     within = f"the recording of run {run_id} ends at {last_s:.3f} s: choose a range within it"
     if not -slack_s <= from_s <= last_s + slack_s:
-        require_within("from", from_s, 0.0, last_s, "s", within, words="begin of the range")
+        check_range("from", from_s, 0.0, last_s, "s", within, words="begin of the range")
     if to_s is None:
         to_s = last_s
     if not from_s <= to_s <= last_s + slack_s:
-        require_within("to", to_s, from_s, last_s, "s", within, words="end of the range")
+        check_range("to", to_s, from_s, last_s, "s", within, words="end of the range")
     begin = int(np.ceil(from_s / period_s - _EXACT))
     end = int(np.floor(to_s / period_s + _EXACT)) + 1
     if end <= begin:
         remedy = "choose a longer range: this one lies between two samples"
         raise OutOfRangeError("range", to_s - from_s, period_s, None, "s", remedy, words="length of the range")
-    return Stretch(run_id, begin, min(end, last + 1), period_s)
+    return TickInterval(run_id, begin, min(end, last + 1), period_s)
 
 
-def slabs(database: Database, stretch: Stretch, names: Sequence[str]) -> Iterator[Slab]:
+def slabs(database: Database, stretch: TickInterval, names: Sequence[str]) -> Iterator[Slab]:
     """Yield the samples of a range, ``SLAB_TICKS`` at most at a time; a part without any sample is left out.
 
     Each slab is read in a transaction of its own. Raises UnknownRecordError, UnknownSignalError, CodecError.
@@ -185,7 +185,7 @@ def slabs(database: Database, stretch: Stretch, names: Sequence[str]) -> Iterato
             yield slab
 
 
-def _read(session: Session, stretch: Stretch, names: Sequence[str], begin: int, end: int) -> Slab:
+def _read(session: Session, stretch: TickInterval, names: Sequence[str], begin: int, end: int) -> Slab:
     combined = [COMBINED_BY_NAME[name] for name in dict.fromkeys(names) if name in COMBINED_BY_NAME]
     recorded = recordings.get(session, stretch.run_id).fields
     terms = [term.column for one in combined for term in one.terms if term.column in recorded]

@@ -89,7 +89,7 @@ class UnknownSignalError(ValueError):
 
 
 @dataclass(frozen=True)
-class Samples:
+class RawSamples:
     """Raw samples: ``t`` [n] in seconds since the first sample of the run, and a column [n] per signal (SI).
 
     Where samples are missing ``t`` jumps. ``first_tick`` is the tick of t = 0 on the time axis of the loop.
@@ -118,7 +118,7 @@ class SampleEnvelope:
 
 def read_samples(
     session: Session, run_id: int, names: Sequence[str] = (), from_s: float = 0.0, to_s: float = np.inf
-) -> Samples:
+) -> RawSamples:
     """Return the samples with from_s <= t < to_s; no names means all signals that were recorded.
 
     Those of formulas are computed; one that only later versions record is nan. Raises UnknownRecordError when
@@ -129,7 +129,7 @@ def read_samples(
 
 def read_stretches(
     session: Session, run_id: int, names: Sequence[str], stretches: Iterable[tuple[float, float]]
-) -> Iterator[Samples]:
+) -> Iterator[RawSamples]:
     """Yield the samples of one stretch [from_s, to_s) after the other; what they share is asked for once.
 
     Raises like ``read_samples``.
@@ -151,7 +151,7 @@ def read_stretches(
             exact = {name: columns[name].astype(np.float64) for name in parts}
             columns |= {name: in_precision(computed(one, exact, lengths, t.size)) for name, one in made.items()}
             columns = {name: columns[name] for name in names}
-        yield Samples(span.first_tick, t, columns)
+        yield RawSamples(span.first_tick, t, columns)
 
 
 def read_envelope(

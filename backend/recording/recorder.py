@@ -13,7 +13,7 @@ from backend.faults import Fault
 from backend.models.run import KeptWall, kept_wall
 from backend.realtime.commands import Event, RunEnded, WallChanged
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.recording.codec import Table, pack, summarise
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import events, recordings, runs
@@ -104,7 +104,7 @@ _TICK, _RUN = INDEX["tick"], INDEX["run"]
 _LOG = logging.getLogger(__name__)
 
 Rows = NDArray[np.float64]
-_Note = LoopDied | RunEnded | WallChanged | Ring
+_Note = LoopExited | RunEnded | WallChanged | Ring
 
 
 class RecordingError(Exception):
@@ -141,9 +141,9 @@ class Recorder:
         """Run being recorded, 0 for none."""
         return self._run
 
-    def hear(self, event: Event | LoopDied) -> None:
-        """Take note of what the samples cannot tell; a listener for ``LoopAccess.listen``."""
-        if isinstance(event, LoopDied | WallChanged) or (isinstance(event, RunEnded) and event.run):
+    def hear(self, event: Event | LoopExited) -> None:
+        """Take note of what the samples cannot tell; a listener for ``LoopClient.listen``."""
+        if isinstance(event, LoopExited | WallChanged) or (isinstance(event, RunEnded) and event.run):
             self._notes.append(event)
 
     def follow(self, ring: Ring) -> None:
@@ -210,7 +210,7 @@ class Recorder:
                 self._told[note.run] = note
             case WallChanged():
                 self._walls.tell(note)
-            case LoopDied(reason):
+            case LoopExited(reason):
                 self._finish(EndState.LINK_LOST, f"the loop process died: {reason}")
             case Ring():
                 self._finish(EndState.LINK_LOST, "the loop process was replaced")

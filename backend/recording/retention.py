@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from backend.storage import events, recordings
 from backend.storage.database import Database
 from backend.storage.events import EventKind
-from backend.storage.recordings import Held
+from backend.storage.recordings import RetentionEntry
 from backend.units import counted
 
 _CHUNKS_AT_ONCE = 200
@@ -22,7 +22,7 @@ class NotRemovableError(ValueError):
 
 
 @dataclass(frozen=True)
-class Rule:
+class RetentionRule:
     """Recordings may take ``max_bytes``; beyond that, those older than ``keep_days`` may go."""
 
     max_bytes: int
@@ -33,10 +33,10 @@ class Rule:
 class Overview:
     """What recordings take, of that what runs in use take, and the runs whose samples may go, oldest first."""
 
-    rule: Rule
+    rule: RetentionRule
     total_bytes: int
     in_use_bytes: int
-    may_go: tuple[Held, ...]
+    may_go: tuple[RetentionEntry, ...]
 
     @property
     def says(self) -> str:
@@ -58,7 +58,7 @@ class Overview:
         )
 
 
-def overview(database: Database, rule: Rule) -> Overview:
+def overview(database: Database, rule: RetentionRule) -> Overview:
     """Return what recordings take, and which may go: the oldest that nothing came from, until the rest fits."""
     with database.reading() as session:
         runs = recordings.held(session)
@@ -72,7 +72,7 @@ def overview(database: Database, rule: Rule) -> Overview:
     return Overview(rule, total, sum(run.size_bytes for run in runs if run.in_use), tuple(may_go))
 
 
-def remove(database: Database, rule: Rule, run_ids: Sequence[int], who: str) -> Overview:
+def remove(database: Database, rule: RetentionRule, run_ids: Sequence[int], who: str) -> Overview:
     """Delete the samples of exactly these runs. Raises NotRemovableError unless every one of them may go now."""
     may_go = {run.run_id: run for run in overview(database, rule).may_go}
     others = sorted(set(run_ids) - set(may_go))
@@ -87,7 +87,7 @@ def remove(database: Database, rule: Rule, run_ids: Sequence[int], who: str) -> 
     return overview(database, rule)
 
 
-def _remove(database: Database, run: Held, who: str) -> None:
+def _remove(database: Database, run: RetentionEntry, who: str) -> None:
     day = datetime.now(UTC).date().isoformat()
     with database.session() as session:
         if next((held.in_use for held in recordings.held(session) if held.run_id == run.run_id), True):

@@ -213,7 +213,7 @@ class _Capture:
 
 
 @dataclass
-class Standing:
+class TriggerStatus:
     """What the trigger does: ``captured`` captures so far; the present one takes ``left`` samples more, 0 for none."""
 
     armed: Armed
@@ -242,7 +242,7 @@ class Trigger:
         self, database: Database, ring: Callable[[], Ring], quota: Quota, lengths: Callable[[], dict[str, float]]
     ) -> None:
         self.problem = ""
-        self.standing: Standing | None = None
+        self.standing: TriggerStatus | None = None
         self.heard = Heard()
         self._database, self._present, self._quota, self._lengths = database, ring, quota, lengths
         self._ring = ring()
@@ -263,7 +263,7 @@ class Trigger:
         self._position = self._ring.count
         _, rows, _ = self._ring.read(self._position - 1, 1)
         self._previous = self._last_of(rows, armed.condition)
-        self.standing = Standing(armed)
+        self.standing = TriggerStatus(armed)
         self.heard.changed()
 
     def disarm(self, why: str) -> None:

@@ -12,7 +12,7 @@ from backend.storage.recordings import Chunk
 
 
 @dataclass(frozen=True)
-class Checked:
+class RecordingsCheck:
     """How many recordings were looked at, what is wrong with them, and what could not be compared."""
 
     recordings: int
@@ -20,7 +20,7 @@ class Checked:
     not_compared: tuple[str, ...]
 
 
-def check_recordings(database: Database) -> Checked:
+def check_recordings(database: Database) -> RecordingsCheck:
     """Compute the digest of every chunk of samples again and compare it with the one that was kept as it came.
 
     Of samples from before digests were kept only their smallest and largest values can be compared.
@@ -38,7 +38,7 @@ def check_recordings(database: Database) -> Checked:
                 f"run {number}: {without} chunks of samples from before digests were kept, of which only smallest and "
                 "largest values were compared"
             )
-    return Checked(len(numbers), tuple(problems), tuple(not_compared))
+    return RecordingsCheck(len(numbers), tuple(problems), tuple(not_compared))
 
 
 def _of_run(session: Session, number: int) -> tuple[list[str], int]:

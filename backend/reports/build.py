@@ -9,7 +9,7 @@ from backend.analysis.evaluation import catch_up
 from backend.exports.base import stored_or_none
 from backend.exports.formats import DataFormat, pieces, write_all
 from backend.models.run import CRITERIA
-from backend.reports.evidence import Evidence, evidence_of, to_element
+from backend.reports.evidence import ReportManifest, evidence_of, to_element
 from backend.reports.experiment_report import (
     compliance_report,
     composed_report,
@@ -30,8 +30,8 @@ from backend.reports.model import (
     Figure,
     Paragraph,
     Report,
-    Section,
-    Source,
+    ReportSection,
+    RunData,
     Table,
     load_source,
     to_html,
@@ -41,7 +41,7 @@ from backend.reports.provenance import definitions_facts, verdict_of
 from backend.reports.sections import timing_section
 from backend.storage.database import Database
 from backend.storage.runs import EndState, RunKind
-from backend.units import Angles, in_words
+from backend.units import AngleUnit, format_angles
 
 # Build ---------------------------------------------------------------------------------------------
 #
@@ -59,7 +59,7 @@ _BUILDERS = {
 }
 
 
-def build_report(source: Source) -> Report:
+def build_report(source: RunData) -> Report:
     """Build the report of a run of any kind; what was only recorded gets its curves without a judgement."""
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
     report = replace(report, facts=(*report.facts, *definitions_facts([source])))
@@ -70,7 +70,7 @@ def build_report(source: Source) -> Report:
     return told(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
 
 
-def hashes_section(evidence: Evidence) -> Section:
+def hashes_section(evidence: ReportManifest) -> ReportSection:
     """Return the hashes of what the report's numbers come from, and how they are verified."""
     rows = tuple((name, digest) for name, digest in evidence.hashes.items())
     titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
@@ -78,20 +78,22 @@ def hashes_section(evidence: Evidence) -> Section:
         "Every number of this report can be computed again from the samples that it names. With data.csv beside it, or "
         "in the data folder of the run:"
     )
-    return Section(
+    return ReportSection(
         "What it was made of", (Table("Content hashes.", titles, rows), Code(words, "sinew report verify report.html"))
     )
 
 
-def told(report: Report, angles: Angles) -> Report:
+def told(report: Report, angles: AngleUnit) -> Report:
     """Return a report with the angles in its prose as they are read; numbers of tables and axes are so already.
 
     What somebody has written or named stays as it was written: what is marked as quoted, or stands between “ and ”.
     """
     return replace(
         report,
-        verdict=in_words(report.verdict, angles),
-        facts=tuple(fact if fact.quoted else replace(fact, text=in_words(fact.text, angles)) for fact in report.facts),
+        verdict=format_angles(report.verdict, angles),
+        facts=tuple(
+            fact if fact.quoted else replace(fact, text=format_angles(fact.text, angles)) for fact in report.facts
+        ),
         sections=tuple(
             replace(section, blocks=tuple(_told_block(block, angles) for block in section.blocks))
             for section in report.sections
@@ -99,24 +101,25 @@ def told(report: Report, angles: Angles) -> Report:
     )
 
 
-def _told_block(block: Block, angles: Angles) -> Block:
+def _told_block(block: Block, angles: AngleUnit) -> Block:
     match block:
         case Paragraph(text):
-            return Paragraph(in_words(text, angles))
+            return Paragraph(format_angles(text, angles))
         case Table(caption, columns, rows):
             told = tuple(
                 tuple(
-                    cell if column.quoted else in_words(cell, angles) for column, cell in zip(columns, row, strict=True)
+                    cell if column.quoted else format_angles(cell, angles)
+                    for column, cell in zip(columns, row, strict=True)
                 )
                 for row in rows
             )
             if any(NO_FIGURE in row for row in rows):
                 caption += f" {NO_FIGURE} means: there is no such figure."
-            return Table(in_words(caption, angles), columns, told)
+            return Table(format_angles(caption, angles), columns, told)
         case Figure(name, svg, caption):
-            return Figure(name, svg, in_words(caption, angles))
+            return Figure(name, svg, format_angles(caption, angles))
         case Code(caption, text):
-            return Code(in_words(caption, angles), text)
+            return Code(format_angles(caption, angles), text)
 
 
 # Files ---------------------------------------------------------------------------------------------
@@ -124,7 +127,9 @@ def _told_block(block: Block, angles: Angles) -> Block:
 # What a run leaves in a folder: the report to read, the data and the metrics to compute with.
 
 
-def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:
+def write_files(
+    database: Database, run_id: int, folder: Path, angles: AngleUnit = AngleUnit.DEGREES
+) -> tuple[Path, ...]:
     """Write report.html, report.pdf, data.csv and metrics.json, all or none; make the folder where it is missing.
 
     ``angles`` is for the report; data and metrics are in SI. A run that was left behind gets its result first.
@@ -145,7 +150,7 @@ def write_files(database: Database, run_id: int, folder: Path, angles: Angles = 
     return tuple(folder / name for name in ("report.html", "report.pdf", "data.csv", "metrics.json"))
 
 
-def metrics_document(source: Source) -> dict[str, Any]:
+def metrics_document(source: RunData) -> dict[str, Any]:
     """Return what a program wants to know of a run: figures by name with units, criteria, steps, models."""
     run = source.run
     metrics = source.result.metrics if source.result else None

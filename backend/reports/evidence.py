@@ -19,16 +19,16 @@ import plant
 from backend import __version__
 from backend.analysis.evaluation import used_settings
 from backend.models.document import digest_of
-from backend.models.run import CRITERIA, METRICS, PLANT_NUMBERS, Criterion, Metrics
+from backend.models.run import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriterion
 from backend.recording.reader import Columns, missing_between
-from backend.reports.model import Source
+from backend.reports.model import RunData
 from backend.reports.sections import granted_rows
 from backend.sample import STORED_NAMES
-from backend.storage.banks import Bank, BankEntry, ChannelFit
+from backend.storage.banks import Bank, BankEntry, StoredFit
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
-from backend.units import Angles
+from backend.units import AngleUnit
 from plant.interface import T_s
 
 # Digests -------------------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ class EvidenceError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class StoredEstimate:
     """What was estimated from a run; not when it was stored, nor under which number: that changes with each time."""
 
     kind: str
@@ -138,7 +138,7 @@ class CarriedBank:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
+class ReportManifest:
     """``hashes`` are by what they are of; ``blocks`` check sums of the samples by signal and second.
 
     ``missed_before`` ticks were lost before the first sample; those between samples can be counted.
@@ -149,10 +149,10 @@ class Evidence:
     metrics: dict[str, Any] | None
     criteria: list[dict[str, Any]]
     bank: CarriedBank | None
-    identification: Estimate | None
+    identification: StoredEstimate | None
     runs_of: dict[int, int | None]
-    fits: dict[int, dict[str, ChannelFit]]
-    angles: Angles
+    fits: dict[int, dict[str, StoredFit]]
+    angles: AngleUnit
     missed_before: int
     samples: int
     hashes: dict[str, str]
@@ -165,15 +165,15 @@ class SeriesEvidence:
     """The accounts of all runs of a series, in its order."""
 
     format: str
-    runs: tuple[Evidence, ...]
+    runs: tuple[ReportManifest, ...]
 
 
 SERIES = f"series {FORMAT}"
-_EVIDENCE: TypeAdapter[Evidence] = TypeAdapter(Evidence)
+_EVIDENCE: TypeAdapter[ReportManifest] = TypeAdapter(ReportManifest)
 _SERIES: TypeAdapter[SeriesEvidence] = TypeAdapter(SeriesEvidence)
 
 
-def hashes_of(evidence: Evidence, columns: Columns) -> dict[str, str]:
+def hashes_of(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
     """Return the hash of each thing that the report's numbers come from, by its name."""
     run = evidence.run
     found = {
@@ -188,14 +188,14 @@ def hashes_of(evidence: Evidence, columns: Columns) -> dict[str, str]:
     return found
 
 
-def evidence_of(source: Source) -> Evidence | None:
+def evidence_of(source: RunData) -> ReportManifest | None:
     """Return the account of a run; none of a session, of which nothing is computed."""
     if source.run.kind == RunKind.SESSION:
         return None
     result, columns = source.result, source.columns
     missing = None if result is None else result.metrics.missing_samples
     metrics = None if result is None else METRICS.write(result.metrics)
-    told = Evidence(
+    told = ReportManifest(
         format=FORMAT,
         run=replace(source.run, **unseen(metrics)),
         metrics=metrics,
@@ -220,10 +220,10 @@ def carried(bank: Bank | None) -> CarriedBank | None:
     return None if bank is None else CarriedBank(bank.name, bank.version, bank.entries)
 
 
-def estimate_of(found: NewIdentification) -> Estimate:
+def estimate_of(found: NewIdentification) -> StoredEstimate:
     """Return what a report carries of an estimate, as JSON gives it back."""
-    told = {item.name: getattr(found, item.name) for item in fields(Estimate)}
-    return Estimate(**json.loads(json.dumps(told)))
+    told = {item.name: getattr(found, item.name) for item in fields(StoredEstimate)}
+    return StoredEstimate(**json.loads(json.dumps(told)))
 
 
 def made_with() -> dict[str, str]:
@@ -246,24 +246,24 @@ def layout() -> str:
     return found.hexdigest()[:16]
 
 
-def account_hash(evidence: Evidence) -> str:
+def account_hash(evidence: ReportManifest) -> str:
     """Return the hash of what a report carries, but for itself."""
     hashes = {name: digest for name, digest in evidence.hashes.items() if name != ACCOUNT}
     return digest_of(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
 
 
 def source_of(
-    evidence: Evidence,
+    evidence: ReportManifest,
     columns: Columns,
     metrics: Metrics | None,
-    criteria: tuple[Criterion, ...],
-    estimate: Estimate | None,
-) -> Source:
+    criteria: tuple[RunCriterion, ...],
+    estimate: StoredEstimate | None,
+) -> RunData:
     """Return what a report is made from again, with these samples and this result."""
     run, bank = evidence.run, evidence.bank
     moment = run.started_at
     stored: dict[str, Any] = {"run_id": run.id, "who": run.who, "software": run.software, "id": 0, "created_at": moment}
-    return Source(
+    return RunData(
         run,
         None if metrics is None else Result(run.id, metrics, criteria, run.software, 0, moment),
         columns,
@@ -275,7 +275,7 @@ def source_of(
     )
 
 
-def to_element(evidence: Evidence | SeriesEvidence) -> str:
+def to_element(evidence: ReportManifest | SeriesEvidence) -> str:
     """Return the element of a page that carries it; nothing in it can end the element."""
     adapter: TypeAdapter[Any] = _SERIES if isinstance(evidence, SeriesEvidence) else _EVIDENCE
     document = adapter.dump_python(evidence, mode="json")
@@ -297,7 +297,7 @@ def without_element(page: str) -> str:
     return page.replace(element_of(page), _BEGIN, 1)
 
 
-def read(page: str) -> Evidence | SeriesEvidence:
+def read(page: str) -> ReportManifest | SeriesEvidence:
     """Return what a page carries: the account of a run, or of each run of a series. Raises EvidenceError."""
     element = element_of(page)
     if not element:
@@ -314,7 +314,7 @@ def read(page: str) -> Evidence | SeriesEvidence:
         raise EvidenceError(f"its account of its numbers cannot be read: {str(error).splitlines()[0]}") from None
 
 
-def _named(source: Source) -> set[int]:
+def _named(source: RunData) -> set[int]:
     entries = () if source.bank is None else source.bank.entries
     named = {entry.identification_id for entry in entries if entry.identification_id is not None}
     return {number for number in named if number in source.runs_of}
@@ -339,7 +339,7 @@ class SetTo:
     unit: str = ""
 
 
-def set_to(run: Run, bank: Bank | None) -> Iterator[SetTo]:
+def run_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
     """Yield what a run was set to: plant, software, experiment, ``bank``, machine, settings and parameters."""
     yield SetTo("plant", run.plant)
     yield SetTo("name of the parameters", run.parameters_name)

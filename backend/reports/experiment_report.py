@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import InForce, kept_tuning, points_in
+from backend.analysis.context import EvaluationContext, kept_tuning, points_in
 from backend.analysis.disturbance_metrics import hits_of, holds_seen, pushes_seen
 from backend.analysis.evaluation import law_of, used_settings
 from backend.analysis.frequency_metrics import Lines, Response, bode_lines, responses
 from backend.analysis.step_metrics import pushes
 from backend.banks.builder import BankError, points_of
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.experiments.library import stored_plan
-from backend.experiments.plans import KIND, ComposedPlan
+from backend.experiments.plans import KIND, ExperimentPlan
 from backend.experiments.schema import Measure
 from backend.models.run import Metrics, StepFigures
 from backend.realtime.program import Law
 from backend.recording.reader import Columns
 from backend.reports import sections
-from backend.reports.model import Column, Figure, Paragraph, Report, Section, Source, Table, exact, shown
+from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, RunData, Table, exact, shown
 from backend.reports.plotting import (
     COLOURS,
     CUT_OFF,
@@ -31,7 +31,7 @@ from backend.reports.plotting import (
     TENSIONS,
     WHAT_IS_DRAWN,
     axis_label,
-    drawn_once,
+    cached_figure,
     figure,
     frequency_axis,
     in_unit,
@@ -64,7 +64,7 @@ from backend.reports.sections import CAPTION, impact_panels, impact_tables
 from backend.storage.runs import RunKind
 from backend.tuning.gains import TuningError, cascade_tuning
 from backend.tuning.simulation import run
-from backend.units import Angles, read, reading_of, with_unit
+from backend.units import AngleUnit, read, reading_of, with_unit
 from plant.interface import T_s
 from plant.parameters import SIDES, ParameterError, parameters_of
 
@@ -88,19 +88,19 @@ _COMPLIANCE_NOTES = (
 )
 
 
-def compliance_report(source: Source) -> Report:
+def compliance_report(source: RunData) -> Report:
     """Build the report; a run without result says why it has none."""
     seen = () if source.result is None else (_compliance_figures(source, source.result.metrics),)
     return experiment_report(source, "Compliance experiment", "compliance experiment", seen, _COMPLIANCE_NOTES)
 
 
-def _compliance_figures(source: Source, metrics: Metrics) -> Section:
+def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
     pushed_s = next(phase.start_s for phase in metrics.phases if phase.name == "pushes")
     delay_s = metrics.value_of("delay_s") or 0.0
     r_j = source.run.number("geometry", "r_j")
     F_max = source.run.number("safety", "F_max")
     panels = force_panels(source.columns, r_j, pushed_s, delay_s, "forces", source.angles)
-    return Section(
+    return ReportSection(
         "Figures",
         (
             Figure(
@@ -119,8 +119,8 @@ def _compliance_figures(source: Source, metrics: Metrics) -> Section:
     )
 
 
-@drawn_once
-def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str, angles: Angles) -> str:
+@cached_figure
+def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str, angles: AngleUnit) -> str:
     """Draw q, measured and expected force, and their difference raw and aligned (figure 8)."""
     t = columns["t"]
     measured = columns["F_A"] - columns["F_B"]
@@ -174,7 +174,7 @@ class PapersLaw:
     reason: str = ""
 
 
-def papers_law(source: Source) -> PapersLaw | None:
+def papers_law(source: RunData) -> PapersLaw | None:
     """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
     settings = source.run.set_to
     if settings.loop.budget == 0.0 or law_of(source.run) != Law.CASCADE:
@@ -187,7 +187,7 @@ def papers_law(source: Source) -> PapersLaw | None:
         return PapersLaw(reason="λ was changed during the run")
     try:
         parameters = parameters_of(source.run.parameters_name, source.run.parameters)
-        choice = TuningChoice.of(known)
+        choice = TuningSettings.of(known)
         tuning = cascade_tuning(parameters, choice.lambdas, points_of(source.bank), None, choice.interpolate)
     except (BankError, TuningError, ParameterError) as error:
         return PapersLaw(reason=str(error))
@@ -198,7 +198,7 @@ def papers_law(source: Source) -> PapersLaw | None:
     return PapersLaw({"t": t, "q": found.q, "S": found.S})
 
 
-def beside(steps: Sequence[StepFigures], law: PapersLaw, angles: Angles) -> tuple[Table, ...]:
+def beside(steps: Sequence[StepFigures], law: PapersLaw, angles: AngleUnit) -> tuple[Table, ...]:
     """Return a table of each step's time to 90 % as it was measured and as the paper's law would have taken it."""
     if not law.columns or not steps:
         return ()
@@ -246,7 +246,7 @@ def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
 _TITLES = {RunKind.SESSION: "Session", RunKind.SEQUENCE: "Own sequence"}
 
 
-def recording_report(source: Source) -> Report:
+def recording_report(source: RunData) -> Report:
     """Build the report of a session or of an own sequence."""
     run = source.run
     title = _TITLES.get(RunKind(run.kind), "Recording")
@@ -254,9 +254,9 @@ def recording_report(source: Source) -> Report:
     again = () if run.kind == RunKind.SESSION else reproduction(source)
     if run.kind == RunKind.SESSION:
         outcome, sentence = "neutral", "Recorded by hand: no program was played, nothing is judged."
-    sections = [*results_section(source), Section("How it was made", (*_made(source), *again, *lineage(source)))]
+    sections = [*results_section(source), ReportSection("How it was made", (*_made(source), *again, *lineage(source)))]
     if source.columns["t"].size:
-        sections += [_recording_figures(source), Section("Notes", (Paragraph(S_NOTE),))]
+        sections += [_recording_figures(source), ReportSection("Notes", (Paragraph(S_NOTE),))]
     return Report(
         title=title,
         subtitle=subtitle(source),
@@ -269,7 +269,7 @@ def recording_report(source: Source) -> Report:
     )
 
 
-def _made(source: Source) -> tuple[Table, ...]:
+def _made(source: RunData) -> tuple[Table, ...]:
     """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
     if not source.run.set_to.declared:
         return ()
@@ -281,7 +281,7 @@ def _made(source: Source) -> tuple[Table, ...]:
     return _segments_table(json.loads(str(sequence)), source.angles), table_of(others, source)
 
 
-def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
+def _segments_table(segments: list[dict[str, Any]], angles: AngleUnit) -> Table:
     columns = (
         Column("Segment"),
         Column("Shape", number=False),
@@ -306,13 +306,13 @@ def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
     return Table("Segments of the sequence, in order.", columns, rows)
 
 
-def _recording_figures(source: Source) -> Section:
+def _recording_figures(source: RunData) -> ReportSection:
     columns, run = source.columns, source.run
     u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
     panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "panels", u_max, source.angles)
     caption = f"{WHAT_IS_DRAWN}. References dashed. {CUT_OFF}"
     tensions = TENSIONS
-    return Section(
+    return ReportSection(
         "Figures",
         (Figure("panels", panels, caption), Figure("tension", tension_panel(columns, F_max, "tension"), tensions)),
     )
@@ -334,15 +334,15 @@ _ROBUSTNESS_NOTES = (
 )
 
 
-def robustness_report(source: Source) -> Report:
+def robustness_report(source: RunData) -> Report:
     """Build the report; a run without result says why it has none."""
     seen = () if source.result is None else (_robustness_figures(source),)
     return experiment_report(source, "Robustness under a load", "robustness experiment", seen, _ROBUSTNESS_NOTES)
 
 
-def _robustness_figures(source: Source) -> Section:
+def _robustness_figures(source: RunData) -> ReportSection:
     F_max = source.run.number("safety", "F_max")
-    return Section(
+    return ReportSection(
         "Figures",
         (
             Figure(
@@ -359,8 +359,8 @@ def _robustness_figures(source: Source) -> Section:
     )
 
 
-@drawn_once
-def error_panels(columns: Columns, name: str, angles: Angles) -> str:
+@cached_figure
+def error_panels(columns: Columns, name: str, angles: AngleUnit) -> str:
     """Draw errors of the motor loops, joint position and voltages over time."""
     t = columns["t"]
     with figure(5, height_in=5.2, sharex=True, height_ratios=(3, 3, 2, 2, 2)) as (drawn, axes):
@@ -411,7 +411,7 @@ _NAMES = {
 }
 
 
-def tracking_report(source: Source) -> Report:
+def tracking_report(source: RunData) -> Report:
     """Build the report of a tracking run; a run without result says why it has none."""
     metrics = source.result.metrics if source.result else None
     steps = (metrics.steps if metrics else None) or ()
@@ -421,7 +421,7 @@ def tracking_report(source: Source) -> Report:
         seen.append(_tracking_figures(source, metrics, steps, law))
     if steps:
         compared = beside(steps, law, source.angles) if law else ()
-        seen.append(Section("Steps", (*steps_table(steps, source.angles), *compared)))
+        seen.append(ReportSection("Steps", (*steps_table(steps, source.angles), *compared)))
     return experiment_report(
         source, "Tracking experiment", "tracking experiment", seen, (*_TRACKING_NOTES, *_law_notes(law))
     )
@@ -436,8 +436,8 @@ def _law_notes(law: PapersLaw | None) -> tuple[str, ...]:
 
 
 def _tracking_figures(
-    source: Source, metrics: Metrics | None, steps: Sequence[StepFigures], law: PapersLaw | None
-) -> Section:
+    source: RunData, metrics: Metrics | None, steps: Sequence[StepFigures], law: PapersLaw | None
+) -> ReportSection:
     columns = source.columns
     played_s = float(columns["t"][-1])
     run = source.run
@@ -475,7 +475,7 @@ def _tracking_figures(
                 f"the band of ±2 % in which it counts as settled. {_what_shapes_a_step(law)}",
             )
         )
-    return Section("Figures", tuple(blocks))
+    return ReportSection("Figures", tuple(blocks))
 
 
 def _of_governor(law: PapersLaw | None) -> str:
@@ -498,7 +498,7 @@ def _constant(column: Any) -> float | None:
     return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
 
 
-def steps_table(steps: Sequence[StepFigures], angles: Angles) -> tuple[Table, ...]:
+def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table, ...]:
     """Return a table of every step, and one of what could not be measured of them."""
     units = {"q": "rad", "S": "N·m/rad"}
     columns = (
@@ -534,7 +534,7 @@ def steps_table(steps: Sequence[StepFigures], angles: Angles) -> tuple[Table, ..
     return (every, *_reasons(steps))
 
 
-def _deviation(step: StepFigures, unit: str, angles: Angles) -> str:
+def _deviation(step: StepFigures, unit: str, angles: AngleUnit) -> str:
     if not step.alone:
         return "both step"
     value = step.cross_coupling
@@ -605,10 +605,10 @@ _ON = {
 }
 
 
-def composed_report(source: Source) -> Report:
+def composed_report(source: RunData) -> Report:
     """Build the report; a run without result says why it has none."""
     plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
-    if not isinstance(plan, ComposedPlan):
+    if not isinstance(plan, ExperimentPlan):
         raise TypeError(f"run {source.run.id} is of no experiment that is data")
     seen = list(_seen(source, plan)) if source.columns["t"].size else []
     notes = (
@@ -619,7 +619,7 @@ def composed_report(source: Source) -> Report:
     return experiment_report(source, plan.experiment.title, name, seen, notes)
 
 
-def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
+def _seen(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     columns, run = source.columns, source.run
     u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
     drawn = [
@@ -639,16 +639,16 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
         )
     drawn += _of_measures(source, plan)
     drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
-    yield Section("Figures", tuple(drawn))
+    yield ReportSection("Figures", tuple(drawn))
     yield from _sections(source, plan)
     if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns, plan.program())):
-        yield Section("Hits", impact_tables(hits, source.angles))
+        yield ReportSection("Hits", impact_tables(hits, source.angles))
     steps = source.result.metrics.steps if source.result else None
     if steps:
-        yield Section("Steps", steps_table(steps, source.angles))
+        yield ReportSection("Steps", steps_table(steps, source.angles))
 
 
-def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
+def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
     columns, program = source.columns, plan.program()
     measures = plan.experiment.measures
     acted = pushes(program)
@@ -683,17 +683,17 @@ def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
         )
 
 
-def lines_of(source: Source) -> tuple[Lines, ...]:
+def lines_of(source: RunData) -> tuple[Lines, ...]:
     """Return the frequency responses of a run that measured them line by line, none of any other."""
     if source.run.kind != KIND or not source.columns["t"].size:
         return ()
     plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
-    if not isinstance(plan, ComposedPlan) or Measure.BODE not in plan.experiment.measures:
+    if not isinstance(plan, ExperimentPlan) or Measure.BODE not in plan.experiment.measures:
         return ()
     return bode_lines(source.columns, plan.program(), _in_force(source, plan))
 
 
-def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:
+def _sections(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     measures, columns, program = plan.experiment.measures, source.columns, plan.program()
     in_force = _in_force(source, plan)
     if Measure.BODE in measures and (lines := bode_lines(columns, program, in_force)):
@@ -704,13 +704,13 @@ def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:
         yield sections.holds_section(columns, holds, in_force.parameters.sensors.joint_step, source.angles)
 
 
-def _in_force(source: Source, plan: ComposedPlan) -> InForce:
+def _in_force(source: RunData, plan: ExperimentPlan) -> EvaluationContext:
     run = source.run
     parameters = parameters_of(run.parameters_name, run.parameters)
-    return InForce(parameters, plan, kept_tuning(run.set_to.loop), points_in(source.bank))
+    return EvaluationContext(parameters, plan, kept_tuning(run.set_to.loop), points_in(source.bank))
 
 
-@drawn_once
+@cached_figure
 def response_panels(found: tuple[Response, ...], name: str) -> str:
     """Draw gain [dB] and phase [°] of each response over frequency [Hz]."""
     with figure(2, height_in=4.0, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
@@ -728,14 +728,14 @@ def response_panels(found: tuple[Response, ...], name: str) -> str:
         return to_svg(drawn, name)
 
 
-@drawn_once
+@cached_figure
 def _lambda_panel(columns: Columns, name: str) -> str:
     t = columns["t"]
     with figure(1, height_in=1.6) as (drawn, axes):
         panel = axes[0] if isinstance(axes, list | tuple | np.ndarray) else axes
         for signal in ("q", "S"):
-            lam = in_unit(columns[f"lam_{signal}"], "s", Angles.RADIANS)
+            lam = in_unit(columns[f"lam_{signal}"], "s", AngleUnit.RADIANS)
             panel.plot(*thinned(t, lam), color=COLOURS[signal], label=rf"$\lambda_{signal}$")
-        panel.set(xlabel="t [s]", ylabel=axis_label("λ", "s", Angles.RADIANS), xlim=(t[0], t[-1]))
+        panel.set(xlabel="t [s]", ylabel=axis_label("λ", "s", AngleUnit.RADIANS), xlim=(t[0], t[-1]))
         upper_legend(panel)
         return to_svg(drawn, name)

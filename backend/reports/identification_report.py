@@ -10,15 +10,15 @@ from backend.models.document import UnreadableDocumentError
 from backend.models.identification import (
     CHANNELS,
     ArxEstimate,
-    Candidate,
-    Channel,
     ChannelName,
     FailedCandidate,
+    IdentifiedChannel,
     MotorsFound,
     Pair,
     ResidualTests,
     SpringFound,
     SpringModel,
+    TriedStructure,
     grade_of,
 )
 from backend.reports.model import (
@@ -30,8 +30,8 @@ from backend.reports.model import (
     Figure,
     Paragraph,
     Report,
-    Section,
-    Source,
+    ReportSection,
+    RunData,
     Table,
     exact,
     share,
@@ -46,7 +46,7 @@ from backend.reports.plotting import (
     WRITTEN,
     axis_label,
     bode_panels,
-    drawn_once,
+    cached_figure,
     figure,
     identification_step_panels,
     in_unit,
@@ -69,7 +69,7 @@ from backend.reports.provenance import (
 )
 from backend.storage.banks import method_of
 from backend.storage.identifications import Identification
-from backend.units import Angles, told
+from backend.units import AngleUnit, format_quantity
 from plant.parameters import SIDES
 
 # Actuator identification ---------------------------------------------------------------------------
@@ -91,14 +91,14 @@ _ACTUATOR_NOTES = (
 )
 
 
-def actuator_identification_report(source: Source) -> Report:
+def actuator_identification_report(source: RunData) -> Report:
     """Build the report; a run without a model says why it gave none."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     tension_N = held_N(source)
     sections = []
     if found is not None:
         sections += [
-            Section(
+            ReportSection(
                 "Models",
                 (
                     _models(found),
@@ -107,13 +107,15 @@ def actuator_identification_report(source: Source) -> Report:
                     *measured_figures(source),
                 ),
             ),
-            Section("Coefficients", actuator_blocks(found.actuator.model)),
+            ReportSection("Coefficients", actuator_blocks(found.actuator.model)),
         ]
-    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_actuator_data(found))))
+    sections.append(
+        ReportSection("How it was made", (settings_table(source), *reproduction(source), *_actuator_data(found)))
+    )
     if found is not None:
-        sections.append(Section("Figures", _actuator_figures(source, found)))
+        sections.append(ReportSection("Figures", _actuator_figures(source, found)))
     sections += [
-        Section("Notes", tuple(Paragraph(note) for note in _ACTUATOR_NOTES)),
+        ReportSection("Notes", tuple(Paragraph(note) for note in _ACTUATOR_NOTES)),
         parameter_section(source),
     ]
     return Report(
@@ -128,7 +130,7 @@ def actuator_identification_report(source: Source) -> Report:
     )
 
 
-def held_N(source: Source) -> float:
+def held_N(source: RunData) -> float:
     """Return the tension [N] that was held. Raises UnreadableDocumentError where the plan does not say."""
     told = (source.run.set_to.plan or {}).get("tension_N")
     if not isinstance(told, int | float):
@@ -173,7 +175,7 @@ def _models(found: Identification) -> Table:
     )
 
 
-def _model_row(key: str, channel: Channel) -> tuple[str, ...]:
+def _model_row(key: str, channel: IdentifiedChannel) -> tuple[str, ...]:
     model, quality = channel.model, channel.quality
     reduced, error = model.first_order, quality.gain_error_percent
     return (
@@ -198,7 +200,7 @@ def _residuals(tests: ResidualTests) -> str:
     )
 
 
-def _actuator_figures(source: Source, found: Identification) -> tuple[Block, ...]:
+def _actuator_figures(source: RunData, found: Identification) -> tuple[Block, ...]:
     angles = source.angles
     columns, start, period_s = source.columns, found.actuator_record.first_sample, found.actuator_record.period_s
     channels = {key: found.actuator.channel(key).model for key in CHANNELS}
@@ -221,8 +223,8 @@ def _actuator_figures(source: Source, found: Identification) -> tuple[Block, ...
         Figure(
             "step",
             identification_step_panels(channels, "step", angles),
-            f"Response of (A) G_q and (B) G_S to a step of θ_A,ref by {told(STEP_RAD[angles], 'rad', angles)}, and of "
-            "their first-order reductions (dashed).",
+            "Response of (A) G_q and (B) G_S to a step of θ_A,ref by "
+            f"{format_quantity(STEP_RAD[angles], 'rad', angles)}, and of their first-order reductions (dashed).",
         ),
         Figure(
             "residuals",
@@ -252,7 +254,7 @@ def _candidates(found: Identification) -> Table:
     )
 
 
-def _tried(item: Candidate | FailedCandidate) -> tuple[str, ...]:
+def _tried(item: TriedStructure | FailedCandidate) -> tuple[str, ...]:
     if isinstance(item, FailedCandidate):
         return (*4 * (NO_FIGURE,), item.problem)
     BIC = NO_FIGURE if item.BIC is None else f"{item.BIC:.0f}".replace("-", "−")
@@ -286,7 +288,7 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     return Table(title.strip(), columns, rows)
 
 
-def _compared(key: str, channel: Channel, K: float, T: float) -> tuple[str, ...]:
+def _compared(key: str, channel: IdentifiedChannel, K: float, T: float) -> tuple[str, ...]:
     first_order, arx = channel.model.first_order, channel.quality.arx
     by_arx = (arx.K, arx.T) if isinstance(arx, ArxEstimate) else (None, None)
     return (
@@ -301,7 +303,7 @@ def _compared(key: str, channel: Channel, K: float, T: float) -> tuple[str, ...]
     )
 
 
-def _missing_arx(channels: Mapping[ChannelName, Channel]) -> str:
+def _missing_arx(channels: Mapping[ChannelName, IdentifiedChannel]) -> str:
     found = {key: channel.quality.arx for key, channel in channels.items()}
     missing = {key: arx for key, arx in found.items() if not isinstance(arx, ArxEstimate)}
     return " ".join(f"{key}: {arx.problem if arx else 'not computed then'}." for key, arx in missing.items())
@@ -354,7 +356,7 @@ _MOTOR_NOTES = (
 )
 
 
-def motor_identification_report(source: Source) -> Report:
+def motor_identification_report(source: RunData) -> Report:
     """Build the report; a run without a model says why it gave none."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
@@ -365,11 +367,13 @@ def motor_identification_report(source: Source) -> Report:
             *motor_blocks({side: found.motors.side(side).model for side in SIDES}),
             *_refused(found.motors),
         ]
-        sections.append(Section("Motors", (*tables, *measured_figures(source))))
-    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_in_force(source))))
+        sections.append(ReportSection("Motors", (*tables, *measured_figures(source))))
+    sections.append(
+        ReportSection("How it was made", (settings_table(source), *reproduction(source), *_in_force(source)))
+    )
     if found is not None:
-        sections.append(Section("Figures", _motor_figures(found.motors, source.angles)))
-    sections += [Section("Notes", tuple(Paragraph(note) for note in _MOTOR_NOTES)), parameter_section(source)]
+        sections.append(ReportSection("Figures", _motor_figures(found.motors, source.angles)))
+    sections += [ReportSection("Notes", tuple(Paragraph(note) for note in _MOTOR_NOTES)), parameter_section(source)]
     return Report(
         title="Motor identification",
         subtitle=subtitle(source),
@@ -460,7 +464,7 @@ def _refused(motors: MotorsFound) -> tuple[Table, ...]:
     return (Table("Steps that were refused.", columns, rows),) if rows else ()
 
 
-def _in_force(source: Source) -> tuple[Paragraph, ...]:
+def _in_force(source: RunData) -> tuple[Paragraph, ...]:
     found = source.identification
     if found is None:
         return ()
@@ -475,7 +479,7 @@ def _in_force(source: Source) -> tuple[Paragraph, ...]:
     return (Paragraph(text),)
 
 
-def _motor_figures(motors: MotorsFound, angles: Angles) -> tuple[Block, ...]:
+def _motor_figures(motors: MotorsFound, angles: AngleUnit) -> tuple[Block, ...]:
     return (
         Figure(
             "steps",
@@ -486,8 +490,8 @@ def _motor_figures(motors: MotorsFound, angles: Angles) -> tuple[Block, ...]:
     )
 
 
-@drawn_once
-def step_panels(motors: MotorsFound, name: str, angles: Angles) -> str:
+@cached_figure
+def step_panels(motors: MotorsFound, name: str, angles: AngleUnit) -> str:
     """Draw every step of both motors, and what the model leaves over."""
     with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
         for column, side in enumerate(SIDES):
@@ -527,18 +531,20 @@ _SPRING_NOTES = (
 )
 
 
-def spring_identification_report(source: Source) -> Report:
+def spring_identification_report(source: RunData) -> Report:
     """Build the report; a run without a model says why it gave none."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
         tables = tuple(_fits(side, found.springs[side].model) for side in SIDES)
         code = spring_blocks({side: found.springs[side].model for side in SIDES})
-        sections.append(Section("Springs", (*tables, *_reasons(found.springs), *code, *measured_figures(source))))
-    sections.append(Section("How it was made", (settings_table(source), *reproduction(source), *_spring_data(source))))
+        sections.append(ReportSection("Springs", (*tables, *_reasons(found.springs), *code, *measured_figures(source))))
+    sections.append(
+        ReportSection("How it was made", (settings_table(source), *reproduction(source), *_spring_data(source)))
+    )
     if found is not None:
-        sections.append(Section("Figures", _spring_figures(found.springs)))
-    sections += [Section("Notes", tuple(Paragraph(note) for note in _SPRING_NOTES)), parameter_section(source)]
+        sections.append(ReportSection("Figures", _spring_figures(found.springs)))
+    sections += [ReportSection("Notes", tuple(Paragraph(note) for note in _SPRING_NOTES)), parameter_section(source)]
     return Report(
         title="Spring identification",
         subtitle=subtitle(source),
@@ -580,7 +586,7 @@ def _reasons(springs: Mapping[str, SpringFound]) -> tuple[Paragraph, ...]:
     return tuple(Paragraph(f"Spring {side}: {springs[side].model.reason}.") for side in SIDES)
 
 
-def _spring_data(source: Source) -> tuple[Paragraph, ...]:
+def _spring_data(source: RunData) -> tuple[Paragraph, ...]:
     found = source.identification
     if found is None:
         return ()
@@ -605,7 +611,7 @@ SMALL_N = 0.05
 """Errors that stay below are drawn in mN: a number in N would have no room beside its axis."""
 
 
-@drawn_once
+@cached_figure
 def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
     """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
     with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):

@@ -14,12 +14,12 @@ import typst
 from backend.plain_text import as_lines
 from backend.recording.reader import Columns, drawn_columns, recorded_columns
 from backend.storage import banks, identifications, results, runs
-from backend.storage.banks import Bank, ChannelFit, fits_in
+from backend.storage.banks import Bank, StoredFit, fits_in
 from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
-from backend.units import Angles, percent
+from backend.units import AngleUnit, percent
 
 # Document ------------------------------------------------------------------------------------------
 #
@@ -90,7 +90,7 @@ Block = Paragraph | Table | Figure | Code
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A heading and what follows it."""
 
     heading: str
@@ -110,7 +110,7 @@ class Report:
     outcome: str
     verdict: str
     facts: tuple[Fact, ...]
-    sections: tuple[Section, ...]
+    sections: tuple[ReportSection, ...]
     footer: str
     date: datetime
     evidence: str = ""
@@ -197,7 +197,7 @@ class _Numbering:
         self.figures = 0
 
 
-def _section(section: Section, numbering: _Numbering) -> str:
+def _section(section: ReportSection, numbering: _Numbering) -> str:
     blocks = "\n".join(_block(block, numbering) for block in section.blocks)
     return f"<section>\n<h2>{_prose(section.heading)}</h2>\n{blocks}\n</section>"
 
@@ -280,7 +280,7 @@ def _symbol(found: dict[str, str | None]) -> str:
 
 
 @dataclass(frozen=True)
-class Source:
+class RunData:
     """A run with all that its report says.
 
     ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
@@ -295,11 +295,11 @@ class Source:
     bank: Bank | None
     identification: Identification | None = None
     runs_of: Mapping[int, int | None] = field(default_factory=dict)
-    angles: Angles = Angles.DEGREES
-    fits: Mapping[int, Mapping[str, ChannelFit]] = field(default_factory=dict)
+    angles: AngleUnit = AngleUnit.DEGREES
+    fits: Mapping[int, Mapping[str, StoredFit]] = field(default_factory=dict)
 
 
-def load_source(database: Database, run_id: int, angles: Angles = Angles.DEGREES) -> Source:
+def load_source(database: Database, run_id: int, angles: AngleUnit = AngleUnit.DEGREES) -> RunData:
     """Gather what is stored of a run: its newest result and identification, the bank it used, its samples.
 
     Raises UnknownRecordError.
@@ -313,7 +313,7 @@ def load_source(database: Database, run_id: int, angles: Angles = Angles.DEGREES
         fits = {} if bank is None else fits_in(session, bank)
     by_hand = run.kind == RunKind.SESSION
     columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
-    return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)
+    return RunData(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)
 
 
 # Missing letters -----------------------------------------------------------------------------------

@@ -5,8 +5,15 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.identification.models import Kind, Structure, structure
-from backend.models.identification import CHANNELS, ActuatorModel, ChannelModel, ChannelName, MotorModel, SpringModel
+from backend.identification.models import DenominatorKind, Structure, structure
+from backend.models.identification import (
+    CHANNELS,
+    ActuatorModel,
+    ChannelModel,
+    ChannelName,
+    IdentifiedMotor,
+    SpringModel,
+)
 from backend.reports.model import Block, Code, Column, Table, shown
 from plant.parameters import SIDES, Side
 
@@ -38,7 +45,7 @@ def actuator_blocks(model: ActuatorModel) -> tuple[Block, ...]:
     )
 
 
-def motor_blocks(motors: Mapping[Side, MotorModel]) -> tuple[Block, ...]:
+def motor_blocks(motors: Mapping[Side, IdentifiedMotor]) -> tuple[Block, ...]:
     """Return the least-squares models of both motors as text, and as code for python-control."""
     text, code = [], ["import control", ""]
     for side in SIDES:
@@ -102,7 +109,7 @@ def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
 
 
 def _meaning(shape: Structure, name: str) -> str:
-    if shape.kind is Kind.THIRD and name in _OF_THIRD:
+    if shape.kind is DenominatorKind.THIRD and name in _OF_THIRD:
         return _OF_THIRD[name]
     return _MEANINGS.get(name) or f"of {_power(int(name[1:]))} in the denominator"
 
@@ -127,7 +134,7 @@ def _of_denominator(shape: Structure, model: ChannelModel) -> Iterator[Coefficie
 
     Standard errors by the covariance of the parameters, to first order.
     """
-    if shape.kind in (Kind.FIRST, Kind.FREE):
+    if shape.kind in (DenominatorKind.FIRST, DenominatorKind.FREE):
         return
     at = np.array([model.parameters[name] for name in shape.names])
     std = _propagated(shape, at, model)

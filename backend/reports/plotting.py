@@ -25,7 +25,7 @@ from backend.identification.validation import judged
 from backend.models.identification import ChannelModel, ChannelName, ResidualTests
 from backend.models.run import StepFigures
 from backend.recording.reader import Columns as ReaderColumns
-from backend.units import Angles, reading_of
+from backend.units import AngleUnit, reading_of
 
 # Drawing -------------------------------------------------------------------------------------------
 #
@@ -171,12 +171,12 @@ def frequency_axis(axes: Axes) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def in_unit(values: NDArray[np.float64], unit: str, angles: Angles) -> NDArray[np.float64]:
+def in_unit(values: NDArray[np.float64], unit: str, angles: AngleUnit) -> NDArray[np.float64]:
     """Return values in SI as they are read."""
     return values * reading_of(unit, angles).factor
 
 
-def axis_label(symbol: str, unit: str, angles: Angles) -> str:
+def axis_label(symbol: str, unit: str, angles: AngleUnit) -> str:
     """Return what stands beside an axis: the symbol and the unit in which it is read."""
     return f"{symbol} [{reading_of(unit, angles).unit}]"
 
@@ -196,7 +196,7 @@ _MOST = 64
 _drawings: dict[bytes, str] = {}
 
 
-def drawn_once(draw: Callable[_Given, str]) -> Callable[_Given, str]:
+def cached_figure(draw: Callable[_Given, str]) -> Callable[_Given, str]:
     """Return ``draw``, which makes a drawing of nothing but what it is given, so that it draws the same only once."""
     called = f"{draw.__module__}.{draw.__qualname__}"
 
@@ -256,7 +256,7 @@ Complex = NDArray[np.complex128]
 WRITTEN: dict[ChannelName, tuple[str, str, str]] = {"G_q": ("q", "$G_q$", "rad"), "G_S": ("S", "$G_S$", "N·m/rad")}
 """Per transfer function: its output, how it is written, the output's unit."""
 
-STEP_RAD = {Angles.DEGREES: math.radians(10.0), Angles.RADIANS: 1.0}
+STEP_RAD = {AngleUnit.DEGREES: math.radians(10.0), AngleUnit.RADIANS: 1.0}
 """The step whose response is drawn, round as it is read; the models are linear [rad]."""
 
 _DASHES = (0, (4, 2))
@@ -271,9 +271,14 @@ def model_of(channel: ChannelModel) -> Model:
     return Model(channel.structure, channel.parameters)
 
 
-@drawn_once
+@cached_figure
 def record_panels(
-    columns: ReaderColumns, start: int, models: Mapping[ChannelName, Model], period_s: float, name: str, angles: Angles
+    columns: ReaderColumns,
+    start: int,
+    models: Mapping[ChannelName, Model],
+    period_s: float,
+    name: str,
+    angles: AngleUnit,
 ) -> str:
     """Draw the excitation, both outputs with the models' simulation from rest, and the tensions."""
     begin = max(0, start - round(2.0 / period_s))
@@ -304,7 +309,7 @@ def record_panels(
         return to_svg(drawn, name)
 
 
-@drawn_once
+@cached_figure
 def bode_panels(
     columns: ReaderColumns, start: int, channels: Mapping[ChannelName, ChannelModel], period_s: float, name: str
 ) -> str:
@@ -331,8 +336,8 @@ def bode_panels(
         return to_svg(drawn, name)
 
 
-@drawn_once
-def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles: Angles) -> str:
+@cached_figure
+def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles: AngleUnit) -> str:
     """Draw the response of both models and of their first-order reductions to a step of theta_A by STEP_RAD."""
     from scipy.signal import step
 
@@ -352,7 +357,7 @@ def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], nam
         return to_svg(drawn, name)
 
 
-@drawn_once
+@cached_figure
 def residual_panels(residuals: Mapping[ChannelName, ResidualTests], name: str) -> str:
     """Draw the correlation of each residual with itself and with the input, in the bounds of their tests."""
     tests = (
@@ -432,7 +437,7 @@ _LABELS = {"F": "Tension [N]", "u": "Voltage [V]"}
 _NAMES = {"q": "$q$", "S": "$S$", "F_A": "$F_A$", "F_B": "$F_B$", "u_A": "$u_A$", "u_B": "$u_B$"}
 
 
-@drawn_once
+@cached_figure
 def tracking_panels(
     columns: Columns,
     start_s: float,
@@ -440,7 +445,7 @@ def tracking_panels(
     letters: str,
     name: str,
     u_max: float,
-    angles: Angles,
+    angles: AngleUnit,
     papers_law: Columns | None = None,
 ) -> str:
     """Draw q, q − q_ref, S, S − S_ref, u_A and u_B between two times, one below the other (q, S, u: figure 7).
@@ -465,7 +470,7 @@ def tracking_panels(
         return to_svg(drawn, name)
 
 
-@drawn_once
+@cached_figure
 def tension_panel(columns: Columns, F_max: float, name: str) -> str:
     """Draw both tendon tensions over the whole run, one below the other, between slack and the bound of the module."""
     with figure(2, height_in=2.7, sharex=True, sharey=True) as (drawn, axes):
@@ -480,7 +485,7 @@ def tension_panel(columns: Columns, F_max: float, name: str) -> str:
         return to_svg(drawn, name)
 
 
-@drawn_once
+@cached_figure
 def tracking_step_panels(
     columns: Columns, steps: Sequence[StepFigures], lam: Mapping[str, float | None], name: str
 ) -> str:
@@ -513,7 +518,7 @@ def tracking_step_panels(
         return to_svg(drawn, name)
 
 
-def _tracked(axes: Axes, part: Columns, signal: str, angles: Angles) -> None:
+def _tracked(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
     t, colour, unit = part["t"], COLOURS[signal], _UNITS[signal]
     axes.plot(*thinned(t, in_unit(part[signal], unit, angles)), color=colour, label=_NAMES[signal])
     axes.plot(
@@ -530,7 +535,7 @@ def _tracked(axes: Axes, part: Columns, signal: str, angles: Angles) -> None:
     upper_legend(axes)
 
 
-def _error(axes: Axes, part: Columns, signal: str, angles: Angles) -> None:
+def _error(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
     """Draw a signal minus its reference; beyond the panel it is on its way to another reference."""
     apart = part[signal] - part[f"{signal}_ref"]
     reading = reading_of(_UNITS[signal], angles)

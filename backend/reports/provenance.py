@@ -11,12 +11,33 @@ from backend.experiments import library, parser
 from backend.experiments.library import OF_THE_PAPER, experiments
 from backend.identification.models import Grade
 from backend.models.identification import CHANNELS
-from backend.models.run import DEFINITIONS, PLANT_NUMBERS, Criterion, DeclaredValue, Metrics, Outcome, Value, outcome_of
+from backend.models.run import (
+    DEFINITIONS,
+    PLANT_NUMBERS,
+    DeclaredValue,
+    Metrics,
+    Outcome,
+    RunCriterion,
+    Value,
+    outcome_of,
+)
 from backend.realtime.program import Law
-from backend.reports.model import Block, Code, Column, Fact, Paragraph, Report, Section, Source, Table, exact, shown
+from backend.reports.model import (
+    Block,
+    Code,
+    Column,
+    Fact,
+    Paragraph,
+    Report,
+    ReportSection,
+    RunData,
+    Table,
+    exact,
+    shown,
+)
 from backend.storage.banks import BankEntry, name_of_entry
 from backend.storage.runs import EndState, RunKind
-from backend.units import Angles, read, reading_of
+from backend.units import AngleUnit, read, reading_of
 from plant.interface import SIMULATED, SIMULATOR
 from plant.parameters import SHIPPED, load_parameters
 
@@ -44,13 +65,13 @@ END_STATES = {
 }
 
 
-def subtitle(source: Source) -> str:
+def subtitle(source: RunData) -> str:
     """Return one line that tells this run from all others."""
     run = source.run
     return f"Run {run.id} · {run.started_at:%Y-%m-%d %H:%M} UTC · {run.plant}, parameters “{run.parameters_name}”"
 
 
-def facts(source: Source) -> tuple[Fact, ...]:
+def facts(source: RunData) -> tuple[Fact, ...]:
     """Return what heads every report: who, when, on what, how it ended, with which software."""
     run = source.run
     ended = END_STATES[EndState(run.end_state)] + (f": {run.end_detail}" if run.end_detail else "")
@@ -85,7 +106,7 @@ _CONTROLLERS = {
 _KNOWN = "the identified geometry, springs and motors (K_m, T_m), not their friction"
 
 
-def tuning_facts(source: Source) -> tuple[Fact, ...]:
+def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     """Return the parts of the tuning that the law uses, λ as the samples have it, and the seed of the simulator."""
     loop, law = source.run.set_to.loop, law_of(source.run)
     used = USED[law]
@@ -103,7 +124,7 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
     return tuple(lines)
 
 
-def _cascade_in_words(source: Source, law: Law) -> str:
+def _cascade_in_words(source: RunData, law: Law) -> str:
     """Return where the cascade's gains come from, and how it follows references and answers pushes."""
     loop, bank = source.run.set_to.loop, source.bank
     words = "cascade, " if law == Law.CASCADE else "cascade with the position loop open, "
@@ -119,7 +140,7 @@ def _cascade_in_words(source: Source, law: Law) -> str:
     return words
 
 
-def _lam_text(source: Source, name: str) -> str:
+def _lam_text(source: RunData, name: str) -> str:
     column = source.columns[f"lam_{name}"]
     if column.size == 0:
         return "not known, no sample was recorded"
@@ -128,12 +149,12 @@ def _lam_text(source: Source, name: str) -> str:
     return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
 
 
-def settings_table(source: Source) -> Table:
+def settings_table(source: RunData) -> Table:
     """Return the settings of the plan, and those of the loop that its law uses, with their units."""
     return table_of(() if source.run.set_to.declared is None else used_settings(source.run), source)
 
 
-def table_of(declared: Sequence[DeclaredValue], source: Source) -> Table:
+def table_of(declared: Sequence[DeclaredValue], source: RunData) -> Table:
     """Return settings with their units."""
     rows = tuple(
         (
@@ -153,7 +174,7 @@ def table_of(declared: Sequence[DeclaredValue], source: Source) -> Table:
     return Table("Settings of the run.", titles, rows)
 
 
-def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
+def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
     """Return where the gains came from: the entries of the bank with their identifications.
 
     Nothing for a law that uses none of these gains.
@@ -190,18 +211,18 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
     return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)
 
 
-def _came_from(source: Source, entry: BankEntry) -> str:
+def _came_from(source: RunData, entry: BankEntry) -> str:
     run_id = None if entry.identification_id is None else source.runs_of[entry.identification_id]
     return "imported" if run_id is None else f"identification {run_id}"
 
 
-def _fits(source: Source, entry: BankEntry) -> tuple[str, ...]:
+def _fits(source: RunData, entry: BankEntry) -> tuple[str, ...]:
     """Return how good both models of an entry are; an imported one came without that."""
     fits = source.fits.get(entry.identification_id or 0)
     return ("not known", "not known") if fits is None else tuple(fits[name].in_words() for name in CHANNELS)
 
 
-def parameter_section(source: Source) -> Section:
+def parameter_section(source: RunData) -> ReportSection:
     """Return every number of the parameter set with unit and source."""
     rows = tuple(
         (
@@ -220,10 +241,10 @@ def parameter_section(source: Source) -> Section:
         Column("Source", number=False, wide=True, quoted=True),
     )
     caption = f"Parameter set “{source.run.parameters_name}” as it was when the run began."
-    return Section("Plant parameters", (Table(caption, columns, rows),))
+    return ReportSection("Plant parameters", (Table(caption, columns, rows),))
 
 
-def chosen(value: Any, unit: str, angles: Angles) -> str:
+def chosen(value: Any, unit: str, angles: AngleUnit) -> str:
     """Return a number that somebody chose, or a list of such, as it is read."""
     if isinstance(value, list):
         return "; ".join(chosen(item, unit, angles) for item in value)
@@ -234,7 +255,7 @@ def chosen(value: Any, unit: str, angles: Angles) -> str:
     return str(value)
 
 
-def shown_unit(unit: str, angles: Angles) -> str:
+def shown_unit(unit: str, angles: AngleUnit) -> str:
     """Return a unit as it is printed; counts have none."""
     return "" if unit == "1" else reading_of(unit, angles).unit
 
@@ -245,36 +266,38 @@ def shown_unit(unit: str, angles: Angles) -> str:
 # line. Pure.
 
 
-__all__ = ["SEEN", "Outcome", "Verdict", "verdict_of"]
+__all__ = ["SEEN", "Outcome", "RunVerdict", "verdict_of"]
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RunVerdict:
     """The outcome, and the sentence that says it."""
 
     outcome: Outcome
     sentence: str
 
 
-def verdict_of(metrics: Metrics | None, criteria: Sequence[Criterion], problem: str = "") -> Verdict:
+def verdict_of(metrics: Metrics | None, criteria: Sequence[RunCriterion], problem: str = "") -> RunVerdict:
     """Judge a run by its stored metrics and criteria; ``problem`` says why it has none."""
     if metrics is None:
-        return Verdict(outcome_of(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
+        return RunVerdict(outcome_of(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
     if not metrics.complete:
         failed = _titles(criteria, passed=False)
         already = f" Already failed: {', '.join(failed)}." if failed else ""
         played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were played"
-        return Verdict(outcome_of(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}")
+        return RunVerdict(
+            outcome_of(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}"
+        )
     if not criteria:
-        return Verdict(outcome_of(metrics, criteria), "Completed. No criteria are set for this kind of run.")
-    return Verdict(outcome_of(metrics, criteria), _judged(criteria))
+        return RunVerdict(outcome_of(metrics, criteria), "Completed. No criteria are set for this kind of run.")
+    return RunVerdict(outcome_of(metrics, criteria), _judged(criteria))
 
 
 SEEN = {"<": "at least this", ">": "at most this"}
 """What a figure is that was not seen whole, by the relation to its bound."""
 
 
-def _judged(criteria: Sequence[Criterion]) -> str:
+def _judged(criteria: Sequence[RunCriterion]) -> str:
     failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
     parts = []
     if failed:
@@ -286,7 +309,7 @@ def _judged(criteria: Sequence[Criterion]) -> str:
     return " ".join(parts) or all_passed
 
 
-def _titles(criteria: Sequence[Criterion], *, passed: bool | None) -> list[str]:
+def _titles(criteria: Sequence[RunCriterion], *, passed: bool | None) -> list[str]:
     return [item.title for item in criteria if item.passed is passed]
 
 
@@ -302,7 +325,7 @@ NOT_MEASURED = "not measured"
 _WORDS = {True: "pass", False: "fail", None: NOT_MEASURED}
 
 
-def verdict(source: Source) -> tuple[str, str]:
+def verdict(source: RunData) -> tuple[str, str]:
     """Return the outcome (passed, failed, incomplete or neutral) and the sentence that heads the report."""
     result = source.result
     found = (
@@ -313,7 +336,7 @@ def verdict(source: Source) -> tuple[str, str]:
     return found.outcome, found.sentence
 
 
-def definitions_facts(sources: Sequence[Source]) -> tuple[Fact, ...]:
+def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     """Return a line that names the runs whose results are of other definitions than this version's; none for none."""
     of = {source.run.id: source.result.metrics.definitions for source in sources if source.result is not None}
     others = {number: version for number, version in of.items() if version != DEFINITIONS}
@@ -334,12 +357,12 @@ def measured(value: float | None, digits: int = 3) -> str:
     return NOT_MEASURED if value is None else shown(value, digits)
 
 
-def read_or_none(value: float | None, unit: str, angles: Angles) -> float | None:
+def read_or_none(value: float | None, unit: str, angles: AngleUnit) -> float | None:
     """Return a figure in SI as it is read; none where none was measured."""
     return None if value is None else read(value, unit, angles)
 
 
-def results_section(source: Source) -> tuple[Section, ...]:
+def results_section(source: RunData) -> tuple[ReportSection, ...]:
     """Return criteria and figures; nothing for a run without a result."""
     if source.result is None:
         return ()
@@ -347,10 +370,10 @@ def results_section(source: Source) -> tuple[Section, ...]:
         criteria_table(source.result.criteria, source.angles),
         figures_table(source.result.metrics, source.angles),
     )
-    return (Section("Results", tables if source.result.criteria else tables[1:]),)
+    return (ReportSection("Results", tables if source.result.criteria else tables[1:]),)
 
 
-def criteria_table(criteria: Sequence[Criterion], angles: Angles) -> Table:
+def criteria_table(criteria: Sequence[RunCriterion], angles: AngleUnit) -> Table:
     """Return each criterion with bound, figure and result."""
     columns = (
         Column("Criterion", number=False),
@@ -376,12 +399,12 @@ def criteria_table(criteria: Sequence[Criterion], angles: Angles) -> Table:
     return Table("Criteria.", columns, rows)
 
 
-def measured_figures(source: Source) -> tuple[Table, ...]:
+def measured_figures(source: RunData) -> tuple[Table, ...]:
     """Return the table of figures; none for a run without a result."""
     return () if source.result is None else (figures_table(source.result.metrics, source.angles),)
 
 
-def figures_table(metrics: Metrics, angles: Angles) -> Table:
+def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
     """Return the figures of a result, each with unit and definition."""
     columns = (
         Column("Quantity", number=False),
@@ -428,14 +451,14 @@ _LINE = 92
 """Longest line of a command [characters], so that it fits between the margins of a page."""
 
 
-def reproduction(source: Source) -> tuple[Block, ...]:
+def reproduction(source: RunData) -> tuple[Block, ...]:
     """Return the command that plays a run again, and its files; a paragraph with the reason where there is none."""
     if reason := _not_again(source):
         return (Paragraph(f"No command plays this run again: {reason}."),)
     return tuple(_blocks(source))
 
 
-def _not_again(source: Source) -> str:
+def _not_again(source: RunData) -> str:
     run = source.run
     if run.plant != SIMULATOR.name:
         return f"only the simulator repeats a run, and this one is of the plant {run.plant}"
@@ -446,7 +469,7 @@ def _not_again(source: Source) -> str:
     return ""
 
 
-def _blocks(source: Source) -> Iterator[Block]:
+def _blocks(source: RunData) -> Iterator[Block]:
     run, plan = source.run, dict(source.run.set_to.plan or {})
     words = ["sinew"]
     experiment = str(plan.pop("experiment")) if "experiment" in plan else ""
@@ -482,7 +505,7 @@ def _filled(words: Sequence[str]) -> Iterator[str]:
     yield line
 
 
-def _caption(source: Source, files: bool) -> str:
+def _caption(source: RunData, files: bool) -> str:
     words = "Play this run again"
     if source.bank is None:
         words += f", in a data folder of its own, {_FOLDER}"
@@ -519,7 +542,7 @@ def _quoted(name: str, value: Value) -> str:
     return shlex.quote(f"{name}={value if isinstance(value, str) else repr(value)}")
 
 
-def _is_shipped(source: Source) -> bool:
+def _is_shipped(source: RunData) -> bool:
     """Whether the numbers of the plant are those of a set that comes with Sinew."""
     name = source.run.parameters_name
     return name in SHIPPED and load_parameters(name).document() == source.run.parameters
@@ -529,7 +552,7 @@ def _indented(document: object) -> str:
     return json.dumps(document, indent=1, ensure_ascii=True)
 
 
-def _toml(source: Source) -> str:
+def _toml(source: RunData) -> str:
     """Return a parameter set as a TOML file, whose strings are written as those of JSON."""
     lines = []
     for section, entries in PLANT_NUMBERS.read(source.run.parameters, f"run {source.run.id}").items():
@@ -550,7 +573,9 @@ def _string(words: str) -> str:
 # What the reports of all judged experiments have in common: the order in which one is read.
 
 
-def experiment_report(source: Source, title: str, name: str, seen: Iterable[Section], notes: tuple[str, ...]) -> Report:
+def experiment_report(
+    source: RunData, title: str, name: str, seen: Iterable[ReportSection], notes: tuple[str, ...]
+) -> Report:
     """Build the report of an experiment: verdict and criteria, how it was made, what was ``seen``, notes, parameters.
 
     ``name`` is what the footer calls the experiment. A run without result says why it has none.
@@ -564,9 +589,9 @@ def experiment_report(source: Source, title: str, name: str, seen: Iterable[Sect
         facts=(*facts(source), *tuning_facts(source)),
         sections=(
             *results_section(source),
-            Section("How it was made", (settings_table(source), *reproduction(source), *lineage(source))),
+            ReportSection("How it was made", (settings_table(source), *reproduction(source), *lineage(source))),
             *seen,
-            Section("Notes", tuple(Paragraph(note) for note in notes)),
+            ReportSection("Notes", tuple(Paragraph(note) for note in notes)),
             parameter_section(source),
         ),
         footer=f"Sinew {source.run.software} · {name} · run {source.run.id}",

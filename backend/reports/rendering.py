@@ -5,10 +5,10 @@ Drawing and typesetting load with the first report: the service only names these
 
 from collections.abc import Sequence
 
-from backend.reports.model import Source
+from backend.reports.model import RunData
 
 
-def render(source: Source, kind: str) -> bytes:
+def render(source: RunData, kind: str) -> bytes:
     """Return the report as "html" or "pdf"."""
     from backend.reports.build import build_report
     from backend.reports.model import to_html, to_pdf
@@ -17,7 +17,7 @@ def render(source: Source, kind: str) -> bytes:
     return to_pdf(report) if kind == "pdf" else to_html(report).encode()
 
 
-def render_series(sources: Sequence[Source], kind: str) -> bytes:
+def render_series(sources: Sequence[RunData], kind: str) -> bytes:
     """Return the report of a series as "html" or "pdf"."""
     from backend.reports.model import to_html, to_pdf
     from backend.reports.series import series_report

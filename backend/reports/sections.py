@@ -6,20 +6,38 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.disturbance_metrics import JOINT_STEP, PUSH_REST_S, Held, Hit, Push, beside_each_other
+from backend.analysis.disturbance_metrics import (
+    JOINT_STEP,
+    PUSH_REST_S,
+    Hit,
+    HoldWindow,
+    MeasuredPush,
+    beside_each_other,
+)
 from backend.analysis.frequency_metrics import UNLIKE, Array, Complex, Lines
 from backend.analysis.identification import MOTOR_B, load_friction_of
 from backend.models.identification import CHANNELS, grade_of
 from backend.models.run import KeptGrant
 from backend.recording.reader import Columns, missing_between
-from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Source, Table, share, shown
+from backend.reports.model import (
+    NO_FIGURE,
+    Block,
+    Column,
+    Figure,
+    Paragraph,
+    ReportSection,
+    RunData,
+    Table,
+    share,
+    shown,
+)
 from backend.reports.plotting import (
     COLOURS,
     INK,
     LIMIT_GREY,
     axis_label,
+    cached_figure,
     draw_error,
-    drawn_once,
     figure,
     frequency_axis,
     in_unit,
@@ -32,7 +50,7 @@ from backend.reports.plotting import (
 from backend.reports.provenance import measured
 from backend.storage.identifications import Identification
 from backend.storage.runs import EndState, RunKind
-from backend.units import Angles, read, reading_of
+from backend.units import AngleUnit, read, reading_of
 from plant.interface import T_s
 from plant.parameters import SIDES
 
@@ -61,9 +79,9 @@ BODE_NOTES = (
 )
 
 
-def bode_section(found: Sequence[Lines]) -> Section:
+def bode_section(found: Sequence[Lines]) -> ReportSection:
     """Return figure and tables; ``found`` is not empty."""
-    return Section("Frequency responses", tuple(_bode_blocks(found)))
+    return ReportSection("Frequency responses", tuple(_bode_blocks(found)))
 
 
 def _bode_blocks(found: Sequence[Lines]) -> Iterator[Block]:
@@ -113,7 +131,7 @@ def line_table(lines: Lines) -> Table:
     return Table(caption, columns, rows)
 
 
-@drawn_once
+@cached_figure
 def bode_panels(found: Sequence[Lines], name: str) -> str:
     """Draw gain [dB] and phase [°] of each response over frequency [Hz], with what was predicted."""
     with figure(2, height_in=4.4, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
@@ -139,7 +157,7 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
         return to_svg(drawn, name)
 
 
-@drawn_once
+@cached_figure
 def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
     """Draw gain and phase of q and of S, of all runs on the same axes, with what was predicted of each."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))
@@ -200,12 +218,12 @@ HOLD_NOTES = (
 )
 
 
-def holds_section(columns: Columns, found: Sequence[Held], count: float, angles: Angles) -> Section:
+def holds_section(columns: Columns, found: Sequence[HoldWindow], count: float, angles: AngleUnit) -> ReportSection:
     """Return figure and table; ``found`` is not empty, ``count`` [rad] is the joint encoder's, 0 where it is exact."""
-    return Section("Rest", tuple(_hold_blocks(columns, found, count or JOINT_STEP, angles)))
+    return ReportSection("Rest", tuple(_hold_blocks(columns, found, count or JOINT_STEP, angles)))
 
 
-def _hold_blocks(columns: Columns, found: Sequence[Held], count: float, angles: Angles) -> Iterator[Block]:
+def _hold_blocks(columns: Columns, found: Sequence[HoldWindow], count: float, angles: AngleUnit) -> Iterator[Block]:
     yield Figure(
         "holds",
         hold_panels(columns, found, count, "holds"),
@@ -215,7 +233,7 @@ def _hold_blocks(columns: Columns, found: Sequence[Held], count: float, angles: 
     yield hold_table(found, angles)
 
 
-def hold_table(found: Sequence[Held], angles: Angles) -> Table:
+def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
     """Return each stretch with its swings, its distance from the reference, and how much the motors moved."""
     angle = reading_of("rad", angles).unit
     columns = (
@@ -252,8 +270,8 @@ def hold_table(found: Sequence[Held], angles: Angles) -> Table:
     return Table(caption, columns, rows)
 
 
-@drawn_once
-def hold_panels(columns: Columns, found: Sequence[Held], count: float, name: str) -> str:
+@cached_figure
+def hold_panels(columns: Columns, found: Sequence[HoldWindow], count: float, name: str) -> str:
     """Draw each stretch over the time since its beginning."""
     with figure(4, height_in=5.0, sharex=True) as (drawn, axes):
         for place, one in enumerate(found):
@@ -288,7 +306,7 @@ _RUN, _GRADE = Column("Run"), Column("Grade", number=False)
 _UNITS = {"G_q": "", "G_S": "N·m/rad²"}
 
 
-def identifications_section(sources: Sequence[Source]) -> tuple[Section, ...]:
+def identifications_section(sources: Sequence[RunData]) -> tuple[ReportSection, ...]:
     """Return one section of all identifications among the runs; none where there is none."""
     found = [source.identification for source in sources if source.identification is not None]
     if not found:
@@ -297,7 +315,7 @@ def identifications_section(sources: Sequence[Source]) -> tuple[Section, ...]:
     tables = [*_motors(by_kind["motor"]), *_springs(by_kind["spring"]), *_actuators(by_kind["actuator"])]
     friction = _friction([source for source in sources if source.run.kind == RunKind.ACTUATOR_IDENTIFICATION])
     verdicts = (Paragraph(f"Run {one.run_id}: {one.verdict}") for one in found)
-    return (Section("Identifications", (*tables, *friction, *verdicts)),)
+    return (ReportSection("Identifications", (*tables, *friction, *verdicts)),)
 
 
 def _motors(found: Sequence[Identification]) -> Iterator[Table]:
@@ -351,7 +369,7 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
             yield Table(caption, columns, tuple(rows))
 
 
-def _friction(sources: Sequence[Source]) -> tuple[Paragraph, ...]:
+def _friction(sources: Sequence[RunData]) -> tuple[Paragraph, ...]:
     """Return what actuator identifications say together of the friction over the load; nothing without any."""
     if not sources:
         return ()
@@ -380,12 +398,12 @@ _BEFORE = 20
 _HUES = tuple(COLOURS.values())
 
 
-def impact_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
+def impact_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
     """Return every hit, and those with reaction beside those without, where there are both."""
     return hits_table(hits, angles), *reaction_tables(hits, angles)
 
 
-def hits_table(hits: Sequence[Hit], angles: Angles) -> Table:
+def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
     """Return every hit, in order."""
     columns = (
         Column("At", "s"),
@@ -427,7 +445,7 @@ def _ms(time_s: float, hit: Hit) -> str:
     return f"{1e3 * time_s:.0f}" if np.isfinite(time_s) else "not felt"
 
 
-def reaction_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
+def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
     """Return hits with reaction beside those without, of one stiffness and speed; none where there are none."""
     pairs, _ = beside_each_other(hits)
     if not pairs:
@@ -458,8 +476,8 @@ def reaction_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
     return (Table("Hits that are alike, without and with contact reaction.", columns, rows),)
 
 
-@drawn_once
-def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angles) -> str:
+@cached_figure
+def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: AngleUnit) -> str:
     """Draw the force of each hit from its touch on, and peak and impulse over the speed of approach."""
     force = np.abs(columns["F_wall"])
     groups = sorted({(hit.reacts, round(hit.S_ref, 6)) for hit in hits})
@@ -513,12 +531,12 @@ PUSH_NOTES = (
 )
 
 
-def pushes_section(columns: Columns, found: Sequence[Push], angles: Angles) -> Section:
+def pushes_section(columns: Columns, found: Sequence[MeasuredPush], angles: AngleUnit) -> ReportSection:
     """Return figure and table; ``found`` is not empty."""
-    return Section("Pushes", tuple(_push_blocks(columns, found, angles)))
+    return ReportSection("Pushes", tuple(_push_blocks(columns, found, angles)))
 
 
-def _push_blocks(columns: Columns, found: Sequence[Push], angles: Angles) -> Iterator[Block]:
+def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleUnit) -> Iterator[Block]:
     yield Figure(
         "pushes",
         push_panels(columns, found, "pushes", angles),
@@ -531,7 +549,7 @@ def _push_blocks(columns: Columns, found: Sequence[Push], angles: Angles) -> Ite
         yield Paragraph(f"Not all pushes have a prediction: {why}.")
 
 
-def push_table(found: Sequence[Push], angles: Angles) -> Table:
+def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
     """Return each push with its peak, the expected and the static one, and how soon the joint was back."""
     angle = reading_of("rad", angles).unit
     columns = (
@@ -570,8 +588,8 @@ def push_table(found: Sequence[Push], angles: Angles) -> Table:
     return Table(caption, columns, rows)
 
 
-@drawn_once
-def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angles) -> str:
+@cached_figure
+def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angles: AngleUnit) -> str:
     """Draw force, deviation of the joint with what was expected, and deviation of the stiffness."""
     first, last = found[0].window.pushed.start, max(one.window.until for one in found)
     window = slice(max(first - round(1.0 / T_s), 0), min(last, columns["t"].size))
@@ -615,7 +633,7 @@ def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angl
 # How well a run kept its time: lateness, missed deadlines, gaps. From the run's own samples.
 
 
-def timing_section(source: Source) -> tuple[Section, ...]:
+def timing_section(source: RunData) -> tuple[ReportSection, ...]:
     """Return a section with the timing of the recorded samples; nothing for a run without any."""
     columns = source.columns
     if columns["t"].size == 0:
@@ -647,7 +665,7 @@ def timing_section(source: Source) -> tuple[Section, ...]:
         Column("Unit", number=False),
         Column("Meaning", number=False, wide=True),
     )
-    return (Section("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
+    return (ReportSection("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
 
 
 def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
@@ -664,7 +682,7 @@ def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def _missing(source: Source) -> str:
+def _missing(source: RunData) -> str:
     if source.run.end_state == EndState.SERVICE_DIED:
         return "not known: the service died while it recorded"
     missing = source.result.metrics.missing_samples if source.result else missing_between(source.columns)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from backend import __version__
 from backend.analysis.evaluation import catch_up
-from backend.errors import Because, RefusalError
-from backend.models.run import Figure as Measured
-from backend.models.run import Figure as RunFigure
+from backend.errors import ErrorCode, RequestRejectedError
+from backend.models.run import MeasuredFigure as Measured
+from backend.models.run import MeasuredFigure as RunFigure
 from backend.models.run import Outcome
 from backend.reports.build import told
-from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, set_to, to_element
+from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, run_configuration, to_element
 from backend.reports.experiment_report import lines_of
 from backend.reports.model import (
     Block,
@@ -27,20 +27,20 @@ from backend.reports.model import (
     Figure,
     Paragraph,
     Report,
-    Section,
-    Source,
+    ReportSection,
+    RunData,
     Table,
     load_source,
     shown,
 )
-from backend.reports.plotting import INK, axis_label, drawn_once, figure, in_unit, thinned, to_svg, upper_legend
+from backend.reports.plotting import INK, axis_label, cached_figure, figure, in_unit, thinned, to_svg, upper_legend
 from backend.reports.provenance import chosen, definitions_facts, measured, shown_unit, verdict
 from backend.reports.sections import identifications_section, overlay_bode
 from backend.storage import recordings, runs
 from backend.storage.database import Database
 from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import EndState, RunKind, title_of
-from backend.units import Angles, read
+from backend.units import AngleUnit, read
 
 # Series figures ------------------------------------------------------------------------------------
 #
@@ -59,8 +59,8 @@ def is_partial(item: RunFigure | None) -> bool:
     return item is not None and item.value is not None and item.reason != ""
 
 
-@drawn_once
-def metric_panels(metrics: Sequence[Sequence[RunFigure | None]], angles: Angles) -> str:
+@cached_figure
+def metric_panels(metrics: Sequence[Sequence[RunFigure | None]], angles: AngleUnit) -> str:
     """Draw each metric over the places of the runs in their list, from 1 on, one panel each."""
     rows = -(-len(metrics) // _COLUMNS)
     with figure(rows, _COLUMNS, height_in=0.6 + rows * _ROW_IN, gap_in=(0.42, 0.5), squeeze=False) as (drawn, axes):
@@ -85,8 +85,8 @@ def metric_panels(metrics: Sequence[Sequence[RunFigure | None]], angles: Angles)
         return to_svg(drawn, "metrics")
 
 
-@drawn_once
-def overlay(runs: Sequence[tuple[int, Mapping[str, NDArray[np.float64]]]], angles: Angles) -> str:
+@cached_figure
+def overlay(runs: Sequence[tuple[int, Mapping[str, NDArray[np.float64]]]], angles: AngleUnit) -> str:
     """Draw q and S of all runs over the time since the first sample of each."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))
     with figure(2, height_in=3.6, sharex=True) as (drawn, axes):
@@ -107,7 +107,7 @@ def _curve(
     signal: str,
     colour: NDArray[np.float64],
     label: str,
-    angles: Angles,
+    angles: AngleUnit,
 ) -> None:
     unit, t = _UNITS[signal], columns["t"]
     panel.plot(*thinned(t, in_unit(columns[signal], unit, angles)), color=colour, linewidth=0.8, label=label or None)
@@ -140,7 +140,7 @@ _SAID = {
 _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
 
 
-def series_report(sources: Sequence[Source]) -> Report:
+def series_report(sources: Sequence[RunData]) -> Report:
     """Build the report of two runs or more, none of them a session; differences are to the first."""
     evidence = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(evidence_of, sources) if one is not None))
     if len(evidence.runs) != len(sources) or len(sources) < 2:
@@ -155,12 +155,12 @@ def series_report(sources: Sequence[Source]) -> Report:
         verdict=_verdict(outcomes),
         facts=_facts(sources),
         sections=(
-            Section("Runs", (_runs_table(sources),)),
+            ReportSection("Runs", (_runs_table(sources),)),
             *identifications_section(sources),
-            Section("What differs", tuple(_differing(sources, angles))),
-            Section("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
-            Section("Figures", tuple(_figures(sources, angles))),
-            Section("What it was made of", (_hashes(evidence), Code(_PROOF, "sinew report verify series.html"))),
+            ReportSection("What differs", tuple(_differing(sources, angles))),
+            ReportSection("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
+            ReportSection("Figures", tuple(_figures(sources, angles))),
+            ReportSection("What it was made of", (_hashes(evidence), Code(_PROOF, "sinew report verify series.html"))),
         ),
         footer=f"Sinew {__version__} · series of runs {numbers}",
         date=max(source.run.started_at for source in sources),
@@ -175,7 +175,7 @@ _PROOF = (
 )
 
 
-def _title(sources: Sequence[Source]) -> str:
+def _title(sources: Sequence[RunData]) -> str:
     titles = list(dict.fromkeys(title_of(source.run) for source in sources))
     return f"Series: {titles[0]}" if len(titles) == 1 else "Series of different experiments"
 
@@ -187,7 +187,7 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
     return f"Of {len(outcomes)} runs " + ", ".join(f"{count} {_SAID[one]}" for count, one in counts if count) + "."
 
 
-def _facts(sources: Sequence[Source]) -> tuple[Fact, ...]:
+def _facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     runs = [source.run for source in sources]
     first, last = min(run.started_at for run in runs), max(run.started_at for run in runs)
     return (
@@ -200,7 +200,7 @@ def _facts(sources: Sequence[Source]) -> tuple[Fact, ...]:
     )
 
 
-def _runs_table(sources: Sequence[Source]) -> Table:
+def _runs_table(sources: Sequence[RunData]) -> Table:
     columns = (
         Column("Run"),
         Column("Experiment", number=False),
@@ -215,7 +215,7 @@ def _runs_table(sources: Sequence[Source]) -> Table:
     return Table("The runs of the series.", columns, rows)
 
 
-def _differing(sources: Sequence[Source], angles: Angles) -> Iterator[Block]:
+def _differing(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]:
     """Give tables of what the runs were set to, and of their parameters, where not all have the same."""
     each = [dict(_set_to(source, angles)) for source in sources]
     rows = []
@@ -230,14 +230,14 @@ def _differing(sources: Sequence[Source], angles: Angles) -> Iterator[Block]:
     yield from _beside(sources, "What is not the same in all runs", first, [((name,), texts) for name, texts in rows])
 
 
-def _set_to(source: Source, angles: Angles) -> Iterator[tuple[str, str]]:
-    for item in set_to(source.run, source.bank):
+def _set_to(source: RunData, angles: AngleUnit) -> Iterator[tuple[str, str]]:
+    for item in run_configuration(source.run, source.bank):
         unit = shown_unit(item.unit, angles)
         yield item.name + (f" [{unit}]" if unit else ""), chosen(item.value, item.unit, angles)
 
 
 def _beside(
-    sources: Sequence[Source],
+    sources: Sequence[RunData],
     caption: str,
     first: tuple[Column, ...],
     rows: Sequence[tuple[tuple[str, ...], Sequence[str]]],
@@ -251,7 +251,7 @@ def _beside(
         yield Table(f"{caption}{told_of}.", columns, tuple((*titles, *cells[part]) for titles, cells in rows))
 
 
-def _metrics(sources: Sequence[Source]) -> dict[str, list[Measured | None]]:
+def _metrics(sources: Sequence[RunData]) -> dict[str, list[Measured | None]]:
     """Return by name the figures of all runs; None where a run has none of this name in this unit."""
     each = [
         {} if source.result is None else {item.name: item for item in source.result.metrics.figures}
@@ -267,7 +267,7 @@ def _metrics(sources: Sequence[Source]) -> dict[str, list[Measured | None]]:
     }
 
 
-def _metric_tables(sources: Sequence[Source], angles: Angles) -> Iterator[Table]:
+def _metric_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Table]:
     rows = []
     for items in _metrics(sources).values():
         of = next(item for item in items if item is not None)
@@ -289,7 +289,7 @@ def _difference(value: float | None, reference: float | None) -> str:
     return f" ({sign}{shown(value - reference, 2)})"
 
 
-def _spread(sources: Sequence[Source], angles: Angles) -> Table:
+def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
     """Return how far each metric spreads over the runs that measured it whole; the others are counted apart."""
     columns = (
         Column("Quantity", number=False, wide=True),
@@ -320,7 +320,7 @@ def _spread(sources: Sequence[Source], angles: Angles) -> Table:
     return Table(caption, columns, tuple(rows))
 
 
-def _partial(sources: Sequence[Source]) -> Iterator[Paragraph]:
+def _partial(sources: Sequence[RunData]) -> Iterator[Paragraph]:
     """Say why each marked figure was not measured whole."""
     said: dict[str, list[str]] = {}
     for items in _metrics(sources).values():
@@ -336,7 +336,7 @@ def _deviation(values: Sequence[float]) -> float:
     return statistics.stdev(values) if len(values) > 1 else float("nan")
 
 
-def _figures(sources: Sequence[Source], angles: Angles) -> Iterator[Figure]:
+def _figures(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Figure]:
     drawn = {
         name: items
         for name, items in _metrics(sources).items()
@@ -374,15 +374,15 @@ MOST_SAMPLES = 3_000_000
 """All runs together: their samples are in memory at once, 50 minutes of them."""
 
 
-def load_series(database: Database, numbers: Sequence[int], angles: Angles) -> list[Source]:
+def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -> list[RunData]:
     """Gather what is stored of each run; one that was left behind gets its result first.
 
-    Raises RefusalError, UnknownRecordError, before samples are read.
+    Raises RequestRejectedError, UnknownRecordError, before samples are read.
     """
     chosen = list(dict.fromkeys(numbers))
     if not 2 <= len(chosen) <= MOST_RUNS:
-        raise RefusalError(
-            Because.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
         )
     samples = 0
     with database.reading() as session:
@@ -391,16 +391,16 @@ def load_series(database: Database, numbers: Sequence[int], angles: Angles) -> l
             with suppress(UnknownRecordError):  # of a run that ended before its first sample there is no recording
                 samples += recordings.extent(session, number).count
             if run.kind == RunKind.SESSION:
-                raise RefusalError(
-                    Because.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
+                raise RequestRejectedError(
+                    ErrorCode.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
                 )
             if run.end_state == EndState.RUNNING:
-                raise RefusalError(
-                    Because.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
+                raise RequestRejectedError(
+                    ErrorCode.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
                 )
     if samples > MOST_SAMPLES:
-        raise RefusalError(
-            Because.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
         )
     catch_up(database, chosen)
     return [load_source(database, number, angles) for number in chosen]

@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.plain_text import as_lines
 from backend.reports.model import missing_letters, sentence, with_boxes
 from backend.reports.plotting import figure
@@ -88,7 +88,10 @@ class Sheet:
 
 
 def sheet_pdf(svg: str) -> bytes:
-    """Return the sheet as PDF of one page, as large as the drawing says. Raises RefusalError for what is no sheet."""
+    """Return the sheet as PDF of one page, as large as the drawing says.
+
+    Raises RequestRejectedError for what is no sheet.
+    """
     import typst  # takes its time to load
 
     sheet = read_sheet(svg)
@@ -109,7 +112,7 @@ def sheet_pdf(svg: str) -> bytes:
 
 
 def read_sheet(svg: str) -> Sheet:
-    """Read a drawing that somebody sent. Raises RefusalError, which says what of it has no place on a sheet."""
+    """Read a drawing that somebody sent. Raises RequestRejectedError, which says what of it has no place on a sheet."""
     reading = _Reading()
     parser = expat.ParserCreate("utf-8")
     parser.StartDoctypeDeclHandler = _refuse_document_type
@@ -209,18 +212,18 @@ def _refuse_instruction(target: str, _data: str) -> None:
 
 
 def _require_few(what: str, number: int, most: int, remedy: str) -> None:
-    """Raise RefusalError for more than ``most`` of something; as it is counted, the ``number`` is of so far."""
+    """Raise RequestRejectedError for more than ``most`` of something; as it is counted, the ``number`` is of so far."""
     if number > most:
-        raise RefusalError(
-            Because.BAD_VALUE,
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE,
             f"{what}: this sheet of charts has {number} or more, at most {most} are drawn: {remedy}",
             code="sheet_too_large",
         )
 
 
-def _refusal(why: str) -> RefusalError:
-    return RefusalError(
-        Because.BAD_VALUE,
+def _refusal(why: str) -> RequestRejectedError:
+    return RequestRejectedError(
+        ErrorCode.BAD_VALUE,
         f"this is no sheet of charts: {why}. Send the SVG as the charts save it, or convert it with a drawing program",
         code="not_a_sheet",
     )

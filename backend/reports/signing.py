@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backend.data_folder import FILE
-from backend.reports.verification import MOST, Difference, Verified
+from backend.reports.verification import MOST, ReportDifference, Verified
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -166,7 +166,7 @@ class UnsignableError(ValueError):
     """A page that cannot be signed."""
 
 
-class Whose(StrEnum):
+class KeyOwner(StrEnum):
     """Whose key signed a page."""
 
     GIVEN = "given"
@@ -198,13 +198,13 @@ class SignedPage:
         """Whether the key that it names signed exactly this page."""
         return self.signature is not None and not self.problem
 
-    def whose(self, given: PublicKey | None, own: PublicKey | None) -> Whose | None:
+    def whose(self, given: PublicKey | None, own: PublicKey | None) -> KeyOwner | None:
         """Return whose key signed it; None without a valid signature."""
         if self.signature is None or self.problem:
             return None
         if self.signature.key == given:
-            return Whose.GIVEN
-        return Whose.OWN if self.signature.key == own else Whose.UNKNOWN
+            return KeyOwner.GIVEN
+        return KeyOwner.OWN if self.signature.key == own else KeyOwner.UNKNOWN
 
 
 def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
@@ -242,13 +242,13 @@ def with_signature(found: Verified, signed: SignedPage, wanted: PublicKey | None
     return replace(found, differences=(*signature_differences(signed, wanted), *found.differences)[:MOST])
 
 
-def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -> tuple[Difference, ...]:
+def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -> tuple[ReportDifference, ...]:
     """Return what differs: a signature that is broken, or none by the key that is wanted."""
     by = "none" if signed.signature is None else f"one by {signed.signature.key.fingerprint}"
     if signed.problem:
-        return (Difference("signature", by, signed.problem),)
+        return (ReportDifference("signature", by, signed.problem),)
     if wanted is not None and (signed.signature is None or signed.signature.key != wanted):
-        return (Difference("signature", by, f"none by the key that was given, {wanted.fingerprint}"),)
+        return (ReportDifference("signature", by, f"none by the key that was given, {wanted.fingerprint}"),)
     return ()
 
 

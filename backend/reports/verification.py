@@ -20,7 +20,7 @@ from backend.exports.base import Batch, Facts, ImportRefusedError, described
 from backend.exports.formats import DataFormat, read
 from backend.exports.importer import require_told
 from backend.exports.writers import heading_problem, schema_problem
-from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Criterion, Metrics
+from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion
 from backend.recording.reader import Columns, missing_between, recorded_columns
 from backend.reports.build import build_report, metrics_document
 from backend.reports.evidence import (
@@ -30,10 +30,10 @@ from backend.reports.evidence import (
     HASHED,
     LAYOUT,
     SINEW,
-    Estimate,
-    Evidence,
     EvidenceError,
+    ReportManifest,
     SeriesEvidence,
+    StoredEstimate,
     account_hash,
     blocks_of,
     element_of,
@@ -47,7 +47,7 @@ from backend.reports.evidence import (
     without_element,
 )
 from backend.reports.evidence import read as read_evidence
-from backend.reports.model import Source, to_html, to_pdf
+from backend.reports.model import RunData, to_html, to_pdf
 from backend.reports.series import series_report
 from backend.sample import ADDED_LATER, STORED_NAMES
 from backend.storage import runs
@@ -73,7 +73,7 @@ EVERYTHING = "every number, criterion, parameter and hash"
 
 
 @dataclass(frozen=True)
-class Difference:
+class ReportDifference:
     """What does not hold: its name, what the report says, and what was found."""
 
     name: str
@@ -90,7 +90,7 @@ class Difference:
 class Verified:
     """What was ``compared``: differences, and what could not be compared with the reason."""
 
-    differences: tuple[Difference, ...]
+    differences: tuple[ReportDifference, ...]
     left_out: tuple[str, ...]
     compared: str = EVERYTHING
 
@@ -102,12 +102,12 @@ class Verified:
         return None if self.left_out else True
 
 
-def not_made(name: str, wanted: str, error: Exception) -> Difference:
+def not_made(name: str, wanted: str, error: Exception) -> ReportDifference:
     """Return the difference that something of a report cannot be made again, whatever is wrong with it."""
-    return Difference(name, wanted, f"{type(error).__name__}: {error}"[:200])
+    return ReportDifference(name, wanted, f"{type(error).__name__}: {error}"[:200])
 
 
-def differing(name: str, said: Any, found: Any, like: float = LIKE, floor: float = 1e-15) -> Iterator[Difference]:
+def differing(name: str, said: Any, found: Any, like: float = LIKE, floor: float = 1e-15) -> Iterator[ReportDifference]:
     """Compare two documents, part by part; parts of lists are called by their own name, where they have one.
 
     Numbers may differ by the share ``like`` of themselves, those of a list of the largest, and by ``floor``.
@@ -121,7 +121,7 @@ def differing(name: str, said: Any, found: Any, like: float = LIKE, floor: float
             called = one.get("name") if isinstance(one, Mapping) else None
             yield from differing(f"{name}, {called or place + 1}", one, other, like, max(floor, like * largest))
     elif not _alike(said, found, like, floor):
-        yield Difference(name, _short(said), _short(found))
+        yield ReportDifference(name, _short(said), _short(found))
 
 
 def _is_list(value: Any) -> bool:
@@ -184,14 +184,14 @@ _STYLES = {
 _STYLE_SHEET = "*{stroke-linejoin: round; stroke-linecap: butt}"
 
 
-def compare_pages(page: str, evidence: Evidence | SeriesEvidence, make_again: Callable[[], str]) -> Verified:
+def compare_pages(page: str, evidence: ReportManifest | SeriesEvidence, make_again: Callable[[], str]) -> Verified:
     """Compare a page, whose account was read from it, with the same page made here.
 
     The versions that the account names decide nothing, as anybody can change them: they only explain why a page that
     differs may have been written by another version. Such a page is not verified; it does not hold.
     """
     here = made_with()
-    said = evidence.made_with if isinstance(evidence, Evidence) else evidence.runs[0].made_with
+    said = evidence.made_with if isinstance(evidence, ReportManifest) else evidence.runs[0].made_with
     foreign = tuple(_foreign(page))
     try:
         again = make_again()
@@ -213,12 +213,12 @@ def compare_pages(page: str, evidence: Evidence | SeriesEvidence, make_again: Ca
     return Verified((*differences, *foreign)[:MOST], tuple(told))
 
 
-def _foreign(page: str) -> Iterator[Difference]:
+def _foreign(page: str) -> Iterator[ReportDifference]:
     """Name what stands in the drawings of a page and is none of a report's: elements, attributes, styles, addresses."""
     for number, drawing in enumerate(_drawings(page), start=1):
         found = next(_strangers(drawing), None)
         if found is not None:
-            yield Difference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "nothing but lines, letters and areas")
+            yield ReportDifference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "nothing but lines, letters and areas")
 
 
 def _strangers(drawing: str) -> Iterator[str]:
@@ -256,31 +256,31 @@ def _is_harmless(element: str, attribute: str, value: str) -> bool:
     return True
 
 
-def _account(page: str, evidence: Evidence | SeriesEvidence) -> Iterator[Difference]:
+def _account(page: str, evidence: ReportManifest | SeriesEvidence) -> Iterator[ReportDifference]:
     """Compare the account as it is written with what was read of it: nothing else may stand in it."""
     said, found = element_of(page), to_element(evidence)
     if said != found:
-        yield Difference("the account as it is written", *where_they_differ(said, found))
+        yield ReportDifference("the account as it is written", *where_they_differ(said, found))
 
 
-def _pages(page: str, again: str) -> Iterator[Difference]:
+def _pages(page: str, again: str) -> Iterator[ReportDifference]:
     """Compare what a person sees, line by line, and drawing by drawing."""
     said, found = without_element(page), without_element(again)
     drawn = [list(_drawings(text)) for text in (said, found)]
     counts = [len(each) for each in drawn]
     if counts[0] != counts[1]:
-        yield Difference("number of drawings", str(counts[0]), str(counts[1]))
+        yield ReportDifference("number of drawings", str(counts[0]), str(counts[1]))
     else:
         for number, (one, other) in enumerate(zip(*drawn, strict=True), start=1):
             if one != other:
-                yield Difference(f"{_DRAWING_OF} {number}", "another drawing", "that of its samples")
+                yield ReportDifference(f"{_DRAWING_OF} {number}", "another drawing", "that of its samples")
     lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (said, found)]
     for number, (one, other) in enumerate(zip(*lines, strict=False), start=1):
         if one != other:
-            yield Difference(_called(one[:_LINE], number), *where_they_differ(one, other))
+            yield ReportDifference(_called(one[:_LINE], number), *where_they_differ(one, other))
     sizes = [len(each) for each in lines]
     if sizes[0] != sizes[1]:
-        yield Difference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
+        yield ReportDifference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
 
 
 def _drawings(text: str) -> Iterator[str]:
@@ -343,7 +343,7 @@ class SamplesFileError(ValueError):
     """A file that does not hold the samples of a run."""
 
 
-def read_samples_file(file: Path) -> tuple[Columns, tuple[Difference, ...]]:
+def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]]:
     """Return the columns of an export, ``t`` [s] and every stored signal, and how the file is not as it was exported.
 
     Raises SamplesFileError.
@@ -363,19 +363,21 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[Difference, ...]]:
     return columns, tuple(_problems(file, facts, parts))
 
 
-def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Difference]:
+def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[ReportDifference]:
     try:
         require_told(facts, parts)
     except ImportRefusedError as error:
-        yield Difference("the file of the samples", "samples as they were exported", str(error))
+        yield ReportDifference("the file of the samples", "samples as they were exported", str(error))
     known = {column.name: column.unit for column in described(facts.fields)}
     for column in facts.columns:
         if column.unit != known[column.name]:
-            yield Difference(f"unit of {column.name} in {file.name}", f"[{column.unit}]", f"[{known[column.name]}]")
+            yield ReportDifference(
+                f"unit of {column.name} in {file.name}", f"[{column.unit}]", f"[{known[column.name]}]"
+            )
     if file.suffix == ".csv" and (problem := heading_problem(file, facts)):
-        yield Difference(f"units and meanings in {file.name}", "the lines of its export", problem)
+        yield ReportDifference(f"units and meanings in {file.name}", "the lines of its export", problem)
     if file.suffix == ".parquet" and (problem := schema_problem(file, facts)):
-        yield Difference(f"units and meanings in {file.name}", "the columns of its export", problem)
+        yield ReportDifference(f"units and meanings in {file.name}", "the columns of its export", problem)
 
 
 # Stored samples ------------------------------------------------------------------------------------
@@ -384,7 +386,7 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Diff
 # it otherwise.
 
 
-def stored_samples(database: Database, evidence: Evidence) -> tuple[Columns | None, int | None]:
+def stored_samples(database: Database, evidence: ReportManifest) -> tuple[Columns | None, int | None]:
     """Return the samples of the stored run that an account speaks of and its number here, None where there is none.
 
     Of runs that began at the same moment it is the one whose samples have the hash; else the first, so that it can be
@@ -415,11 +417,11 @@ _NO_RESULT = (
 )
 _OTHER_PDF = "the PDF: other versions of what draws and sets it made the report, so that its bytes differ"
 
-_Result = tuple[Metrics | None, tuple[Criterion, ...], Estimate | None]
+_Result = tuple[Metrics | None, tuple[RunCriterion, ...], StoredEstimate | None]
 
 
 @dataclass(frozen=True)
-class Beside:
+class AccompanyingFiles:
     """What else holds numbers of a report: the text of metrics.json, and the samples of the stored run under a name."""
 
     metrics: str | None = None
@@ -427,10 +429,10 @@ class Beside:
     stored_as: str = ""
 
 
-NOTHING_BESIDE = Beside()
+NOTHING_BESIDE = AccompanyingFiles()
 
 
-def verify(page: str, columns: Columns | None, beside: Beside = NOTHING_BESIDE) -> Verified:
+def verify(page: str, columns: Columns | None, beside: AccompanyingFiles = NOTHING_BESIDE) -> Verified:
     """Compare a report with its own account, and both with samples; without them the numbers cannot be computed again.
 
     What is ``beside`` them is compared as well. Raises EvidenceError for a page without an account.
@@ -439,7 +441,9 @@ def verify(page: str, columns: Columns | None, beside: Beside = NOTHING_BESIDE) 
     return _with_beside(*_verified(page, evidence, columns), evidence, beside)
 
 
-def _with_beside(found: Verified, source: Source | None, evidence: Evidence, beside: Beside) -> Verified:
+def _with_beside(
+    found: Verified, source: RunData | None, evidence: ReportManifest, beside: AccompanyingFiles
+) -> Verified:
     """Return what was found, with what differs of metrics.json and of the stored run."""
     differences = list(found.differences)
     left_out = list(found.left_out)
@@ -453,15 +457,15 @@ def _with_beside(found: Verified, source: Source | None, evidence: Evidence, bes
     return replace(found, differences=tuple(differences[:MOST]), left_out=tuple(left_out))
 
 
-def _metrics_file(text: str, source: Source, evidence: Evidence) -> Iterator[Difference]:
+def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Iterator[ReportDifference]:
     """Compare metrics.json with what is written of the same run here; words only where the same version wrote them."""
     try:
         said = json.loads(text)
     except (ValueError, RecursionError) as error:
-        yield Difference("metrics.json", "a JSON document", str(error)[:200])
+        yield ReportDifference("metrics.json", "a JSON document", str(error)[:200])
         return
     if not isinstance(said, dict):
-        yield Difference("metrics.json", "a JSON object", type(said).__name__)
+        yield ReportDifference("metrics.json", "a JSON object", type(said).__name__)
         return
     found = json.loads(json.dumps(metrics_document(source)))
     same = all(evidence.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
@@ -476,7 +480,7 @@ def _metrics_file(text: str, source: Source, evidence: Evidence) -> Iterator[Dif
     yield from differing("metrics.json", said, found, LIKE if source.identification is None else LIKE_ESTIMATE)
 
 
-def _verified(page: str, evidence: Evidence, columns: Columns | None) -> tuple[Verified, Source | None]:
+def _verified(page: str, evidence: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
     """Return what was compared, and what the report is made from again."""
     if columns is None:
         raise EvidenceError(
@@ -495,7 +499,7 @@ def joined(*found: Verified) -> Verified:
     return Verified(differences[:MOST], tuple(left_out), found[-1].compared)
 
 
-def verify_pdf(pdf: bytes, page: str, columns: Columns | None, beside: Beside = NOTHING_BESIDE) -> Verified:
+def verify_pdf(pdf: bytes, page: str, columns: Columns | None, beside: AccompanyingFiles = NOTHING_BESIDE) -> Verified:
     """Verify the page that a PDF stands beside, and then whether the PDF is the one that its numbers give.
 
     A PDF carries no account; it is made again and compared byte by byte. Raises EvidenceError.
@@ -514,22 +518,22 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, beside: Beside = 
         return Verified((not_made("the PDF", "one that can be made again", error),), ())
     if same:
         return verified
-    return Verified((Difference("the PDF", "other pages", "those that the numbers of its page give"),), ())
+    return Verified((ReportDifference("the PDF", "other pages", "those that the numbers of its page give"),), ())
 
 
-def _of_a_run(page: str) -> Evidence:
+def _of_a_run(page: str) -> ReportManifest:
     evidence = read_evidence(page)
     if isinstance(evidence, SeriesEvidence):
         raise EvidenceError("it is of a series: its runs are looked for where they are stored, in the folder of --data")
     return evidence
 
 
-def computed_again(evidence: Evidence, columns: Columns) -> tuple[Verified, Source | None]:
+def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified, RunData | None]:
     """Compare an account with samples; return what differs, and what the report is made from again.
 
     None where it cannot be computed again, whatever is wrong with what it says of its run.
     """
-    differences: list[Difference] = []
+    differences: list[ReportDifference] = []
     columns = _without_unrecorded(evidence, columns)
     try:
         differences += _samples(evidence, columns)
@@ -549,7 +553,7 @@ def computed_again(evidence: Evidence, columns: Columns) -> tuple[Verified, Sour
     return Verified((*differences, *others)[:MOST], left_out), source
 
 
-def _older(evidence: Evidence) -> tuple[str, ...]:
+def _older(evidence: ReportManifest) -> tuple[str, ...]:
     """Say that a result is of other definitions than those that this version computes by; empty where it is not."""
     if evidence.metrics is None or evidence.metrics.get("definitions", 0) == DEFINITIONS:
         return ()
@@ -562,19 +566,19 @@ def _older(evidence: Evidence) -> tuple[str, ...]:
     return (told,)
 
 
-def _unseen(evidence: Evidence) -> tuple[str, ...]:
+def _unseen(evidence: ReportManifest) -> tuple[str, ...]:
     """Name what an account says of its run that no page shows and no sample tells; reports of today leave it out."""
     said = [name for name, nothing in unseen(evidence.metrics).items() if getattr(evidence.run, name) != nothing]
     return (f"{', '.join(said)} of the run: nothing in the report depends on it",) if said else ()
 
 
-def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[Difference]:
+def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[ReportDifference]:
     for name in dict.fromkeys([*said, *found]):
         if said.get(name) != found.get(name):
-            yield Difference(f"hash of the {name}", said.get(name, "nothing"), found.get(name, "nothing"))
+            yield ReportDifference(f"hash of the {name}", said.get(name, "nothing"), found.get(name, "nothing"))
 
 
-def _again(evidence: Evidence, columns: Columns) -> _Result:
+def _again(evidence: ReportManifest, columns: Columns) -> _Result:
     run = evidence.run
     plan = stored_plan(run.kind, run.set_to.plan or {})
     parameters = parameters_of(run.parameters_name, run.parameters)
@@ -586,14 +590,14 @@ def _again(evidence: Evidence, columns: Columns) -> _Result:
     return result.metrics, result.criteria, None if estimate is None else estimate_of(estimate)
 
 
-def _carried(evidence: Evidence) -> _Result:
+def _carried(evidence: ReportManifest) -> _Result:
     """Return the result as a report says it: where it holds, a last digit of another machine changes no hash."""
     metrics, of = evidence.metrics, f"run {evidence.run.id}"
     criteria = CRITERIA.read(evidence.criteria, of)
     return None if metrics is None else METRICS.read(metrics, of), criteria, evidence.identification
 
 
-def _results(evidence: Evidence, again: _Result) -> Iterator[Difference]:
+def _results(evidence: ReportManifest, again: _Result) -> Iterator[ReportDifference]:
     metrics, criteria, estimate = again
     like = LIKE if estimate is None else LIKE_ESTIMATE
     yield from differing("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
@@ -613,11 +617,11 @@ def _without_sentences(document: Any) -> Any:
     return "" if isinstance(document, str) and " " in document else document
 
 
-def _document(estimate: Estimate | None) -> dict[str, Any] | None:
+def _document(estimate: StoredEstimate | None) -> dict[str, Any] | None:
     return None if estimate is None else vars(estimate)
 
 
-def _without_unrecorded(evidence: Evidence, columns: Columns) -> Columns:
+def _without_unrecorded(evidence: ReportManifest, columns: Columns) -> Columns:
     """Leave out signals without a single value that the report has no check sums of: an export adds them as nan."""
     return {
         name: column
@@ -626,10 +630,10 @@ def _without_unrecorded(evidence: Evidence, columns: Columns) -> Columns:
     }
 
 
-def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
+def _samples(evidence: ReportManifest, columns: Columns) -> Iterator[ReportDifference]:
     size = columns["t"].size
     if size != evidence.samples:
-        yield Difference("number of samples", str(evidence.samples), str(size))
+        yield ReportDifference("number of samples", str(evidence.samples), str(size))
         return
     found = blocks_of(columns)
     for name in HASHED:
@@ -637,9 +641,9 @@ def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
         for place, (one, other) in enumerate(zip(said, found.get(name, []), strict=False)):
             if one != other:
                 start = place * BLOCK_S
-                yield Difference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
+                yield ReportDifference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
         if len(said) != len(found.get(name, [])):
-            yield Difference(f"check sums of {name}", str(len(said)), str(len(found.get(name, []))))
+            yield ReportDifference(f"check sums of {name}", str(len(said)), str(len(found.get(name, []))))
 
 
 # Series verification -------------------------------------------------------------------------------
@@ -648,7 +652,7 @@ def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
 # then the page.
 
 
-def verify_series(page: str, evidence: SeriesEvidence, find: Callable[[Evidence], Columns | None]) -> Verified:
+def verify_series(page: str, evidence: SeriesEvidence, find: Callable[[ReportManifest], Columns | None]) -> Verified:
     """Compare the accounts of a series with the samples that ``find`` has of each run, and its page with one made anew.
 
     Raises EvidenceError where the samples of a run are not there.

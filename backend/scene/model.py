@@ -487,7 +487,7 @@ class _Drawn:
         return True
 
 
-class Stage:
+class SceneNodes:
     """Draws on a viser server. ``show`` takes the newest pose; it may be called from one thread only."""
 
     def __init__(self, server: viser.ViserServer, r_j: float, r_m: float) -> None:
@@ -683,7 +683,7 @@ class SceneMirror:
         self._newest, self._wall = newest, wall
         self._geometry = parameters.geometry
         self.use(parameters)
-        self._scene: tuple[PortlessServer, Stage] | None = None
+        self._scene: tuple[PortlessServer, SceneNodes] | None = None
         self._up = threading.Event()
         self._ending = threading.Event()
 
@@ -715,7 +715,7 @@ class SceneMirror:
         if self._scene is not None:
             self._scene[0].stop()
 
-    def _step(self, stage: Stage) -> None:
+    def _step(self, stage: SceneNodes) -> None:
         row = self._newest()
         sample = None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
         if sample is not None and can_be_drawn(sample):
@@ -745,6 +745,6 @@ class SceneMirror:
             if server.viewers:
                 self._step(stage)
 
-    def _put_up(self) -> tuple[PortlessServer, Stage]:
+    def _put_up(self) -> tuple[PortlessServer, SceneNodes]:
         server = PortlessServer()
-        return server, Stage(server, self._geometry.r_j, self._geometry.r_m)
+        return server, SceneNodes(server, self._geometry.r_j, self._geometry.r_m)

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from backend.errors import WORDS, OutOfRangeError, Path, out_of_range
 from backend.experiments.parser import ExperimentError
 from backend.models.settings import SettingError
-from backend.units import Angles, reading_of
+from backend.units import AngleUnit, reading_of
 
 # Base ----------------------------------------------------------------------------------------------
 #
@@ -53,7 +53,7 @@ def quantity(unit: str, meaning: str, **constraints: Any) -> Any:
     return Field(description=f"{meaning} [{unit}]", json_schema_extra={"unit": unit}, **constraints)
 
 
-class Problem(Schema):
+class ErrorDetail(Schema):
     """Why a request was refused, and what would be accepted. Numbers are in SI."""
 
     code: str
@@ -71,10 +71,10 @@ class Problem(Schema):
     legal: list[str] | None = None
 
 
-class Refusal(Schema):
+class ErrorResponse(Schema):
     """Body of every answer that is not a success."""
 
-    error: Problem
+    error: ErrorDetail
 
 
 # Malformed -----------------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ class _Declared:
     legal: tuple[str, ...] = ()
 
 
-def problem_of_form(error: Mapping[str, Any], body: Any, angles: Angles) -> Problem:
+def problem_of_form(error: Mapping[str, Any], body: Any, angles: AngleUnit) -> ErrorDetail:
     """Return the error body for the first error that pydantic found; ``body`` is the type of what was to be sent."""
     path: Path = tuple(part for part in error["loc"] if part not in ("body", "query", "path"))
     given, bounds = error.get("input"), error.get("ctx", {})
@@ -125,7 +125,7 @@ def problem_of_form(error: Mapping[str, Any], body: Any, angles: Angles) -> Prob
         said = "; ".join(out_of_range(number, minimum, maximum, declared.unit or "1", angles))
     else:
         said = _said(kind, given, bounds, declared, angles)
-    return Problem(
+    return ErrorDetail(
         code=kind,
         message=f"{declared.words}: {said or str(error['msg'])}",
         quantity=next((part for part in reversed(path) if isinstance(part, str)), "body"),
@@ -148,7 +148,7 @@ def _read_number(given: object) -> float | None:
         return None
 
 
-def _said(kind: str, given: object, bounds: Mapping[str, Any], declared: _Declared, angles: Angles) -> str:
+def _said(kind: str, given: object, bounds: Mapping[str, Any], declared: _Declared, angles: AngleUnit) -> str:
     """Return what is wrong and what is wanted; empty where nothing better is known than what pydantic says."""
     if kind == "value_error":
         return str(bounds["error"])
@@ -257,9 +257,9 @@ _LARGEST = 2**53
 """Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
 
 
-def problem_of(error: OutOfRangeError, angles: Angles = Angles.DEGREES) -> Problem:
+def problem_of(error: OutOfRangeError, angles: AngleUnit = AngleUnit.DEGREES) -> ErrorDetail:
     """Return what is said of a refused number, told to somebody who reads angles in this unit."""
-    return Problem(
+    return ErrorDetail(
         code="out_of_range",
         message=error.sentence(angles),
         quantity=error.quantity,
@@ -272,9 +272,9 @@ def problem_of(error: OutOfRangeError, angles: Angles = Angles.DEGREES) -> Probl
     )
 
 
-def problem_of_setting(error: SettingError, angles: Angles) -> Problem:
+def problem_of_setting(error: SettingError, angles: AngleUnit) -> ErrorDetail:
     """Return what is said of a refused setting."""
-    return Problem(
+    return ErrorDetail(
         code="bad_setting",
         message=error.sentence(angles),
         quantity=error.quantity,
@@ -286,9 +286,9 @@ def problem_of_setting(error: SettingError, angles: Angles) -> Problem:
     )
 
 
-def problem_of_experiment(error: ExperimentError, angles: Angles) -> Problem:
+def problem_of_experiment(error: ExperimentError, angles: AngleUnit) -> ErrorDetail:
     """Return what is said of a refused experiment, with the line of its text."""
-    return Problem(
+    return ErrorDetail(
         code="bad_experiment",
         message=error.sentence(angles),
         quantity=error.quantity,

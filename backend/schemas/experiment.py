@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from backend.execution.runner import Doing
+from backend.execution.runner import RunPhase
 from backend.experiments.parser import MAX_CHARACTERS
 from backend.models.run import Outcome, Value
 from backend.schemas.base import Finite, Schema, quantity
@@ -130,7 +130,7 @@ class DryRunProgress(Schema):
     """How far the dry run of a person is."""
 
     under_way: bool
-    doing: Doing = Field(description="what is being done for it; starting while it waits for its turn")
+    doing: RunPhase = Field(description="what is being done for it; starting while it waits for its turn")
     played_s: float = quantity("s", "how much of the experiment is played")
     duration_s: float = quantity("s", "length of the experiment")
 

@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.plain_text import ONE_LINE
 from backend.sample import UNIT_OF
 from backend.schemas.base import Schema, quantity
-from backend.units import Angles
+from backend.units import AngleUnit
 
 # Layouts -------------------------------------------------------------------------------------------
 #
@@ -42,7 +42,7 @@ class ChartLayout(Schema):
 
 
 def look_over(layouts: list[ChartLayout], formulas: Collection[str] = ()) -> None:
-    """Raise RefusalError for what no chart can show: signals that are not there, several units on one axis.
+    """Raise RequestRejectedError for what no chart can show: signals that are not there, several units on one axis.
 
     ``formulas`` are the names of derived signals, also of removed ones: their units are for the page to look at.
     """
@@ -73,8 +73,8 @@ def _once(names: list[str], what: str) -> None:
         raise _refused(f"{what}: “{name}” is there {count} times; once is enough")
 
 
-def _refused(message: str, legal: dict[str, str] | None = None) -> RefusalError:
-    return RefusalError(Because.BAD_VALUE, message, code="bad_layout", legal=legal)
+def _refused(message: str, legal: dict[str, str] | None = None) -> RequestRejectedError:
+    return RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_layout", legal=legal)
 
 
 # Preferences ---------------------------------------------------------------------------------------
@@ -115,7 +115,7 @@ class Preferences(Schema):
         "each browser has to allow them besides"
     )
     sound: bool = Field(description="a short sound for the same")
-    angles: Angles = Field(description="unit in which angles are read: on the page, in refusals and in reports")
+    angles: AngleUnit = Field(description="unit in which angles are read: on the page, in refusals and in reports")
 
 
 NEW_HERE = Preferences(
@@ -133,6 +133,6 @@ NEW_HERE = Preferences(
     toured=False,
     notify=False,
     sound=False,
-    angles=Angles.DEGREES,
+    angles=AngleUnit.DEGREES,
 )
 """What somebody starts with who has chosen nothing yet."""

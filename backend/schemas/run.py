@@ -191,7 +191,7 @@ class Checklist(Schema):
 # Stored runs and their samples.
 
 
-class Evaluation(StrEnum):
+class EvaluationView(StrEnum):
     """Whether a run has its result."""
 
     NONE = "none"
@@ -248,7 +248,7 @@ class RunView(Schema):
     tags: list[str]
     station: str = Field(description="the rig whose service made it; empty where a database has one only")
     origin: str = Field(description="where it was imported from; empty where it was made here")
-    evaluation: Evaluation
+    evaluation: EvaluationView
     evaluation_problem: str = Field(description="why the run has no result, where that is known")
     outcome: Outcome | None = Field(description="how it counts; null for a session and for a run that is not over")
     headline: Headline | None = Field(
@@ -270,7 +270,7 @@ class NoteRequest(Schema):
     note: str = Field(max_length=4000)
 
 
-class Envelope(Schema):
+class SignalEnvelope(Schema):
     """One signal over the times of the answer. Raw: minimum and maximum are the same values."""
 
     unit: str
@@ -285,7 +285,7 @@ class SamplesView(Schema):
     raw: bool
     width_s: float = quantity("s", "length of a bucket; of raw samples, their period")
     t: list[float] = quantity("s", "time since the run's first sample")
-    signals: dict[str, Envelope]
+    signals: dict[str, SignalEnvelope]
 
 
 # Run search ----------------------------------------------------------------------------------------

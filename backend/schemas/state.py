@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import FailFast, Field
 
-from backend.execution.runner import Doing
+from backend.execution.runner import RunPhase
 from backend.experiments.forecast import Stage
 from backend.experiments.parser import MAX_LENGTH
 from backend.faults import Fault
@@ -14,7 +14,7 @@ from backend.plain_text import ONE_LINE
 from backend.realtime.program import Mode
 from backend.recording.derived_signals import Operation
 from backend.recording.trigger import ConditionKind
-from backend.schemas.base import ANY_SIZE, HUGE, Problem, RowNumber, Schema, quantity
+from backend.schemas.base import ANY_SIZE, HUGE, ErrorDetail, RowNumber, Schema, quantity
 from backend.schemas.run import PlayerView
 from backend.schemas.tuning import ChosenTuning, TuningParts, TuningView
 from plant.interface import Breakage, PlantKind, Sensor
@@ -60,14 +60,14 @@ class HolderView(Schema):
 Reason = Annotated[str, Field(max_length=200, description="why, in a few words; stands in the log")]
 
 
-class Wish(Schema):
+class HandoverRequest(Schema):
     """Ask whoever holds control for it, or offer it to somebody as the page that holds it."""
 
     reason: Reason
     to: str | None = Field(default=None, max_length=60, description="to whom it is offered; null asks for it")
 
 
-class Answer(StrEnum):
+class HandoverAnswer(StrEnum):
     """What one of the two says to a request or an offer."""
 
     HAND_OVER = "hand_over"
@@ -78,11 +78,11 @@ class Answer(StrEnum):
 class WishAnswer(Schema):
     """What is said to a request or an offer; whoever keeps control says why."""
 
-    answer: Answer
+    answer: HandoverAnswer
     reason: Reason = ""
 
 
-class Standing(StrEnum):
+class HandoverStatus(StrEnum):
     """How a request or an offer stands: the first three wait for somebody, the others are its end."""
 
     ASKED = "asked"
@@ -99,7 +99,7 @@ class Standing(StrEnum):
     """Control was given up or lost, or who offered it does not hold it any more."""
 
 
-OPEN_WISHES = (Standing.ASKED, Standing.OFFERED, Standing.HANDED)
+OPEN_WISHES = (HandoverStatus.ASKED, HandoverStatus.OFFERED, HandoverStatus.HANDED)
 """Those that wait for somebody."""
 
 
@@ -110,7 +110,7 @@ class WishView(Schema):
     name: str = Field(description="who is to have it")
     by: str = Field(description="who holds it: is asked, or offers it")
     reason: str
-    standing: Standing
+    standing: HandoverStatus
     answer: str = Field(description="why it was declined, or what was said beside handing it over")
     offered: bool = Field(description="offered without being asked for")
     epoch: int | None = Field(description="what others know the control by that was taken by this; null before")
@@ -218,7 +218,7 @@ class PageAddress(Schema):
 class PageAddressFindings(Schema):
     """What is wrong with the way from there to the service, and how to set it right; nothing where all is well."""
 
-    problems: list[Problem]
+    problems: list[ErrorDetail]
 
 
 class PersonView(Schema):
@@ -513,14 +513,14 @@ class ReferencesView(Schema):
     in_force: bool = Field(description="whether something is asked to follow them; else they are what is measured")
 
 
-class Push(Schema):
+class PushRequest(Schema):
     """An external force on a simulated joint, held for a time."""
 
     F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q; 0 lets go", **ANY_SIZE)
     duration_s: float = quantity("s", "time after which the loop lets go by itself", default=1.0, **ANY_SIZE)
 
 
-class Wall(Schema):
+class WallView(Schema):
     """An obstacle in a simulated joint's way."""
 
     q_wall: float = quantity("rad", "where it stands", **ANY_SIZE)
@@ -532,7 +532,7 @@ class Wall(Schema):
 class WallOrder(Schema):
     """What is to stand in the joint's way; null takes it away."""
 
-    wall: Wall | None
+    wall: WallView | None
 
 
 class TensionView(Schema):
@@ -614,7 +614,7 @@ class TaskView(Schema):
     run: int
     elapsed_s: float = quantity("s", "time since the task began")
     duration_s: float = quantity("s", "expected length of the task")
-    phase: Doing
+    phase: RunPhase
     part: PartView | None = Field(description="null where the program has no parts, or is not played")
     number: int = Field(description="which run of its order this is, from 1 on")
     following: int = Field(default=0, description="runs of the same order that follow this one")
@@ -623,7 +623,7 @@ class TaskView(Schema):
     @property
     def paused(self) -> bool:
         """Whether the next run of its order waits, in pretension."""
-        return self.phase is Doing.PAUSED
+        return self.phase is RunPhase.PAUSED
 
 
 class TrialView(TuningParts):
@@ -666,7 +666,7 @@ class State(Schema):
     trigger: TriggerView | None = Field(
         description="the trigger that was armed last since the service started; null where none was"
     )
-    wall: Wall | None = Field(description="what stands in a simulated joint's way; null where nothing does")
+    wall: WallView | None = Field(description="what stands in a simulated joint's way; null where nothing does")
     player: PlayerView | None = Field(default=None, description="where a recording stands that is played; else null")
     own_tuning: ChosenTuning | None = Field(
         description="what the operator had chosen, in force again after the run; null while no run has the tuning"

@@ -239,7 +239,7 @@ class BankReference(Schema):
 
 
 class TuningParts(Schema):
-    """A tuning, whatever is said of it: the parts of ``TuningChoice`` but for the bank."""
+    """A tuning, whatever is said of it: the parts of ``TuningSettings`` but for the bank."""
 
     lam_q: float = quantity("s", "tuning parameter of the position loop")
     lam_S: float = quantity("s", "tuning parameter of the stiffness loop")

@@ -26,7 +26,7 @@ from websockets.protocol import Event
 from websockets.server import ServerProtocol
 from websockets.streams import StreamReader
 
-from backend.auth.authentication import BEARER, OPEN, Person
+from backend.auth.authentication import BEARER, OPEN, User
 from backend.schemas.state import Role
 from backend.server.security import (
     HEADERS,
@@ -68,7 +68,7 @@ BROWSER_PLACES = 96
 _log = logging.getLogger(__name__)
 
 
-class Place:
+class ConnectionSlot:
     """One connection. ``end`` closes it at once; ``is_answered`` tells whether it waits for its answer, not for words.
 
     Both change hands as the connection goes from the accepted socket to its protocol, which takes ``first_words`` over.
@@ -79,32 +79,32 @@ class Place:
         self.end = end
         self.is_answered: Callable[[], bool] = lambda: False
         self.first_words = b""
-        self.holder: Person | None = None
+        self.holder: User | None = None
         self.costs = 0
 
 
 @dataclass(frozen=True)
-class Room:
+class ConnectionBudget:
     """How many places there are for guests and for those who are signed in."""
 
     guests: int
     known: int
 
     @classmethod
-    def within(cls, limit: int, in_use: int) -> "Room":
+    def within(cls, limit: int, in_use: int) -> "ConnectionBudget":
         """Divide what a limit of descriptors leaves beside those in use and the reserve."""
         free = max(12, min(MOST_PLACES, limit - in_use - RESERVE))
         guests = min(GUESTS, free // 3)
         return cls(guests, free - guests)
 
 
-class Places:
+class ConnectionLimiter:
     """Keeps account of all places. Belongs to the event loop."""
 
-    def __init__(self, room: Room) -> None:
+    def __init__(self, room: ConnectionBudget) -> None:
         self.room = room
-        self._guests: dict[str, dict[Place, None]] = {}
-        self._known: set[Place] = set()
+        self._guests: dict[str, dict[ConnectionSlot, None]] = {}
+        self._known: set[ConnectionSlot] = set()
 
     @property
     def guests(self) -> int:
@@ -116,7 +116,7 @@ class Places:
         """How many places those who are signed in take."""
         return sum(place.costs for place in self._known)
 
-    def enter(self, place: Place) -> None:
+    def enter(self, place: ConnectionSlot) -> None:
         """Let a guest in; another one gives way when all places for guests are taken."""
         if self.guests >= self.room.guests:
             self.make_room()
@@ -135,17 +135,17 @@ class Places:
         going.end()
         return True
 
-    def _who_gives_way(self) -> Place | None:
+    def _who_gives_way(self) -> ConnectionSlot | None:
         largest = max(self._guests.values(), key=len, default=None)
         if largest is None:
             return None
-        crowds: Iterable[dict[Place, None]] = (
+        crowds: Iterable[dict[ConnectionSlot, None]] = (
             [largest] if 2 * len(largest) > self.room.guests else self._guests.values()
         )
         silent = max(([place for place in crowd if not place.is_answered()] for crowd in crowds), key=len)
         return silent[0] if silent else next(iter(largest))
 
-    def leave(self, place: Place) -> None:
+    def leave(self, place: ConnectionSlot) -> None:
         """Take back a place, whoever held it."""
         self._known.discard(place)
         crowd = self._guests.get(place.network, {})
@@ -154,7 +154,7 @@ class Places:
             if not crowd:
                 del self._guests[place.network]
 
-    def recognise(self, place: Place, person: Person, *, is_socket: bool = False) -> bool:
+    def recognise(self, place: ConnectionSlot, person: User, *, is_socket: bool = False) -> bool:
         """Give a place of their own to someone who is signed in. False when the person's part is taken.
 
         They stay a guest then: their requests are answered all the same. A websocket, which stays, is to be refused.
@@ -171,7 +171,7 @@ class Places:
         self._known.add(place)
         return True
 
-    def _has_part(self, person: Person, costs: int) -> bool:
+    def _has_part(self, person: User, costs: int) -> bool:
         part = self.room.known // 2
         if person.role is Role.VIEWER and self._taken(role=Role.VIEWER) + costs > part:
             return False
@@ -250,14 +250,18 @@ PAUSE_S = 0.05
 _OUT_OF_RESOURCES = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 
 
-class Listener:
+class ConnectionAcceptor:
     """Accepts on one listening socket until closed. ``protocol`` makes the protocol of a connection.
 
     ``highest`` is the largest descriptor for a new connection: those above are for the rest of the service.
     """
 
     def __init__(
-        self, listening: socket.socket, places: Places, protocol: Callable[[Place], asyncio.Protocol], highest: int
+        self,
+        listening: socket.socket,
+        places: ConnectionLimiter,
+        protocol: Callable[[ConnectionSlot], asyncio.Protocol],
+        highest: int,
     ) -> None:
         self.places = places
         self.protocol = protocol
@@ -309,7 +313,7 @@ class Listener:
 class _Newcomer:
     """A connection until its first words are handed over, or its end."""
 
-    def __init__(self, listener: Listener, connection: socket.socket, address: str) -> None:
+    def __init__(self, listener: ConnectionAcceptor, connection: socket.socket, address: str) -> None:
         self._listener = listener
         self._connection = connection
         self._loop = asyncio.get_running_loop()
@@ -320,7 +324,7 @@ class _Newcomer:
             OSError
         ):  # gone already; an answer in two parts would else wait 40 ms for the first one's receipt
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._place = Place(address, self._end)
+        self._place = ConnectionSlot(address, self._end)
         listener.places.enter(self._place)
         self._patience = self._loop.call_later(SILENCE_S, self._end)
         # Under a crowd it has waited in the kernel, and its words with it: each turn of the event loop counts then.
@@ -408,7 +412,7 @@ class Connection(Protocol):
         """Close at once."""
 
 
-class Reading:
+class ReadScheduler:
     """Lets connections have their pieces parsed in turn. Belongs to the event loop."""
 
     def __init__(self) -> None:
@@ -576,15 +580,15 @@ class _Placed(asyncio.Protocol):
     _stalled: asyncio.TimerHandle | None = None
 
     @property
-    def place(self) -> Place:
+    def place(self) -> ConnectionSlot:
         """Where this connection stands."""
-        place: Place = self.app_state[PLACE]
+        place: ConnectionSlot = self.app_state[PLACE]
         return place
 
     @property
-    def places(self) -> Places:
+    def places(self) -> ConnectionLimiter:
         """The account of all places."""
-        places: Places = self.app_state[ALL_PLACES]
+        places: ConnectionLimiter = self.app_state[ALL_PLACES]
         return places
 
     def end(self) -> None:
@@ -603,7 +607,7 @@ class _Placed(asyncio.Protocol):
         if len(self._unread) > MOST_UNREAD and not self.transport.is_closing():
             self._is_full = True
             self.transport.pause_reading()
-        reading: Reading = self.app_state[READING]
+        reading: ReadScheduler = self.app_state[READING]
         reading.add(self)
 
     def parse_piece(self) -> float | None:
@@ -670,7 +674,12 @@ class HttpProtocol(_Placed, H11Protocol):
     """HTTP/1.1 on a connection that has a place."""
 
     def __init__(
-        self, places: Places, place: Place, reading: Reading, config: Config, server_state: ServerState
+        self,
+        places: ConnectionLimiter,
+        place: ConnectionSlot,
+        reading: ReadScheduler,
+        config: Config,
+        server_state: ServerState,
     ) -> None:
         super().__init__(config, server_state, {ALL_PLACES: places, PLACE: place, READING: reading})
         self._unread = bytearray()
@@ -876,7 +885,7 @@ class _Handshake(ServerProtocol):
 PASSES_BY = "/api/stop"
 
 
-class RequestTurns:
+class RequestSchedulingMiddleware:
     """ASGI middleware that lets one request of operators and one of all others begin in each round.
 
     STOP begins at once. Among operators, as among the others, who came first begins first.

@@ -8,7 +8,7 @@ from starlette.datastructures import Headers
 from starlette.types import Scope
 
 from backend.public_url import PublicUrl, read_public_url
-from backend.schemas.base import Problem
+from backend.schemas.base import ErrorDetail
 
 # Proxied -------------------------------------------------------------------------------------------
 #
@@ -37,7 +37,7 @@ PEER = "sinew.peer"
 """Key of a request's scope: the address that the connection comes from, a proxy's where there is one."""
 
 
-def take_in(scope: Scope, public: PublicUrl | None) -> None:
+def apply_forwarded_headers(scope: Scope, public: PublicUrl | None) -> None:
     """Make of a request that came through a proxy what it would be without: ``scope`` is changed in place.
 
     The prefix of the public URL is taken off the path, where the proxy has left it there, and the client is whom a
@@ -151,7 +151,7 @@ def no_such_page(path: str) -> str:
     )
 
 
-def findings(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[Problem]:
+def findings(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[ErrorDetail]:
     """Return what is wrong with how a page at the address ``page`` has reached the service.
 
     ``peer`` is the address of the connection. A page that may not command at all is refused before, by its origin.
@@ -161,7 +161,7 @@ def findings(page: str, public: PublicUrl | None, headers: Headers, peer: str) -
         opened = read_public_url(f"{parts.scheme}://{parts.netloc}{parts.path.rpartition('/')[0]}/")
     except ValueError:
         return []
-    return [Problem(code=code, message=message) for code, message in _findings(opened, public, headers, peer)]
+    return [ErrorDetail(code=code, message=message) for code, message in _findings(opened, public, headers, peer)]
 
 
 def _findings(opened: PublicUrl, public: PublicUrl | None, headers: Headers, peer: str) -> Iterable[tuple[str, str]]:

@@ -19,14 +19,14 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from backend.auth.authentication import Authentication, Person, Shown
-from backend.errors import Because, RefusalError
+from backend.auth.authentication import Authentication, Shown, User
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.plain_text import PlainTextError, require_plain, require_plain_texts
 from backend.public_url import PublicUrl
-from backend.schemas.base import Problem, Refusal
+from backend.schemas.base import ErrorDetail, ErrorResponse
 from backend.schemas.run import LONGEST_SHEET
 from backend.server import deployment
-from backend.server.deployment import COOKIE_PATH, PUBLIC, name_of, take_in
+from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, name_of
 
 # Bodies --------------------------------------------------------------------------------------------
 #
@@ -48,7 +48,7 @@ def has_body(connection: HTTPConnection) -> bool:
 
 
 async def read_whole(receive: Receive, most: int) -> bytes:
-    """Return the whole body, of ``most`` bytes at most. Raises RefusalError, ClientDisconnect."""
+    """Return the whole body, of ``most`` bytes at most. Raises RequestRejectedError, ClientDisconnect."""
     body = bytearray()
     while True:
         message = await receive()
@@ -56,27 +56,29 @@ async def read_whole(receive: Receive, most: int) -> bytes:
             raise ClientDisconnect
         body += message.get("body", b"")
         if len(body) > most:
-            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {most} bytes")
+            raise RequestRejectedError(ErrorCode.TOO_LARGE, f"the body is larger than {most} bytes")
         if not message.get("more_body", False):
             break
     return bytes(body)
 
 
 def require_writable(body: bytes) -> None:
-    """Raise RefusalError for a body that is no JSON, or holds what no request has: it takes up to 10 ms."""
+    """Raise RequestRejectedError for a body that is no JSON, or holds what no request has: it takes up to 10 ms."""
     try:
         document = pydantic_core.from_json(body)
         _require_few(document)
         if any(mark in body for mark in _SUSPECT):
             require_plain_texts(document)
     except PlainTextError as error:
-        raise RefusalError(Because.BAD_VALUE, f"body: {error}", code="bad_character") from None
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, f"body: {error}", code="bad_character") from None
     except ValueError as error:
-        raise RefusalError(Because.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid") from None
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid"
+        ) from None
 
 
 def _require_few(document: Any) -> None:
-    """Raise RefusalError for more parts than any request has: each that is wrong takes time to be told."""
+    """Raise RequestRejectedError for more parts than any request has: each that is wrong takes time to be told."""
     parts, names, count = [document], 0, 0
     while parts:
         part = parts.pop()
@@ -85,7 +87,7 @@ def _require_few(document: Any) -> None:
         if names > MOST_NAMES or count > MOST_LISTED:
             said = f"{MOST_NAMES} named values and {MOST_LISTED} in lists"
             why = f"body: it has more than {said}, the most that any request has: leave some out"
-            raise RefusalError(Because.BAD_VALUE, why, code="too_many_parts")
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, why, code="too_many_parts")
         parts.extend(part.values() if isinstance(part, dict) else part if isinstance(part, list) else ())
 
 
@@ -136,7 +138,7 @@ def shown_by(connection: HTTPConnection) -> Shown:
     return shown
 
 
-def grant(authentication: Authentication, connection: HTTPConnection, response: Response, person: Person) -> None:
+def grant(authentication: Authentication, connection: HTTPConnection, response: Response, person: User) -> None:
     """Put the session cookie of ``person`` on ``response``."""
     value = authentication.cookie(person)
     if value is not None:
@@ -198,7 +200,7 @@ OVER = 1008
 """The code of the close frame: policy violation, as the standard calls it."""
 
 
-class SessionEnds:
+class SessionExpiryMiddleware:
     """ASGI middleware around all websockets, of the live stream and of the 3D views alike."""
 
     def __init__(self, app: ASGIApp) -> None:
@@ -212,7 +214,7 @@ class SessionEnds:
         connection = HTTPConnection(scope)
         authentication = authentication_of(connection)
         person = None
-        with suppress(RefusalError):
+        with suppress(RequestRejectedError):
             person = authentication.recognise(shown_by(connection))
         if person is None:
             await self._app(scope, receive, send)
@@ -301,7 +303,7 @@ HEADERS = {
 """What every answer carries, unless its route says otherwise."""
 
 
-class Guard:
+class HostOriginMiddleware:
     """ASGI middleware in front of everything, websockets and the answers to failures included.
 
     Refuses a Host header that this service is not known by (DNS rebinding), an Origin other than that host on
@@ -324,7 +326,7 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        take_in(scope, self._public)
+        apply_forwarded_headers(scope, self._public)
         if scope["type"] == "http" and scope["method"] == "HEAD":
             scope, send = {**scope, "method": "GET"}, _without_body(send)
         refusal = self._refusal(scope)
@@ -463,5 +465,5 @@ def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
         page = message_page(status, message)
         page.headers.update(headers)
         return page
-    body = Refusal(error=Problem(code=code, message=message))
+    body = ErrorResponse(error=ErrorDetail(code=code, message=message))
     return JSONResponse(body.model_dump(exclude_none=True), status_code=status, headers=headers)

@@ -14,12 +14,12 @@ from starlette.types import ASGIApp
 
 from backend.server.connections import (
     RESERVE,
+    ConnectionAcceptor,
+    ConnectionBudget,
+    ConnectionLimiter,
+    ConnectionSlot,
     HttpProtocol,
-    Listener,
-    Place,
-    Places,
-    Reading,
-    Room,
+    ReadScheduler,
     SocketProtocol,
     descriptor_limit,
     open_descriptors,
@@ -192,7 +192,7 @@ class Server(EndingServer):
             ending,
         )
         self._ready = ready
-        self._listeners: list[Listener] = []
+        self._listeners: list[ConnectionAcceptor] = []
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start the application, then let connections in."""
@@ -200,14 +200,14 @@ class Server(EndingServer):
         if not self.started:
             return
         limit = descriptor_limit()
-        places = Places(Room.within(limit, open_descriptors()))
-        reading = Reading()
+        places = ConnectionLimiter(ConnectionBudget.within(limit, open_descriptors()))
+        reading = ReadScheduler()
 
-        def protocol(place: Place) -> asyncio.Protocol:
+        def protocol(place: ConnectionSlot) -> asyncio.Protocol:
             return HttpProtocol(places, place, reading, self.config, self.server_state)
 
         highest = limit - RESERVE // 2
-        self._listeners = [Listener(listening, places, protocol, highest) for listening in sockets or []]
+        self._listeners = [ConnectionAcceptor(listening, places, protocol, highest) for listening in sockets or []]
         self._ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

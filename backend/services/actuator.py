@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from backend import __version__
 from backend.commissioning.session import KeptHands, switch_drives
-from backend.errors import Because, RefusalError, require_within
+from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.faults import EXPLAINED, Fault
-from backend.models.run import SETTINGS, KeptLoop, RunSettings
+from backend.models.run import SETTINGS, RunSettings, StoredLoopSettings
 from backend.realtime import commands
 from backend.realtime.commands import (
     Accepted,
@@ -28,16 +28,16 @@ from backend.realtime.commands import (
 from backend.realtime.contact import PUSH_MAX_S
 from backend.realtime.program import LEGAL, MOVING, Mode
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor, result_of
+from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor, result_of
 from backend.schemas.run import PlayedRecording
-from backend.schemas.state import MarkKind, Push, References, State, StopProof, Wall, WallOrder
+from backend.schemas.state import MarkKind, PushRequest, References, State, StopProof, WallOrder, WallView
 from backend.services.contact import Touching
-from backend.services.event_log import Journal
+from backend.services.event_log import EventLog
 from backend.services.live_stream import mark_of
-from backend.services.player import Player
-from backend.services.state import F_PUSH_MAX, PresentState, wall_bounds, wall_in_words
-from backend.services.tuning import Retuning
-from backend.services.tuning_state import KeptTuning, TuningInUse
+from backend.services.player import RecordingPlayer
+from backend.services.state import F_PUSH_MAX, LiveState, wall_bounds, wall_in_words
+from backend.services.tuning import TuningService
+from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import EndState, NewRun, RunKind
@@ -53,11 +53,11 @@ from plant.parameters import PlantParameters
 # What the loop has answered to a command.
 
 
-def carried_out(answer: Accepted | Refused) -> Accepted:
-    """Return the answer of a loop that carries out. Raises RefusalError with its reason where it does not."""
+def raise_if_rejected(answer: Accepted | Refused) -> Accepted:
+    """Return the answer of a loop that carries out. Raises RequestRejectedError with its reason where it does not."""
     if isinstance(answer, Refused):
         legal = [str(mode) for mode in answer.legal] or None
-        raise RefusalError(Because.NOT_NOW, answer.reason, code="refused", legal=legal)
+        raise RequestRejectedError(ErrorCode.NOT_NOW, answer.reason, code="refused", legal=legal)
     return answer
 
 
@@ -66,8 +66,8 @@ def carried_out(answer: Accepted | Refused) -> Accepted:
 # Whether the actuator may go to another mode now, and in which words it is refused.
 
 
-def require_legal(present: PresentState, wanted: Mode, *, loop_alive: bool) -> None:
-    """Raise RefusalError for a mode that cannot be gone to; a dead or unready loop says so itself."""
+def require_legal(present: LiveState, wanted: Mode, *, loop_alive: bool) -> None:
+    """Raise RequestRejectedError for a mode that cannot be gone to; a dead or unready loop says so itself."""
     mode = present.mode
     legal = present.legal(mode)
     paused = present.task is not None and present.task.paused and wanted in MOVING
@@ -82,8 +82,8 @@ def require_legal(present: PresentState, wanted: Mode, *, loop_alive: bool) -> N
     else:
         reason = f"{mode} cannot go to {wanted}"
     names = [str(choice) for choice in legal]
-    raise RefusalError(
-        Because.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
+    raise RequestRejectedError(
+        ErrorCode.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
     )
 
 
@@ -104,7 +104,7 @@ _log = logging.getLogger(__name__)
 class SafeStop:
     """Stops softly by command; where the loop does not take it, by silence, upon which the loop stops by itself."""
 
-    def __init__(self, supervisor: Supervisor, present: PresentState, supervision: Supervision) -> None:
+    def __init__(self, supervisor: Supervisor, present: LiveState, supervision: Supervision) -> None:
         self._supervisor = supervisor
         self._present = present
         self._supervision = supervision
@@ -119,7 +119,7 @@ class SafeStop:
             if self._present.mode in _STILL or not self._supervisor.alive:
                 return
             await asyncio.wait_for(self._supervisor.send(Stop(fault, hard=False)), ANSWER_S)
-        except LoopDiedError:
+        except LoopExitedError:
             return
         except Exception:
             _log.exception("the loop does not take a soft stop: it hears nothing more until it stops by itself")
@@ -142,7 +142,7 @@ class SessionRuns:
         self._database = database
         self._plant = plant
 
-    async def begin(self, mode: Mode, tuning: TuningInUse, who: str) -> int:
+    async def begin(self, mode: Mode, tuning: ActiveTuning, who: str) -> int:
         """Store a session run as running and return its number."""
         new = NewRun(
             kind=RunKind.SESSION,
@@ -151,7 +151,7 @@ class SessionRuns:
             parameters=tuning.parameters.document(),
             who=who,
             software=__version__,
-            settings=SETTINGS.write(RunSettings(mode=str(mode), loop=KeptLoop(**tuning.choice.document()))),
+            settings=SETTINGS.write(RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.choice.document()))),
             bank_id=None if tuning.bank is None else tuning.bank.id,
         )
         return await asyncio.to_thread(self._create, new)
@@ -184,7 +184,7 @@ _SHOWN_S = 0.2
 _RELEASE = Part("The release of a push", "Press STOP if the joint is still pushed.")
 
 
-class Actuator:
+class ActuatorService:
     """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
     ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
@@ -195,10 +195,10 @@ class Actuator:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: PresentState,
+        present: LiveState,
         session_runs: SessionRuns,
-        journal: Journal,
-        kept: KeptTuning,
+        journal: EventLog,
+        kept: TuningStore,
         on_new_ring: Callable[[Ring], None],
         supervision: Supervision,
         hands: KeptHands,
@@ -216,13 +216,13 @@ class Actuator:
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
         self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
-        self.retuning = Retuning(
+        self.retuning = TuningService(
             supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
         )
         self.touching = Touching(
             supervisor, present, journal, self._command, self.changed, self.starting, self.retuning.leave_pushes
         )
-        self.player = Player(recording, self._command, self.changed)
+        self.player = RecordingPlayer(recording, self._command, self.changed)
         present.touch, present.player = self.touching.view, self.player.view
         supervisor.listen(self._hear)
 
@@ -236,15 +236,15 @@ class Actuator:
             changed()
 
     async def stop(self, who: str) -> StopProof:
-        """Stop hard and wait for the proof. Raises RefusalError when the loop does not give it."""
+        """Stop hard and wait for the proof. Raises RequestRejectedError when the loop does not give it."""
         waiter: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
         self._stop_waiters.append(waiter)
         try:
             await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
             stopped = await result_of(waiter, STOP_PROOF_S)
         except TimeoutError:
-            raise RefusalError(
-                Because.UNAVAILABLE, "the loop has not confirmed zero volts: use the e-stop at the rig"
+            raise RequestRejectedError(
+                ErrorCode.UNAVAILABLE, "the loop has not confirmed zero volts: use the e-stop at the rig"
             ) from None
         finally:
             self._stop_waiters.remove(waiter)
@@ -259,7 +259,7 @@ class Actuator:
         self.note_control("control lost", who)
         if self.present.mode in _STILL or not self._supervisor.alive:
             return
-        with suppress(LoopDiedError):
+        with suppress(LoopExitedError):
             await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
 
     def note_control(self, text: str, who: str) -> None:
@@ -281,16 +281,21 @@ class Actuator:
         return await self._state_once(lambda: self.present.fault is Fault.NONE)
 
     async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
-        """Start the loop anew with what was ``found``, once ``take`` has. Raises RefusalError unless it is off."""
+        """Start the loop anew with what was ``found``, once ``take`` has.
+
+        Raises RequestRejectedError unless it is off.
+        """
         async with self._turn:
             if self.present.mode is not Mode.OFF:
-                raise RefusalError(Because.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}")
+                raise RequestRejectedError(
+                    ErrorCode.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}"
+                )
             take()
             try:
                 await self._start_anew(f"with {found}", f"loop started with {found}", who)
-            except LoopDiedError as died:
+            except LoopExitedError as died:
                 self._journal.note(MarkKind.FAULT, f"no loop started with {found}", 0, who)
-                raise LoopDiedError(f"{found} takes effect at the next start of the loop: {died}") from died
+                raise LoopExitedError(f"{found} takes effect at the next start of the loop: {died}") from died
             finally:
                 self.changed()
 
@@ -329,32 +334,32 @@ class Actuator:
         return await self._state_once(lambda: self.present.mode is mode)
 
     def require_unoccupied(self) -> None:
-        """Raise RefusalError while something has the rig for itself."""
+        """Raise RequestRejectedError while something has the rig for itself."""
         occupied = self.occupied()
         if occupied:
-            raise RefusalError(Because.NOT_NOW, f"{occupied}: wait for its end, or cancel it")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{occupied}: wait for its end, or cancel it")
 
     async def switch_drives(self, on: bool, who: str) -> None:
-        """Take the drives away, at any time, or give them back. Raises RefusalError; LoopDiedError where they come on.
+        """Take the drives away, at any time, or give them back.
 
-        They come on in off and beside no step of the bring-up only. Off waits for nothing; it is said again in turn, to
-        a loop that was only starting.
+        Raises RequestRejectedError, and LoopExitedError where they come on. They come on in off and beside no step of
+        the bring-up only. Off waits for nothing; it is said again in turn, to a loop that was only starting.
         """
         if not on:
-            with suppress(LoopDiedError):
+            with suppress(LoopExitedError):
                 await self._supervisor.send(commands.SwitchDrives(on=False))
         async with self._turn:
             if on:
                 self.require_unoccupied()
-            accepted = carried_out(await switch_drives(self._supervisor, self._hands, on, who))
+            accepted = raise_if_rejected(await switch_drives(self._supervisor, self._hands, on, who))
             self._journal.note(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
         self.changed()
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
         """Set the references of the cascade. Raises OutOfRangeError."""
         b = self.present.bounds
-        require_within("q_ref", q_ref, b.q_min, b.q_max, "rad")
-        require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
+        check_range("q_ref", q_ref, b.q_min, b.q_max, "rad")
+        check_range("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
         self.touching.sweep.break_off("other references were set", who)
         accepted = await self._command(commands.SetReferences(q_ref, S_ref))
         text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
@@ -362,19 +367,19 @@ class Actuator:
         self.changed()
         return References(q_ref=q_ref, S_ref=S_ref)
 
-    async def push(self, push: Push, who: str) -> Push:
-        """Push the joint of a simulated plant from outside. Raises RefusalError on any other, OutOfRangeError."""
+    async def push(self, push: PushRequest, who: str) -> PushRequest:
+        """Push the joint of a simulated plant. Raises RequestRejectedError on any other, OutOfRangeError."""
         plant = self.present.plant
         if not plant.simulated:
             by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
             message = f"only what is simulated is pushed by command, and what is driven is the {plant.name}{by_hand}"
-            raise RefusalError(Because.NOT_NOW, message, code="not_a_simulator")
-        require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
+        check_range("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "order it again to push for longer"
-        require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")
+        check_range("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")
         # before it is sent: whoever loses control meanwhile has it let go after it has begun
         self._pushed = push.F_push != 0.0
-        accepted = await self._command(commands.Push(push.F_push, push.duration_s))
+        accepted = await self._command(commands.ApplyPush(push.F_push, push.duration_s))
         text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
         self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
         return push
@@ -389,8 +394,8 @@ class Actuator:
         self._pushed = False
         if not self._supervisor.alive:
             return
-        with suppress(LoopDiedError):
-            await self._supervisor.send(commands.Push(0.0, 0.0))
+        with suppress(LoopExitedError):
+            await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
         self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.present.tick)
 
     async def break_plant(self, broken: Broken | None, who: str) -> None:
@@ -399,7 +404,7 @@ class Actuator:
         await self.carry_out(commands.Inject(broken), text, who)
 
     async def carry_out(self, command: Command, text: str, who: str) -> None:
-        """Have the loop carry out what is of a simulated plant alone, and note it. Raises RefusalError."""
+        """Have the loop carry out what is of a simulated plant alone, and note it. Raises RequestRejectedError."""
         accepted = await self._command(command)
         self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
 
@@ -409,16 +414,16 @@ class Actuator:
         self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.present.tick, who)
 
     async def _command(self, command: Command) -> Accepted:
-        return carried_out(await self._supervisor.send(command))
+        return raise_if_rejected(await self._supervisor.send(command))
 
     async def _state_once(self, reached: Callable[[], bool]) -> State:
         """Return the state as soon as the samples show what was accepted, a moment later at most."""
-        with suppress(TimeoutError, LoopDiedError):
+        with suppress(TimeoutError, LoopExitedError):
             await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
         self.changed()
         return self.present.state()
 
-    def _hear(self, event: Event | LoopDied) -> None:
+    def _hear(self, event: Event | LoopExited) -> None:
         self.present.hear(event)
         if isinstance(event, PlayerMoved):
             self.player.hear(event)
@@ -426,7 +431,7 @@ class Actuator:
             self._pushed = False
         if isinstance(event, ModeChanged):
             self.retuning.leave_trial(f"as the mode is {event.after}")
-        elif isinstance(event, LoopDied):
+        elif isinstance(event, LoopExited):
             self.retuning.leave_trial("as the control loop has ended")
         if (mark := mark_of(event, self.present.tick)) is not None:
             if isinstance(event, Stopped) and self.present.is_expected(event.fault):
@@ -439,7 +444,7 @@ class Actuator:
         if not isinstance(event, Accepted | Refused | RunEnded):
             self.changed()
 
-    def _who_asked(self, event: Event | LoopDied) -> str:
+    def _who_asked(self, event: Event | LoopExited) -> str:
         """Return who asked for the mode that has come; empty where nobody did."""
         if self._asked is None or not isinstance(event, ModeChanged) or event.after is not self._asked[0]:
             return ""
@@ -452,25 +457,25 @@ class Actuator:
 # A wall in the way of a simulated joint: put up and taken away in flight.
 
 
-async def obstruct(actuator: Actuator, order: WallOrder, who: str) -> WallOrder:
+async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) -> WallOrder:
     """Put a wall up, or take it away.
 
-    Raises RefusalError on what is not simulated, where the joint stands in it and while a program puts up its own, and
-    OutOfRangeError.
+    Raises OutOfRangeError, and RequestRejectedError where the plant is not simulated, where the joint is inside the
+    wall and while a program puts up its own.
     """
     plant = actuator.present.plant
     if not plant.simulated:
         message = f"a wall is put only in the way of what is simulated, and what is driven is the {plant.name}"
-        raise RefusalError(Because.NOT_NOW, message, code="not_a_simulator")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     wall = None if order.wall is None else _possible(order.wall, actuator.present.parameters)
     await actuator.carry_out(Obstruct(wall), wall_in_words(wall), who)
     return order
 
 
-def _possible(wall: Wall, parameters: PlantParameters) -> Obstacle:
+def _possible(wall: WallView, parameters: PlantParameters) -> Obstacle:
     bounds, q_max = wall_bounds(parameters), parameters.geometry.q_max
     remedy = "the simulator's steps do not resolve more"
-    require_within("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
-    require_within("k_wall", wall.k_wall, bounds.k_min, bounds.k_max, "N/m", remedy, path=("wall", "k_wall"))
-    require_within("c_wall", wall.c_wall, 0.0, bounds.c_max, "s/m", remedy, path=("wall", "c_wall"))
+    check_range("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
+    check_range("k_wall", wall.k_wall, bounds.k_min, bounds.k_max, "N/m", remedy, path=("wall", "k_wall"))
+    check_range("c_wall", wall.c_wall, 0.0, bounds.c_max, "s/m", remedy, path=("wall", "c_wall"))
     return Obstacle(1.0 if wall.side == "above" else -1.0, wall.q_wall, wall.k_wall, wall.c_wall)

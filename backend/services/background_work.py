@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
-from backend.auth.authentication import Person
+from backend.auth.authentication import User
 from backend.banks.builder import points_of
-from backend.banks.tuning_settings import TuningChoice
-from backend.errors import Because, RefusalError
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.reports.sheet import sheet_pdf
 from backend.schemas.state import Role
 from backend.schemas.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
-from backend.services.tuning_state import TuningInUse
+from backend.services.tuning_state import ActiveTuning
 from backend.storage.banks import Bank
-from backend.tuning.preview import Previewer
+from backend.tuning.preview import TuningPreviewer
 from backend.workers import Offload
 from plant.parameters import PlantParameters
 
@@ -38,13 +38,16 @@ LOOK_S = 0.5
 async def unless_left(work: Coroutine[Any, Any, T], has_left: HasLeft) -> T:
     """Return what ``work`` returns; cancel it when whoever waits for it has left.
 
-    Work in a process beside the service ends with that process. Raises RefusalError after whoever asked has left.
+    Work in a process beside the service ends with that process. Raises RequestRejectedError after whoever asked has
+    left.
     """
     working = asyncio.ensure_future(work)
     try:
         while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
             if await has_left():
-                raise RefusalError(Because.UNAVAILABLE, "whoever asked for this has left: its computation was ended")
+                raise RequestRejectedError(
+                    ErrorCode.UNAVAILABLE, "whoever asked for this has left: its computation was ended"
+                )
         return working.result()
     finally:
         working.cancel()
@@ -61,7 +64,7 @@ async def unless_left(work: Coroutine[Any, Any, T], has_left: HasLeft) -> T:
 
 
 _KEPT = 6
-_kept: list[TuningInUse] = []
+_kept: list[ActiveTuning] = []
 _keeping = Lock()
 
 
@@ -70,29 +73,29 @@ class AskedTuning:
     """A tuning as it goes from one process to another: ``ranges`` are the smallest λ_q and λ_S [s] of each entry."""
 
     parameters: PlantParameters
-    choice: TuningChoice
+    choice: TuningSettings
     bank: Bank | None
     ranges: Sequence[tuple[float, ...]]
 
     @classmethod
-    def of(cls, tuning: TuningInUse) -> "AskedTuning":
+    def of(cls, tuning: ActiveTuning) -> "AskedTuning":
         """Return what is asked of a tuning in use."""
         return cls(tuning.parameters, tuning.choice, tuning.bank, tuning.previewer.ranges)
 
-    def made(self) -> TuningInUse:
+    def made(self) -> ActiveTuning:
         """Return the tuning with its models, which are kept where they were made before."""
         with _keeping:
             same = next((one for one in _kept if self._has_models_of(one)), None)
             if same is None:
                 points = points_of(self.bank)
                 lam_motor, b = self.choice.lam_motor, self.choice.b
-                previewer = Previewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
-                same = TuningInUse(self.choice, self.bank, self.parameters, previewer)
+                previewer = TuningPreviewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
+                same = ActiveTuning(self.choice, self.bank, self.parameters, previewer)
                 _kept.insert(0, same)
                 del _kept[_KEPT:]
-        return TuningInUse(self.choice, self.bank, self.parameters, same.previewer)
+        return ActiveTuning(self.choice, self.bank, self.parameters, same.previewer)
 
-    def _has_models_of(self, other: TuningInUse) -> bool:
+    def _has_models_of(self, other: ActiveTuning) -> bool:
         mine, its = self.choice, other.choice
         return (
             (mine.lam_motor, mine.b) == (its.lam_motor, its.b)
@@ -112,18 +115,18 @@ def preview_tuning(
     k_ext: float | None,
     printed: bool,
 ) -> TuningPreview:
-    """Return what ``TuningInUse.preview`` does. Raises OutOfRangeError."""
+    """Return what ``ActiveTuning.preview`` does. Raises OutOfRangeError."""
     made = asked.made()
     return made.preview(lam_q, lam_S, S, entry, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed)
 
 
 def preview_motor(asked: AskedTuning, lam_motor: float) -> MotorPreview:
-    """Return what ``TuningInUse.motor`` does. Raises OutOfRangeError."""
+    """Return what ``ActiveTuning.motor`` does. Raises OutOfRangeError."""
     return asked.made().motor(lam_motor)
 
 
 def compute_robustness(asked: AskedTuning, M_s: float) -> RobustTuning:
-    """Return what ``TuningInUse.robust`` does."""
+    """Return what ``ActiveTuning.robust`` does."""
     return asked.made().robust(M_s)
 
 
@@ -150,11 +153,11 @@ class WorkPlaces:
     def __init__(self, work: str, works: str, places: int, viewers: int, each: int) -> None:
         self._work, self._works = work, works
         self._places, self._viewers, self._each = places, viewers, each
-        self._people: list[Person] = []
+        self._people: list[User] = []
 
     @contextmanager
-    def held(self, person: Person) -> Iterator[None]:
-        """Hold a place for a person, that of the request under way where it has one. Raises RefusalError for none."""
+    def held(self, person: User) -> Iterator[None]:
+        """Hold a place for a person, that of the request where it has one. Raises RequestRejectedError for none."""
         if _held.get() is self:
             yield
             return
@@ -167,27 +170,27 @@ class WorkPlaces:
             _held.reset(before)
             self._people.remove(person)
 
-    def _require_place(self, person: Person) -> None:
+    def _require_place(self, person: User) -> None:
         own = sum(other.name == person.name and other.role == person.role for other in self._people)
         if own >= self._each:
             number = f"{self._work} of yours is" if self._each == 1 else f"{own} {self._works} of yours are"
-            raise RefusalError(
-                Because.TOO_MANY,
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY,
                 f"{number} under way or waiting, at most {self._each}: wait for one, or leave it",
                 code="busy",
                 retry_after_s=RETRY_S,
             )
         viewers = sum(not is_operator(other) for other in self._people)
         if len(self._people) >= self._places or (not is_operator(person) and viewers >= self._viewers):
-            raise RefusalError(
-                Because.TOO_MANY,
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY,
                 f"{len(self._people)} {self._works} are under way or wait: try again later",
                 code="busy",
                 retry_after_s=RETRY_S,
             )
 
 
-def is_operator(person: Person) -> bool:
+def is_operator(person: User) -> bool:
     """Whether a person may do what operators may."""
     return person.role is Role.OPERATOR
 
@@ -212,8 +215,8 @@ class ChartSheets:
             "a sheet of charts", "sheets of charts", SHEET_PLACES, VIEWERS_SHEET_PLACES, SHEET_PLACES_EACH
         )
 
-    async def pdf(self, svg: str, person: Person, has_left: HasLeft) -> bytes:
-        """Return a sheet as PDF. Raises RefusalError for what is no sheet or finds no place, WorkLimitError."""
+    async def pdf(self, svg: str, person: User, has_left: HasLeft) -> bytes:
+        """Return a sheet as PDF. Raises RequestRejectedError for what is no sheet or finds no place, WorkLimitError."""
         with self.places.held(person):
             return await unless_left(self._offload.run(sheet_pdf, svg), has_left)
 
@@ -254,22 +257,20 @@ class TextWork:
         self.previews = WorkPlaces("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)
         self._turns = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
 
-    async def run(
-        self, person: Person, has_left: HasLeft, work: Callable[P, T], *asked: P.args, **_none: P.kwargs
-    ) -> T:
+    async def run(self, person: User, has_left: HasLeft, work: Callable[P, T], *asked: P.args, **_none: P.kwargs) -> T:
         """Return ``work(*asked)``, as long as the person who asked has not left.
 
-        Raises what the work raises, WorkLimitError, and RefusalError where there is no place.
+        Raises what the work raises, WorkLimitError, and RequestRejectedError where there is no place.
         """
         process = self._operators if is_operator(person) else self._viewers
         with self.places.held(person):
             return await unless_left(process.run(work, *asked, **_none), has_left)
 
-    def previewing(self, person: Person, has_left: HasLeft) -> Compute:
+    def previewing(self, person: User, has_left: HasLeft) -> Compute:
         """Return what computes previews for a person.
 
         One whose asker has left before its turn is not computed; one that is under way ends, with its process kept.
-        Raises what the work raises, WorkLimitError, and RefusalError where there is no place.
+        Raises what the work raises, WorkLimitError, and RequestRejectedError where there is no place.
         """
 
         async def compute(work: Callable[..., T], *asked: Any) -> T:
@@ -289,12 +290,12 @@ class TextWork:
 
 
 async def _turn(turn: asyncio.Lock, has_left: HasLeft) -> None:
-    """Wait for a turn and take it. Raises RefusalError where whoever asked has left meanwhile."""
+    """Wait for a turn and take it. Raises RequestRejectedError where whoever asked has left meanwhile."""
     waiting = asyncio.ensure_future(turn.acquire())
     try:
         while not (await asyncio.wait({waiting}, timeout=LOOK_S))[0]:
             if await has_left():
-                raise RefusalError(Because.UNAVAILABLE, "whoever asked for this has left: it is not computed")
+                raise RequestRejectedError(ErrorCode.UNAVAILABLE, "whoever asked for this has left: it is not computed")
     except BaseException:
         if not waiting.cancel():  # it is there after all
             turn.release()

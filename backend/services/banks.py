@@ -23,8 +23,8 @@ from backend.services.runs import bank_view
 from backend.storage import banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry, fits_of, method_of
 from backend.storage.database import Database, Session
-from backend.tuning.gains import Lambdas
-from backend.tuning.preview import Previewer
+from backend.tuning.gains import TuningParameters
+from backend.tuning.preview import TuningPreviewer
 from backend.workers import SCIENCE, Offload
 from plant.parameters import PlantParameters
 
@@ -38,12 +38,12 @@ class TuningInForce(Protocol):
         ...
 
     @property
-    def lambdas(self) -> Lambdas:
+    def lambdas(self) -> TuningParameters:
         """The tuning parameters and b."""
         ...
 
     @property
-    def previewer(self) -> Previewer:
+    def previewer(self) -> TuningPreviewer:
         """What predicts the loops on the models in use."""
         ...
 

@@ -8,13 +8,24 @@ from datetime import UTC, datetime
 
 from backend.commissioning import steps
 from backend.commissioning import steps as standing
-from backend.commissioning.session import KeptHands, perform, switch_drives, values_of
-from backend.commissioning.steps import STEP, STEPS, Finding, Kept, Standing, Step, StepId, StepState, Work, blocked_by
-from backend.errors import Because, RefusalError, RefusedValueError
+from backend.commissioning.session import KeptHands, run_step, switch_drives, values_of
+from backend.commissioning.steps import (
+    STEP,
+    STEPS,
+    CommissioningStep,
+    Kept,
+    ProcedureContext,
+    StepFinding,
+    StepId,
+    StepState,
+    StepStatus,
+    blocked_by,
+)
+from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
 from backend.faults import Fault
 from backend.realtime.commands import Event, ProveDirections, Stopped
 from backend.realtime.program import Mode
-from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
 from backend.schemas.commissioning import (
     BringUpStep,
     BringUpView,
@@ -24,8 +35,8 @@ from backend.schemas.commissioning import (
     StepInput,
     StepResult,
 )
-from backend.services.actuator import Actuator
-from backend.storage.commissioning import StepResult as Stored
+from backend.services.actuator import ActuatorService
+from backend.storage.commissioning import StoredStepResult as Stored
 from backend.storage.database import Database
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint
 from plant.factory import wiring_of_choice
@@ -40,7 +51,7 @@ from plant.wiring import Wiring
 
 def nothing_to_do(why_not: str) -> BringUpView:
     """Return the steps where there is no rig to be brought up."""
-    never = Standing(StepState.NEVER, why_not)
+    never = StepStatus(StepState.NEVER, why_not)
     return BringUpView(
         applies=False,
         why_not=why_not,
@@ -52,7 +63,7 @@ def nothing_to_do(why_not: str) -> BringUpView:
 
 
 def step_view(
-    step: Step, standing: Standing, result: Stored | None, blocked: str, running: RunningStep | None
+    step: CommissioningStep, standing: StepStatus, result: Stored | None, blocked: str, running: RunningStep | None
 ) -> BringUpStep:
     """Return one step, with its newest result."""
     return BringUpStep(
@@ -84,10 +95,10 @@ NOT_YET = "takes effect at the next start of the loop: do it again in off, or st
 _log = logging.getLogger(__name__)
 
 
-class Findings:
+class CommissioningResults:
     """Belongs to the service's event loop. ``problem`` tells what could not be kept, or is not in force yet."""
 
-    def __init__(self, actuator: Actuator, supervisor: Supervisor, database: Database) -> None:
+    def __init__(self, actuator: ActuatorService, supervisor: Supervisor, database: Database) -> None:
         self.problem = ""
         self._actuator = actuator
         self._supervisor = supervisor
@@ -108,7 +119,7 @@ class Findings:
         if self._disproving:
             await asyncio.wait(self._disproving)
 
-    async def keep(self, step: StepId, wiring: Wiring, finding: Finding, who: str) -> None:
+    async def keep(self, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> None:
         """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
         await asyncio.to_thread(steps.keep, self._database, step, wiring, finding, who)
         brought_up = await asyncio.to_thread(steps.in_effect, self._database, wiring)
@@ -117,10 +128,10 @@ class Findings:
             return
         try:
             await self._actuator.take_up(lambda: None, "what the bring-up has measured", who)
-        except (RefusalError, LoopDiedError) as error:
+        except (RequestRejectedError, LoopExitedError) as error:
             self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
 
-    def _hear(self, event: Event | LoopDied) -> None:
+    def _hear(self, event: Event | LoopExited) -> None:
         """Take a motor that turned the wrong way for what it is: the directions are disproved, for later starts too."""
         if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.why_not():
             keeping = asyncio.create_task(self._disprove(event.detail))
@@ -130,7 +141,7 @@ class Findings:
     async def _disprove(self, seen: str) -> None:
         try:
             wiring = await asyncio.to_thread(self.wiring)
-            finding = Finding(False, f"the loop has stopped: {seen}")
+            finding = StepFinding(False, f"the loop has stopped: {seen}")
             await self.keep(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
             _log.exception("what disproves the directions could not be kept")
@@ -190,7 +201,7 @@ class BringUp:
 
     def __init__(
         self,
-        actuator: Actuator,
+        actuator: ActuatorService,
         supervisor: Supervisor,
         database: Database,
         parameters: PlantParameters,
@@ -201,7 +212,7 @@ class BringUp:
         self._database = database
         self._parameters = parameters
         self._hands = hands
-        self._findings = Findings(actuator, supervisor, database)
+        self._findings = CommissioningResults(actuator, supervisor, database)
         self._running: _Running | None = None
         self._started = actuator.present.starts, datetime.now(UTC)
         actuator.occupied = actuator.present.occupied = self._occupies
@@ -258,24 +269,24 @@ class BringUp:
         return RunningStep(phase=running.phase, elapsed_s=elapsed_s, confirm=running.ask)
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
-        """Start a step. Raises RefusalError where it cannot be started now, OutOfRangeError."""
+        """Start a step. Raises RequestRejectedError where it cannot be started now, OutOfRangeError."""
         why_not = self._findings.why_not()
         if why_not:
-            raise RefusalError(Because.NOT_NOW, why_not)
+            raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         try:
             wanted = values_of(step, values)
             wiring = await asyncio.to_thread(self._findings.wiring)
-        except RefusedValueError:
+        except InvalidValueError:
             raise
         except ValueError as error:
-            raise RefusalError(Because.BAD_VALUE, str(error)) from None
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error)) from None
         except PlantError as error:
-            raise RefusalError(Because.NOT_NOW, str(error)) from None
+            raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
         async with self._actuator.starting:
             kept = await asyncio.to_thread(standing.kept, self._database)
             blocked = self._findings.not_driven(wiring) or self._blocked(STEP[step], self._states(kept, wiring))
             if blocked:
-                raise RefusalError(Because.NOT_NOW, blocked)
+                raise RequestRejectedError(ErrorCode.NOT_NOW, blocked)
             self._findings.problem = ""
             running = self._running = _Running(step)
             running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
@@ -283,33 +294,38 @@ class BringUp:
         return await self.view()
 
     async def confirm(self) -> BringUpView:
-        """Go on with the step under way. Raises RefusalError where nothing waits for it."""
+        """Go on with the step under way. Raises RequestRejectedError where nothing waits for it."""
         running = self._running
         if running is None or running.confirmed is None or running.confirmed.done():
-            raise RefusalError(Because.NOT_NOW, "no step of the bring-up waits for a confirmation")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up waits for a confirmation")
         running.confirmed.set_result(None)
         return await self.view()
 
     async def cancel(self) -> BringUpView:
-        """Give up the step under way. Raises RefusalError where there is none."""
+        """Give up the step under way. Raises RequestRejectedError where there is none."""
         running = self._running
         if running is None or running.task is None:
-            raise RefusalError(Because.NOT_NOW, "no step of the bring-up is under way")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is under way")
         if running.over:  # given up now, it would leave a loop that is starting to itself
             title = STEP[running.step].title
-            raise RefusalError(Because.NOT_NOW, f"{title} is over, and its result is being kept: wait a moment")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"{title} is over, and its result is being kept: wait a moment"
+            )
         running.task.cancel()
         await asyncio.wait((running.task,))
         return await self.view()
 
     async def switch_drives(self, on: bool, who: str) -> BringUpView:
-        """Take the drives away or give them back, between two steps. Raises RefusalError where that cannot be now."""
+        """Take the drives away or give them back, between two steps.
+
+        Raises RequestRejectedError where that cannot be now.
+        """
         why_not = self._findings.why_not()
         if why_not:
-            raise RefusalError(Because.NOT_NOW, why_not)
+            raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         await self._actuator.switch_drives(on, who)
         shown = self._supervisor.card.state
-        with suppress(TimeoutError, LoopDiedError):  # of a rig it is shown with the next write
+        with suppress(TimeoutError, LoopExitedError):  # of a rig it is shown with the next write
             await self._supervisor.advance_until(lambda: shown().drive_enabled is on, _SHOWN_S)
         return await self.view()
 
@@ -339,7 +355,7 @@ class BringUp:
         # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
         in_force = calibrated(wiring, self._supervisor.setup.brought_up.calibrations)
         computed = self._actuator.present.plant.simulated
-        work = Work(
+        work = ProcedureContext(
             self._supervisor,
             in_force,
             self._parameters,
@@ -351,9 +367,9 @@ class BringUp:
         )
         try:
             try:
-                finding = await perform(running.step, work)
-            except LoopDiedError as died:
-                finding = Finding(False, str(died))
+                finding = await run_step(running.step, work)
+            except LoopExitedError as died:
+                finding = StepFinding(False, str(died))
             running.over = True
             phase("keeping the result")
             await self._findings.keep(running.step, wiring, finding, who)
@@ -362,13 +378,13 @@ class BringUp:
             title = STEP[running.step].title
             self._findings.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
             if running.step is StepId.DIRECTION:  # what is not kept does not count for this loop either
-                with suppress(LoopDiedError):
+                with suppress(LoopExitedError):
                     await self._supervisor.send(ProveDirections(proven=False))
         finally:
             self._running = None
             self._actuator.changed()
 
-    def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, Standing]:
+    def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, StepStatus]:
         starts = self._actuator.present.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
@@ -386,7 +402,7 @@ class BringUp:
     def _occupies(self) -> str:
         return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"
 
-    def _blocked(self, step: Step, states: dict[StepId, Standing]) -> str:
+    def _blocked(self, step: CommissioningStep, states: dict[StepId, StepStatus]) -> str:
         present = self._actuator.present
         if self._running is not None:
             return f"{STEP[self._running.step].title} is under way"

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.errors import Because, RefusalError, require_within
+from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import Figure
+from backend.models.run import MeasuredFigure
 from backend.plain_text import as_cell, as_comment
 from backend.recording.derived_signals import following
 from backend.recording.reader import nth_jump, read_samples
-from backend.reports.evidence import set_to
+from backend.reports.evidence import run_configuration
 from backend.reports.provenance import verdict_of
 from backend.sample import FIELDS, UNIT_OF
 from backend.schemas.comparison import (
@@ -115,14 +115,14 @@ _ABSENT = "the run has no such metric"
 def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
     """Return the runs that are compared, each once, and which of them is the reference.
 
-    Raises OutOfRangeError, RefusalError.
+    Raises OutOfRangeError, RequestRejectedError.
     """
     numbers = list(dict.fromkeys(asked.run))
-    require_within("runs", len(numbers), 2, MOST_RUNS, "1", "name other runs to compare", words="number of runs")
+    check_range("runs", len(numbers), 2, MOST_RUNS, "1", "name other runs to compare", words="number of runs")
     chosen = numbers[0] if asked.reference is None else asked.reference
     if chosen not in numbers:
-        raise RefusalError(
-            Because.BAD_VALUE,
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE,
             f"reference: run {chosen} is none of those that are compared",
             legal=[str(number) for number in numbers],
         )
@@ -132,7 +132,7 @@ def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
 def compare(session: Session, asked: ComparisonAsked) -> RunComparison:
     """Return the metrics of runs with their differences to a reference, one of them (None: the first).
 
-    Raises OutOfRangeError, RefusalError, UnknownRecordError.
+    Raises OutOfRangeError, RequestRejectedError, UnknownRecordError.
     """
     numbers, chosen = chosen_runs(asked)
     found = [runs.get(session, number) for number in numbers]
@@ -155,7 +155,7 @@ def _differing(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
     each = []
     for run in found:
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
-        each.append({(item.name, item.unit): _plain(item.value) for item in set_to(run, bank)})
+        each.append({(item.name, item.unit): _plain(item.value) for item in run_configuration(run, bank)})
     settings = []
     for name, unit in dict.fromkeys(key for one in each for key in one):
         values = [one.get((name, unit)) for one in each]
@@ -177,7 +177,7 @@ def _judged(session: Session, run: Run) -> tuple[Result | None, str]:
     return result, "" if result is not None else run.evaluation_problem or "the run has not been evaluated"
 
 
-def _figures(result: Result | None) -> dict[str, Figure]:
+def _figures(result: Result | None) -> dict[str, MeasuredFigure]:
     return {} if result is None else {item.name: item for item in result.metrics.figures}
 
 
@@ -197,9 +197,11 @@ def _named(run: Run, result: Result | None, problem: str, placed: Aligned) -> Co
     )
 
 
-def _metrics(figures: Sequence[dict[str, Figure]], problems: Sequence[str], reference: int) -> list[ComparedMetric]:
+def _metrics(
+    figures: Sequence[dict[str, MeasuredFigure]], problems: Sequence[str], reference: int
+) -> list[ComparedMetric]:
     """Return all metrics that any of the runs has, those of the reference first."""
-    shown: dict[str, Figure] = {}
+    shown: dict[str, MeasuredFigure] = {}
     for of_run in (figures[reference], *figures):
         for name, item in of_run.items():
             shown.setdefault(name, item)
@@ -218,7 +220,7 @@ def _metrics(figures: Sequence[dict[str, Figure]], problems: Sequence[str], refe
     ]
 
 
-def _value(figure: Figure | None, reference: Figure | None, unit: str, problem: str) -> ComparedValue:
+def _value(figure: MeasuredFigure | None, reference: MeasuredFigure | None, unit: str, problem: str) -> ComparedValue:
     if figure is None:
         return ComparedValue(value=None, reason=problem or _ABSENT, difference=None, percent=None)
     if figure.unit != unit:
@@ -315,7 +317,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Beside:
+class AlignedRuns:
     """The reference on the grid of its own samples, and each other run on it, or why there is none of it."""
 
     reference: int
@@ -328,10 +330,10 @@ class Beside:
     reasons: dict[int, str]
 
 
-def beside(session: Session, asked: DifferencesAsked) -> Beside:
+def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
     """Read a signal of all runs, onto the axis of the reference.
 
-    Raises RefusalError, UnknownRecordError, UnknownSignalError.
+    Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
     """
     numbers, reference = chosen_runs(asked)
     placed = aligned(session, numbers, reference, asked)
@@ -352,7 +354,7 @@ def beside(session: Session, asked: DifferencesAsked) -> Beside:
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
     made = following(session, [asked.signal])
     unit = made[asked.signal].unit if made else UNIT_OF[asked.signal]
-    return Beside(reference, unit, own.period_s, grid, own.at(grid), others, offsets, reasons)
+    return AlignedRuns(reference, unit, own.period_s, grid, own.at(grid), others, offsets, reasons)
 
 
 def samples_of(database: Database, run_ids: Sequence[int]) -> int:
@@ -391,7 +393,7 @@ def _curve(session: Session, run_id: int, signal: str) -> Curve:
     return Curve(samples.t, samples.columns[signal].astype(np.float64), period_s)
 
 
-def _difference(run: int, apart: Array, found: Beside, starts: NDArray[np.int64], band: float) -> RunDifference:
+def _difference(run: int, apart: Array, found: AlignedRuns, starts: NDArray[np.int64], band: float) -> RunDifference:
     compared = np.isfinite(apart)
     count = int(np.count_nonzero(compared))
     outside = np.abs(apart) > band  # never where there is no number
@@ -437,7 +439,7 @@ _TABLE = ("what", "name", "label", "unit", "run", "value", "difference", "percen
 def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
     """Yield a signal of all runs on the reference's samples, and its differences; nan where a run has none.
 
-    Raises RefusalError, UnknownRecordError, UnknownSignalError, before the first piece.
+    Raises RequestRejectedError, UnknownRecordError, UnknownSignalError, before the first piece.
     """
     import pyarrow as pa
     import pyarrow.csv
@@ -471,7 +473,10 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
 
 
 def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
-    """Yield a line for each metric and differing setting of each run. Raises RefusalError, UnknownRecordError."""
+    """Yield a line for each metric and differing setting of each run.
+
+    Raises RequestRejectedError, UnknownRecordError.
+    """
     with database.reading() as session:
         found = compare(session, asked)
     text = io.StringIO()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import disturbance_observer
-from backend.errors import Because, RefusalError, require_within
+from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.realtime import commands
 from backend.realtime.commands import Accepted, Command, Event, ModeChanged, SetReferences
 from backend.realtime.program import (
@@ -19,16 +19,16 @@ from backend.realtime.program import (
     MODES,
     NEIGHBOUR,
     SIGMAS,
+    BiasLost,
     Cause,
-    ContactFelt,
+    ContactDetected,
     Mode,
-    TouchForgotten,
 )
-from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.state import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView
-from backend.services.event_log import Journal
-from backend.services.state import PresentState
+from backend.services.event_log import EventLog
+from backend.services.state import LiveState
 from backend.units import in_digits
 from plant.interface import T_s
 
@@ -111,8 +111,8 @@ class TouchSweep:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: PresentState,
-        journal: Journal,
+        present: LiveState,
+        journal: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         learn: Callable[[int], Awaitable[None]],
         changed: Callable[[], None],
@@ -138,11 +138,14 @@ class TouchSweep:
         self._view, self.problem = None, ""
 
     async def begin(self, who: str) -> None:
-        """Go to the first point and on from there. Raises RefusalError where the joint is not held untouched in run."""
+        """Go to the first point and on from there.
+
+        Raises RequestRejectedError where the joint is not held untouched in run.
+        """
         _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
         why = self._why_not_now(rows)
         if why:
-            raise RefusalError(Because.NOT_NOW, f"nothing is learned over S: {why}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing is learned over S: {why}")
         bounds = self._present.bounds
         points = np.linspace(bounds.S_min, bounds.S_max, SWEEP_POINTS).tolist()
         q_ref, S_ref = (float(rows[-1, INDEX[name]]) for name in ("q_ref", "S_ref"))
@@ -157,9 +160,9 @@ class TouchSweep:
             self._task = asyncio.create_task(self._walk(points, accepted.tick, who), name="learning over S")
 
     async def stop(self, who: str) -> None:
-        """Break off and put S_ref back. Raises RefusalError where there is nothing to stop."""
+        """Break off and put S_ref back. Raises RequestRejectedError where there is nothing to stop."""
         if not self.under_way:
-            raise RefusalError(Because.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
         self.break_off("it was stopped", who)
         await self._put_back()
 
@@ -185,7 +188,7 @@ class TouchSweep:
             if not self.under_way:  # who ended it has said so
                 raise
             why = self._died("its task was cancelled")
-        except (RefusalError, LoopDiedError) as error:
+        except (RequestRejectedError, LoopExitedError) as error:
             why = str(error)
         except Exception as error:
             _LOG.exception("learning over S died")
@@ -200,7 +203,7 @@ class TouchSweep:
         return f"it died ({cause})"
 
     async def _rest(self, S_ref: float, since: int) -> None:
-        """Wait until there is something to learn from. Raises RefusalError for what acts, or after LONGEST_S."""
+        """Wait until the joint is at rest. Raises RequestRejectedError for what acts on it, or after LONGEST_S."""
         ring, why = self._supervisor.ring, ""
         end = ring.count + round(LONGEST_S / T_s)
         while ring.count < end:
@@ -208,12 +211,12 @@ class TouchSweep:
             _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
             touched = touched_by(rows[-round(_LOOK_S / T_s) :])
             if touched:
-                raise RefusalError(Because.NOT_NOW, touched)
+                raise RequestRejectedError(ErrorCode.NOT_NOW, touched)
             why = why_not(rows, since) or _restless(rows, S_ref)
             if not why:
                 return
-        raise RefusalError(
-            Because.NOT_NOW,
+        raise RequestRejectedError(
+            ErrorCode.NOT_NOW,
             f"at {in_digits(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
         )
 
@@ -225,7 +228,7 @@ class TouchSweep:
     async def _put_back(self) -> None:
         """Hold S as it was before, where the joint is still held for it."""
         if self._present.mode is Mode.RUN and self._supervisor.alive:
-            with suppress(RefusalError, LoopDiedError):
+            with suppress(RequestRejectedError, LoopExitedError):
                 await self._go(self._held[1], why="as before learning")
 
     def _show(self, point: int, S_ref: float) -> None:
@@ -287,8 +290,8 @@ class Touching:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: PresentState,
-        journal: Journal,
+        present: LiveState,
+        journal: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         changed: Callable[[], None],
         starting: asyncio.Lock,
@@ -315,15 +318,15 @@ class Touching:
     async def order(self, order: TouchOrder, who: str) -> TouchView:
         """Learn at the stiffness that is held now or over all of it, forget, or give way from another force on.
 
-        An order of nothing returns what is. Raises RefusalError, OutOfRangeError; what was in force stays then.
+        An order of nothing returns what is. Raises RequestRejectedError, OutOfRangeError; what was in force stays then.
         """
         if order == TouchOrder():
             return self.view()
         if order.sweep is not None:
             return await self._sweep(order, who)
         if self.sweep.under_way:
-            raise RefusalError(
-                Because.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
             )
         async with self._turn:
             points = [] if order.forget else self._points
@@ -331,7 +334,7 @@ class Touching:
                 points = _with(points, self._learned(self._since))
             contact_N = self._contact_N if order.contact_N is None else order.contact_N
             if contact_N != 0.0:
-                require_within("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N gives way to nothing")
+                check_range("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N gives way to nothing")
                 _require_learned(points, contact_N)
             tick = await self._put(points, contact_N)
         if order.forget:
@@ -343,7 +346,9 @@ class Touching:
 
     async def _sweep(self, order: TouchOrder, who: str) -> TouchView:
         if order.learn or order.forget or order.contact_N is not None:
-            raise RefusalError(Because.BAD_VALUE, "learning over S is ordered alone: nothing else was done either")
+            raise RequestRejectedError(
+                ErrorCode.BAD_VALUE, "learning over S is ordered alone: nothing else was done either"
+            )
         if order.sweep == "stop":
             await self.sweep.stop(who)
         else:
@@ -360,31 +365,31 @@ class Touching:
     async def _put(self, points: list[TouchPoint], contact_N: float) -> int:
         """Put in force what is learned and armed; return the tick of it."""
         bias = tuple((point.S, point.F) for point in points)
-        accepted = await self._command(commands.SetTouch(bias, contact_N))
+        accepted = await self._command(commands.ConfigureContactDetection(bias, contact_N))
         self._points, self._contact_N, self._since = points, contact_N, accepted.tick
         return accepted.tick
 
     def _learned(self, since: int) -> TouchPoint:
-        """Return what is estimated at rest now. Raises RefusalError where the joint does not rest."""
+        """Return what is estimated at rest now. Raises RequestRejectedError where the joint does not rest."""
         ring = self._supervisor.ring
         _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
         why = why_not(rows, since)
         if why:
-            raise RefusalError(Because.NOT_NOW, f"nothing was learned: {why}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
         return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.bias_at(bias, S), std_N=float(F.std()))
 
-    def _hear(self, event: Event | LoopDied) -> None:
+    def _hear(self, event: Event | LoopExited) -> None:
         match event:
-            case ContactFelt(tick, F_ext_hat, contact_N):
+            case ContactDetected(tick, F_ext_hat, contact_N):
                 self._felt = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)
             case ModeChanged(after=mode, cause=cause):
                 self.sweep.break_off(f"the mode is {mode} now")
                 self._felt = self._felt if cause is Cause.CONTACT else None
-            case TouchForgotten():
+            case BiasLost():
                 self.forget("the zeros were found anew")
-            case LoopDied():
+            case LoopExited():
                 self.forget("the control loop died")
             case _:
                 return
@@ -403,15 +408,15 @@ def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
 
 
 def _require_learned(points: list[TouchPoint], contact_N: float) -> None:
-    """Raise RefusalError for a threshold that what is not known of the bias could pass by itself."""
+    """Raise RequestRejectedError for a threshold that what is not known of the bias could pass by itself."""
     if not points:
-        raise RefusalError(
-            Because.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"
+        raise RequestRejectedError(
+            ErrorCode.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"
         )
     noise = max(point.std_N for point in points)
     if not math.isfinite(noise) or contact_N < SIGMAS * noise:
-        raise RefusalError(
-            Because.NOT_NOW,
+        raise RequestRejectedError(
+            ErrorCode.NOT_NOW,
             f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {noise:.4g} N (standard "
             f"deviation), and {SIGMAS:g} times that is the least",
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from backend.analysis.evaluation import catch_up, left_behind
-from backend.errors import Because, OutOfRangeError, RefusalError
+from backend.errors import ErrorCode, OutOfRangeError, RequestRejectedError
 from backend.experiments import parser
 from backend.experiments.library import stored_plan
 from backend.experiments.parser import ExperimentError
@@ -24,7 +24,7 @@ from backend.models.settings import SettingError
 from backend.plain_text import as_line
 from backend.recording.flight import flight_columns
 from backend.recording.reader import AT_HAND_SAMPLES
-from backend.reports.model import Source, load_source
+from backend.reports.model import RunData, load_source
 from backend.reports.rendering import render, render_series
 from backend.reports.series import load_series
 from backend.schemas.comparison import Differences, DifferencesAsked
@@ -32,7 +32,7 @@ from backend.services.comparison import curves_file, differences, samples_of, ta
 from backend.storage import results, runs
 from backend.storage.database import Database
 from backend.storage.runs import EndState, Run, RunKind
-from backend.units import Angles
+from backend.units import AngleUnit
 from backend.workers import DRAWING, Offload, piped
 
 # Imports -------------------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ _LONGEST_EXPERIMENT = 4 * parser.MAX_CHARACTERS
 """Characters of an experiment as a run keeps it: its JSON has more of them than the YAML that was sent."""
 
 
-def take_in(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
+def import_file(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
     """Store the run of a file, a bundle (.zip) or an export, whole or not at all; ``name`` is what it is called.
 
     ``folder`` has room for a bundle unpacked. Raises ImportRefusedError, OSError.
@@ -144,16 +144,19 @@ class Downloads:
         """Load what reports need ahead of the first one."""
         self._offload.prepare(render, *DRAWING, *_REPORTS)
 
-    async def report_html(self, run_id: int, angles: Angles) -> bytes:
-        """Return the report as one self-contained page. Raises UnknownRecordError, RefusalError."""
+    async def report_html(self, run_id: int, angles: AngleUnit) -> bytes:
+        """Return the report as one self-contained page. Raises UnknownRecordError, RequestRejectedError."""
         return await self._report(run_id, "html", angles)
 
-    async def report_pdf(self, run_id: int, angles: Angles) -> bytes:
-        """Return the report as PDF. Raises UnknownRecordError, RefusalError."""
+    async def report_pdf(self, run_id: int, angles: AngleUnit) -> bytes:
+        """Return the report as PDF. Raises UnknownRecordError, RequestRejectedError."""
         return await self._report(run_id, "pdf", angles)
 
-    async def series(self, run_ids: Sequence[int], kind: str, angles: Angles) -> bytes:
-        """Return a report of many runs as "html" or "pdf"; it is not kept. Raises UnknownRecordError, RefusalError."""
+    async def series(self, run_ids: Sequence[int], kind: str, angles: AngleUnit) -> bytes:
+        """Return a report of many runs as "html" or "pdf"; it is not kept.
+
+        Raises UnknownRecordError, RequestRejectedError.
+        """
         await self._catch_up(run_ids)
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
         return await self._offload.run(render_series, sources, kind)
@@ -161,20 +164,23 @@ class Downloads:
     async def data(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
         """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
 
-        Raises UnknownRecordError, ExportError, RefusalError.
+        Raises UnknownRecordError, ExportError, RequestRejectedError.
         """
         return await self._streamed(_run_pieces, run_id, derived, self._folder, kind)
 
     async def flight(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
-        """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RefusalError."""
+        """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RequestRejectedError."""
         return await self._streamed(_flight_pieces, event_id, self._folder, kind)
 
     async def bundle(self, run_id: int) -> AsyncGenerator[bytes]:
-        """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RefusalError."""
+        """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RequestRejectedError."""
         return await self._streamed(bundle_pieces, run_id, self._folder)
 
     async def differences(self, asked: DifferencesAsked) -> Differences:
-        """Return the differences of runs to one. Raises RefusalError, UnknownRecordError, UnknownSignalError."""
+        """Return the differences of runs to one.
+
+        Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
+        """
         if await asyncio.to_thread(samples_of, self._database, asked.run) <= AT_HAND_SAMPLES:
             return await asyncio.to_thread(differences, self._database, asked)
         return await self._offload.run(differences, self._database, asked)
@@ -185,8 +191,8 @@ class Downloads:
 
     async def _streamed(self, work: Callable[..., Iterator[bytes]], *asked: object) -> AsyncGenerator[bytes]:
         if self._under_way >= AT_ONCE:
-            raise RefusalError(
-                Because.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
             )
         stream = self._counted(piped(work, self._database, *asked))
         await anext(stream)
@@ -205,7 +211,7 @@ class Downloads:
         finally:
             self._under_way -= 1
 
-    async def _report(self, run_id: int, kind: str, angles: Angles) -> bytes:
+    async def _report(self, run_id: int, kind: str, angles: AngleUnit) -> bytes:
         await self._catch_up([run_id])
         source = await asyncio.to_thread(self._source, run_id, angles)
         content = await self._offload.run(render, source, kind)
@@ -216,18 +222,20 @@ class Downloads:
         for run_id in await asyncio.to_thread(left_behind, self._database, run_ids):
             try:
                 await self._evaluate(run_id)
-            except RefusalError:  # it is under way
+            except RequestRejectedError:  # it is under way
                 raise
             except Exception as error:
                 _LOG.info("run %d has no result: %s", run_id, error)  # kept with the run: the report says so
 
-    def _source(self, run_id: int, angles: Angles) -> Source:
+    def _source(self, run_id: int, angles: AngleUnit) -> RunData:
         source = load_source(self._database, run_id, angles)
         if source.run.end_state == EndState.RUNNING:
-            raise RefusalError(Because.NOT_NOW, f"run {run_id} is not over yet: its report follows when it is")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"run {run_id} is not over yet: its report follows when it is"
+            )
         if source.result is None and source.run.kind != RunKind.SESSION and _is_awaited(source):
-            raise RefusalError(
-                Because.NOT_NOW, f"the result of run {run_id} is being computed: its report follows in a moment"
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"the result of run {run_id} is being computed: its report follows in a moment"
             )
         return source
 
@@ -238,7 +246,7 @@ class Downloads:
                 results.add_report(session, run_id, kind, content)
 
 
-def _is_awaited(source: Source) -> bool:
+def _is_awaited(source: RunData) -> bool:
     ended = source.run.ended_at
     return (
         source.run.evaluation_problem == ""

@@ -46,7 +46,7 @@ class _Entry:
     lost: int = 0
 
 
-class Journal:
+class EventLog:
     """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody.
 
     What cannot be written waits in memory, in order and with the time at which it happened; ``problem`` says so. Past
@@ -194,7 +194,7 @@ class Clock(Protocol):
 class Refusals:
     """Writes refusals into the journal; ``call_later`` ends a window."""
 
-    def __init__(self, journal: Journal, call_later: Clock) -> None:
+    def __init__(self, journal: EventLog, call_later: Clock) -> None:
         self._journal, self._call_later = journal, call_later
         self._window_s = WINDOW_S
         self._told: set[tuple[str, str]] = set()

@@ -1,10 +1,10 @@
 """Break a simulated plant, or a link of the safety chain, to see each reaction of the loop."""
 
-from backend.auth.control_lease import Control
-from backend.errors import Because, RefusalError
+from backend.auth.control_lease import ControlLease
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.faults import EXPLAINED, FAULTS, Fault
 from backend.schemas.state import CardFault, FaultKind, FaultList, Injection, Silence
-from backend.services.actuator import Actuator
+from backend.services.actuator import ActuatorService
 from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0
@@ -87,18 +87,20 @@ def _needs_a_card(injection: Injection) -> bool:
     return injection.kind in ONLY_OF_A_CARD
 
 
-async def inject(actuator: Actuator, control: Control, injection: Injection, who: str) -> None:
+async def inject(actuator: ActuatorService, control: ControlLease, injection: Injection, who: str) -> None:
     """Break what is asked for.
 
-    Raises RefusalError where the plant is not simulated, as nobody breaks a rig on purpose, and for what only a card
-    has where there is none.
+    Raises RequestRejectedError where the plant is not simulated, as nobody breaks a rig on purpose, and for what only
+    a card has where there is none.
     """
     plant = actuator.present.plant
     if not plant.simulated:
         message = f"faults are injected only into what is simulated, and what is driven is the {plant.name}"
-        raise RefusalError(Because.NOT_NOW, message, code="not_a_simulator")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     if _needs_a_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
-        raise RefusalError(Because.NOT_NOW, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card")
+        raise RequestRejectedError(
+            ErrorCode.NOT_NOW, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card"
+        )
     match injection.kind:
         case Silence.SERVICE_SILENT:
             actuator.fall_silent(SERVICE_SILENT_S, who)
@@ -108,6 +110,6 @@ async def inject(actuator: Actuator, control: Control, injection: Injection, who
             await actuator.break_plant(_broken(injection), who)
 
 
-async def mend(actuator: Actuator, who: str) -> None:
+async def mend(actuator: ActuatorService, who: str) -> None:
     """Mend whatever is broken."""
     await actuator.break_plant(None, who)

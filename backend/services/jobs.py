@@ -8,32 +8,32 @@ from functools import partial
 from typing import Any
 
 from backend.analysis.evaluation import Evaluation
-from backend.auth.authentication import Person
-from backend.banks.tuning_settings import TuningChoice
-from backend.errors import Because, OutOfRangeError, RefusalError, RefusedValueError
+from backend.auth.authentication import User
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import ErrorCode, InvalidValueError, OutOfRangeError, RequestRejectedError
 from backend.execution.runner import (
     SLICE_S,
-    Doing,
-    Notify,
+    ExperimentRig,
     NotReadyError,
-    Order,
-    Station,
+    ProgressCallback,
+    RunPhase,
+    RunRequest,
     banks_in,
     banks_of,
     choices_of,
+    compile_program,
     create_run,
     evaluated,
     mode_of,
-    playable,
     played,
     require_ready,
 )
 from backend.experiments.forecast import Expected, Stage, Start, expected, forecast, start_from
-from backend.experiments.library import IDENTIFICATIONS, Entry, experiments, values_of
+from backend.experiments.library import IDENTIFICATIONS, ExperimentDefinition, experiments, values_of
 from backend.experiments.plans import (
     KIND,
     ActuatorIdentificationPlan,
-    ComposedPlan,
+    ExperimentPlan,
     IdentificationPlan,
     LoopSettings,
     MotorIdentificationPlan,
@@ -45,8 +45,8 @@ from backend.experiments.prediction import PredictedRun, predict, predict_motor,
 from backend.faults import Fault
 from backend.models.settings import Setting, SettingError, describe, from_values
 from backend.plain_text import as_line
-from backend.realtime.program import NO_WALL, Mode, RefusedError, require_able
-from backend.realtime.supervisor import LoopAccess
+from backend.realtime.program import NO_WALL, CommandRejectedError, Mode, require_able
+from backend.realtime.supervisor import LoopClient
 from backend.schemas.experiment import (
     CheckedExperiment,
     DryRunView,
@@ -68,13 +68,13 @@ from backend.schemas.identification import (
 )
 from backend.schemas.state import PartView, TaskView
 from backend.schemas.tuning import TuningView
-from backend.services.actuator import Actuator, SafeStop
+from backend.services.actuator import ActuatorService, SafeStop
 from backend.services.background_work import Compute, HasLeft, TextWork
 from backend.services.banks import StoredBanks
-from backend.services.library import Checked, OwnExperiments, view_of
+from backend.services.library import ExperimentCheck, OwnExperiments, view_of
 from backend.services.queue import DryRuns, Queue
-from backend.services.state import PresentState
-from backend.services.tuning_state import Chosen
+from backend.services.state import LiveState
+from backend.services.tuning_state import ResolvedTuning
 from backend.storage.banks import Bank
 from backend.storage.database import Database
 from backend.storage.runs import EndState, Run
@@ -234,7 +234,7 @@ class Pause:
     ``wanted`` is what was last asked for of the order under way; ``following`` are its runs that have still to begin.
     """
 
-    def __init__(self, present: PresentState, changed: Callable[[], None]) -> None:
+    def __init__(self, present: LiveState, changed: Callable[[], None]) -> None:
         self.wanted = False
         self.following = 0
         self._present = present
@@ -245,20 +245,21 @@ class Pause:
         self.wanted, self.following = False, following
 
     def ask(self, wanted: bool) -> None:
-        """Let the next run of the order wait, or begin. Raises RefusalError where none follows."""
+        """Let the next run of the order wait, or begin. Raises RequestRejectedError where none follows."""
         task = self._present.task
         if task is None or self.following == 0:
             what = "nothing is under way" if task is None else "no run of the same order follows"
             remedy = "several tensions in turn can be paused between two of them"
-            raise RefusalError(Because.NOT_NOW, f"{what}: {remedy}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
         self.wanted = wanted
         self._present.task = task.model_copy(update={"pause_wanted": wanted})
         self._changed()
 
-    async def over(self, loop: LoopAccess, show: Callable[[], None]) -> None:
+    async def over(self, loop: LoopClient, show: Callable[[], None]) -> None:
         """Wait as long as a pause is wanted; then the next run begins, and one less follows.
 
-        ``show`` tells meanwhile that the order waits. Raises NotReadyError once the motors were let go, LoopDiedError.
+        ``show`` tells meanwhile that the order waits. Raises NotReadyError once the motors were let go,
+        LoopExitedError.
         """
         while self.wanted:
             show()
@@ -280,7 +281,7 @@ def not_begun(run: int, why: Exception, count: int) -> str:
 # Results of the runs of one order, computed while the next one plays.
 
 
-class ResultsUnderWay:
+class PendingEvaluations:
     """Belongs to the service's event loop. ``problem`` says why ``without``, a complete run, has no result."""
 
     def __init__(self) -> None:
@@ -328,7 +329,7 @@ _MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
 
 
 def experiment_kinds(
-    entries: Iterable[Entry], in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+    entries: Iterable[ExperimentDefinition], in_force: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
     """Return experiments with their settings and those of the loop as ``in_force``.
 
@@ -370,7 +371,7 @@ def identification_kinds() -> list[IdentificationKind]:
     ]
 
 
-def _beyond(entry: Entry) -> str:
+def _beyond(entry: ExperimentDefinition) -> str:
     """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
     if entry.name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
         return ""
@@ -380,7 +381,7 @@ def _beyond(entry: Entry) -> str:
             return NO_WALL
         for segment in program.segments:
             require_able(segment, pushes=False, loads_shafts=False)
-    except RefusedError as refused:
+    except CommandRejectedError as refused:
         return str(refused)
     return ""
 
@@ -414,7 +415,7 @@ def views_of(settings: Iterable[Setting]) -> list[SettingView]:
 
 
 @dataclass(frozen=True)
-class Part:
+class RunPart:
     """A part of a program until ``end_s`` after its begin, the ``number``th ``of``; ``doing`` what at a set point."""
 
     title: str
@@ -435,14 +436,14 @@ class Ordered:
     of: int = 1
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[RunPart, ...]:
         """The parts of its program by their times; set points are counted over all that was ordered together."""
         told = self.expected.timetable
         if told is None:
             phases = self.plan.phases()
-            return tuple(Part(one.title, at, len(phases), one.end_s) for at, one in enumerate(phases, start=1))
+            return tuple(RunPart(one.title, at, len(phases), one.end_s) for at, one in enumerate(phases, start=1))
         return tuple(
-            Part(
+            RunPart(
                 title=told.title(one),
                 number=(self.number - 1) * one.of + one.number,
                 of=self.of * one.of,
@@ -453,7 +454,7 @@ class Ordered:
         )
 
 
-def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notify:
+def run_progress(present: LiveState, ordered: Ordered, pause: Pause) -> ProgressCallback:
     """Return what puts into ``present`` how far a run is.
 
     What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
@@ -461,20 +462,20 @@ def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notif
     """
     before_s, expected_s, parts = 0.0, ordered.expected.duration_s, ordered.parts
     plan = ordered.plan
-    title = as_line(plan.experiment.title) if isinstance(plan, ComposedPlan) and plan.kind == KIND else ""
+    title = as_line(plan.experiment.title) if isinstance(plan, ExperimentPlan) and plan.kind == KIND else ""
 
-    def show(doing: Doing, elapsed_s: float) -> None:
+    def show(doing: RunPhase, elapsed_s: float) -> None:
         nonlocal before_s, expected_s
-        if doing is Doing.PRETENSION:
+        if doing is RunPhase.PRETENSION:
             before_s = elapsed_s
-        if doing is Doing.PROGRAM:
+        if doing is RunPhase.PROGRAM:
             expected_s = before_s + ordered.expected.program_s
         passed_s = {
-            Doing.STARTING: 0.0,
-            Doing.PRETENSION: elapsed_s,
-            Doing.PROGRAM: before_s + elapsed_s,
-            Doing.PAUSED: expected_s,
-            Doing.EVALUATION: expected_s,
+            RunPhase.STARTING: 0.0,
+            RunPhase.PRETENSION: elapsed_s,
+            RunPhase.PROGRAM: before_s + elapsed_s,
+            RunPhase.PAUSED: expected_s,
+            RunPhase.EVALUATION: expected_s,
         }[doing]
         present.task = TaskView(
             kind=plan.kind,
@@ -483,7 +484,7 @@ def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notif
             elapsed_s=passed_s,
             duration_s=expected_s,
             phase=doing,
-            part=part_at(parts, elapsed_s) if doing is Doing.PROGRAM else None,
+            part=part_at(parts, elapsed_s) if doing is RunPhase.PROGRAM else None,
             number=ordered.number,
             following=pause.following,
             pause_wanted=pause.wanted,
@@ -492,7 +493,7 @@ def run_progress(present: PresentState, ordered: Ordered, pause: Pause) -> Notif
     return show
 
 
-def part_at(parts: tuple[Part, ...], t: float) -> PartView | None:
+def part_at(parts: tuple[RunPart, ...], t: float) -> PartView | None:
     """Return the part of a program ``t`` [s] after its start; what is past the end is in the last one."""
     if not parts:
         return None
@@ -509,13 +510,13 @@ def part_at(parts: tuple[Part, ...], t: float) -> PartView | None:
 _log = logging.getLogger(__name__)
 
 
-class OrderedRuns:
+class JobManager:
     """Starts what takes its time and keeps the state informed of how far it is."""
 
     def __init__(
         self,
-        station: Station,
-        actuator: Actuator,
+        station: ExperimentRig,
+        actuator: ActuatorService,
         banks: StoredBanks,
         experiments: OwnExperiments,
         prepare_report: Callable[[], None],
@@ -536,7 +537,7 @@ class OrderedRuns:
         self._safe_stop = safe_stop
         self.queue = Queue(self.start_experiment, self.checked, supervision, station.database)
         self._problem = ""
-        self._results = ResultsUnderWay()
+        self._results = PendingEvaluations()
         self.pause = Pause(actuator.present, actuator.changed)
         self._running: asyncio.Task[None] | None = None
         self._closing = False
@@ -552,7 +553,7 @@ class OrderedRuns:
             self._results.forget()
             self._actuator.changed()
 
-    async def experiment_kinds(self, person: Person, has_left: HasLeft) -> list[ExperimentKind]:
+    async def experiment_kinds(self, person: User, has_left: HasLeft) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
         present = self._actuator.present
         settings = self._loop_settings()
@@ -564,13 +565,13 @@ class OrderedRuns:
         return await asyncio.to_thread(_experiment_kinds, *asked)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
-        """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
+        """Start an experiment and return its run. Raises RequestRejectedError, SettingError, OutOfRangeError."""
         _, plan, wanted = await self._ordered(request)
         self._require_seed(wanted)
         async with self._actuator.starting:
             self._require_free()
             require_ready(self._station.loop)
-            return await self._start(await self._bank_of(wanted), Order(plan, wanted, who))
+            return await self._start(await self._bank_of(wanted), RunRequest(plan, wanted, who))
 
     async def checked(self, request: ExperimentRequest) -> ExperimentRequest:
         """Return an order with all that it leaves to what is in force now, for one that waits for its turn.
@@ -584,7 +585,7 @@ class OrderedRuns:
         await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
         return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
 
-    async def check_experiment(self, asked: ExperimentToCheck, person: Person, has_left: HasLeft) -> CheckedExperiment:
+    async def check_experiment(self, asked: ExperimentToCheck, person: User, has_left: HasLeft) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
 
         Raises ExperimentError.
@@ -593,32 +594,34 @@ class OrderedRuns:
         if not asked.play:
             return checked.view({}, "it was looked over only")
         try:
-            played = await self._play_dry(Order(checked.plan, self._loop_settings(), person.name), person, has_left)
-        except (RefusalError, RefusedValueError) as error:
-            busy = isinstance(error, RefusalError) and error.because is Because.TOO_MANY
+            played = await self._play_dry(
+                RunRequest(checked.plan, self._loop_settings(), person.name), person, has_left
+            )
+        except (RequestRejectedError, InvalidValueError) as error:
+            busy = isinstance(error, RequestRejectedError) and error.because is ErrorCode.TOO_MANY
             return checked.view({}, str(error), busy=busy)
         return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
 
-    async def keep_experiment(self, written: str, person: Person, has_left: HasLeft) -> OwnExperiment:
+    async def keep_experiment(self, written: str, person: User, has_left: HasLeft) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
         checked = await self._looked_over(written, person, has_left)
         kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
         return view_of(kept, checked.title)
 
-    async def _looked_over(self, written: str, person: Person, has_left: HasLeft) -> Checked:
+    async def _looked_over(self, written: str, person: User, has_left: HasLeft) -> ExperimentCheck:
         here = self._actuator.present.tuning.parameters, self._loop_settings().tuning
         return await self._texts.run(person, has_left, self._experiments.checked, written, *here)
 
-    async def dry_run(self, request: ExperimentRequest, person: Person, has_left: HasLeft) -> DryRunView:
+    async def dry_run(self, request: ExperimentRequest, person: User, has_left: HasLeft) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         asked = request.name, self._loop_settings(), request.settings
         if request.name in experiments():
             _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
         else:
             _, plan, wanted = await self._texts.run(person, has_left, self._experiments.plan, *asked)
-        return await self._play_dry(Order(plan, wanted, person.name), person, has_left)
+        return await self._play_dry(RunRequest(plan, wanted, person.name), person, has_left)
 
-    async def _play_dry(self, order: Order, person: Person, has_left: HasLeft) -> DryRunView:
+    async def _play_dry(self, order: RunRequest, person: User, has_left: HasLeft) -> DryRunView:
         bank = await self._bank_of(order.loop_settings)
         others = banks_of(order.plan) - {0 if bank is None else bank.id}
         used = [*([] if bank is None else [bank]), *(await self._banks.existing(others) if others else ())]
@@ -627,7 +630,7 @@ class OrderedRuns:
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
         """Start an identification, or several in turn, and return the first run.
 
-        Raises RefusalError, SettingError, OutOfRangeError.
+        Raises RequestRejectedError, SettingError, OutOfRangeError.
         """
         plans = plans_of(request)
         async with self._actuator.starting:
@@ -637,7 +640,7 @@ class OrderedRuns:
             start = start_from(self._station.loop.ring.newest())
             told = await self._texts.order(forecast, plans, parameters, start, loop.lam_motor)
             told.require_within_range(parameters)
-            return await self._start(bank, *(Order(plan, loop, who) for plan in plans))
+            return await self._start(bank, *(RunRequest(plan, loop, who) for plan in plans))
 
     async def predict_identification(
         self, request: IdentificationRequest, compute: Compute = asyncio.to_thread
@@ -662,11 +665,11 @@ class OrderedRuns:
         self._actuator.require_unoccupied()
         if (task := self._actuator.present.task) is not None:
             remedy = "wait for its end or stop it"
-            raise RefusalError(Because.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
         if self._actuator.present.trial() is not None:
-            raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 
-    async def _start(self, bank: Bank | None, *orders: Order) -> int:
+    async def _start(self, bank: Bank | None, *orders: RunRequest) -> int:
         """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
         await self._actuator.retuning.lend(orders[0].loop_settings.tuning, bank, orders[0].who)
         try:
@@ -678,12 +681,12 @@ class OrderedRuns:
         self._results.forget()
         self.pause.begin(len(orders) - 1)
         progress = await self._progress(orders, 0, run)
-        progress(Doing.STARTING, 0.0)
+        progress(RunPhase.STARTING, 0.0)
         self._running = asyncio.create_task(self._perform(orders, run, progress))
         self._prepare_report()
         return run.id
 
-    async def _perform(self, orders: Sequence[Order], run: Run, show: Notify) -> None:
+    async def _perform(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> None:
         """Perform orders in turn; ``run`` and ``show`` are those of the first. One that does not complete ends it.
 
         While the result of one is computed the next one plays: together they take what was announced.
@@ -698,7 +701,7 @@ class OrderedRuns:
                         break
                     run, playing = following, True
                     show = await self._progress(orders, position, run)
-                    show(Doing.STARTING, 0.0)
+                    show(RunPhase.STARTING, 0.0)
                 self._actuator.present.on_the_way = await self._on_the_way(order)
                 over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
                 closed = await played(self._station, order, run, show, over)
@@ -709,7 +712,7 @@ class OrderedRuns:
                     break
             playing = False
             self.pause.begin(0)
-            show(Doing.EVALUATION, 0.0)
+            show(RunPhase.EVALUATION, 0.0)
             if await self._results.any_missing():
                 end_state = None  # whoever waits for the result, the queue too, waits for a person
         except Exception as error:
@@ -727,27 +730,27 @@ class OrderedRuns:
             self._actuator.changed()
             self.queue.ended(run.id, end_state)
 
-    async def _following(self, orders: Sequence[Order], run: Run, show: Notify) -> Run | None:
+    async def _following(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:
         """Create the first run of what is left after ``run`` once no pause is wanted; None, and a problem, if it fails.
 
         Nothing plays then, and ``run`` is complete: neither it nor the joint is concerned.
         """
         try:
-            await self.pause.over(self._station.loop, partial(show, Doing.PAUSED, 0.0))
+            await self.pause.over(self._station.loop, partial(show, RunPhase.PAUSED, 0.0))
             return await asyncio.to_thread(create_run, self._station, orders[0])
         except Exception as error:
             _log.warning("no run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
             self._problem = not_begun(run.id, error, len(orders))
             return None
 
-    async def _on_the_way(self, order: Order) -> list[Chosen]:
+    async def _on_the_way(self, order: RunRequest) -> list[ResolvedTuning]:
         """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
         choices = choices_of(order.plan, order.loop_settings.tuning)
         numbers = {choice.bank for choice in choices}
         there = {bank.id: bank for bank in await self._banks.existing(numbers)} if choices else {}
-        return [Chosen(choice, there.get(choice.bank)) for choice in choices]
+        return [ResolvedTuning(choice, there.get(choice.bank)) for choice in choices]
 
-    async def _progress(self, orders: Sequence[Order], position: int, run: Run) -> Notify:
+    async def _progress(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
         """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
         plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
         told = await asyncio.to_thread(expected, plan, self._station.parameters, start)
@@ -779,8 +782,8 @@ def _experiment_kinds(
     return experiment_kinds(known.all(), in_force, tuning, plant)
 
 
-def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> None:
-    playable(banks_in(database), parameters, plan, tuning)
+def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:
+    compile_program(banks_in(database), parameters, plan, tuning)
 
 
 async def _nothing() -> None:

@@ -5,16 +5,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from backend.auth.authentication import Person
-from backend.banks.tuning_settings import TuningChoice
-from backend.errors import Because, RefusalError
-from backend.execution.runner import banks_in, playable
+from backend.auth.authentication import User
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import ErrorCode, RequestRejectedError
+from backend.execution.runner import banks_in, compile_program
 from backend.experiments import library, parser
-from backend.experiments.compiler import Played, played_parts
-from backend.experiments.library import Entry, entry_of, experiments
+from backend.experiments.compiler import PlayedPart, played_parts
+from backend.experiments.library import ExperimentDefinition, entry_of, experiments
 from backend.experiments.library import experiment as ready
 from backend.experiments.parser import ExperimentError, line_of
-from backend.experiments.plans import ComposedPlan, LoopSettings, Plan, split_values
+from backend.experiments.plans import ExperimentPlan, LoopSettings, Plan, split_values
 from backend.models.run import with_motion
 from backend.models.settings import SettingError
 from backend.plain_text import STORED, PlainTextError, as_folded, require_line
@@ -47,7 +47,7 @@ from plant.parameters import PlantParameters
 
 
 @dataclass(frozen=True)
-class Checked:
+class ExperimentCheck:
     """What can be told of an experiment before it is kept or started; its settings are at their defaults.
 
     Goes from one process to another, unlike an entry.
@@ -55,12 +55,12 @@ class Checked:
 
     name: str
     title: str
-    plan: ComposedPlan
+    plan: ExperimentPlan
     duration_s: float
     segments: int
     changes_of_tuning: int
     document: dict[str, Any]
-    parts: list[Played]
+    parts: list[PlayedPart]
 
     def view(
         self,
@@ -96,7 +96,7 @@ class OwnExperiments:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def all(self) -> list[Entry]:
+    def all(self) -> list[ExperimentDefinition]:
         """Return every experiment that can be ordered, own ones in their newest version, after the ready-made."""
         with self._database.reading() as session:
             own = stored.newest(session)
@@ -134,7 +134,7 @@ class OwnExperiments:
         """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
         return recorded_experiment(self._database, run_id)
 
-    def entry(self, name: str) -> Entry:
+    def entry(self, name: str) -> ExperimentDefinition:
         """Return the experiment of this name: ready-made, own, or a version of an own one, "name@2".
 
         Raises SettingError with those there are, ExperimentError for a text that an older Sinew took.
@@ -149,16 +149,16 @@ class OwnExperiments:
             raise SettingError("name", name, why, legal=known) from None
         return _entry_of(kept)
 
-    def keep(self, written: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StoredExperiment:
+    def keep(self, written: str, who: str, parameters: PlantParameters, tuning: TuningSettings) -> StoredExperiment:
         """Keep an experiment that can be played on this plant. Raises ExperimentError."""
         return self.store(self.checked(written, parameters, tuning), written, who)
 
-    def store(self, checked: Checked, written: str, who: str) -> StoredExperiment:
+    def store(self, checked: ExperimentCheck, written: str, who: str) -> StoredExperiment:
         """Keep an experiment that was looked over, as the next version of its name."""
         with self._database.session() as session:
             return stored.add(session, checked.name, written, who)
 
-    def checked(self, written: str, parameters: PlantParameters, tuning: TuningChoice) -> Checked:
+    def checked(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
         experiment, lines = parser.read(written)
         if as_folded(experiment.name) in map(as_folded, experiments()):
@@ -166,9 +166,9 @@ class OwnExperiments:
             raise ExperimentError(why, ("name",), line_of(("name",), lines))
         entry = entry_of(experiment, lines)
         plan = entry.usual
-        assert isinstance(plan, ComposedPlan)
-        program = playable(banks_in(self._database), parameters, plan, tuning)
-        return Checked(
+        assert isinstance(plan, ExperimentPlan)
+        program = compile_program(banks_in(self._database), parameters, plan, tuning)
+        return ExperimentCheck(
             entry.name,
             entry.title,
             plan,
@@ -195,12 +195,12 @@ def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
     return OwnExperiment(name=kept.name, version=kept.version, title=title, who=kept.who, created=kept.created_at)
 
 
-def _entry_of(kept: StoredExperiment) -> Entry:
+def _entry_of(kept: StoredExperiment) -> ExperimentDefinition:
     experiment, lines = parser.read(kept.text, stored=True)
     return entry_of(experiment, lines, name=f"{kept.name}@{kept.version}")
 
 
-def _readable(kept: StoredExperiment) -> Entry | None:
+def _readable(kept: StoredExperiment) -> ExperimentDefinition | None:
     """Return the entry of an own experiment; one that this version of Sinew does not take any more is not offered."""
     try:
         return _entry_of(kept)
@@ -219,14 +219,14 @@ class StoredPreferences:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def of(self, person: Person) -> Preferences:
+    async def of(self, person: User) -> Preferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
         stored = await asyncio.to_thread(self._newest, _setting_of(person))
         # what was stored before a preference existed lacks it
         return NEW_HERE if stored is None else _read(stored)
 
-    async def put(self, person: Person, preferences: Preferences) -> Preferences:
-        """Remember how ``person`` likes the page. Raises RefusalError for a layout that cannot be drawn."""
+    async def put(self, person: User, preferences: Preferences) -> Preferences:
+        """Remember how ``person`` likes the page. Raises RequestRejectedError for a layout that cannot be drawn."""
         look_over(preferences.layouts, await asyncio.to_thread(self._formulas))
         await asyncio.to_thread(self._put, person, preferences)
         return preferences
@@ -239,7 +239,7 @@ class StoredPreferences:
         with self._database.reading() as session:
             return settings.newest(session, name)
 
-    def _put(self, person: Person, preferences: Preferences) -> None:
+    def _put(self, person: User, preferences: Preferences) -> None:
         with self._database.session() as session:
             settings.put(session, _setting_of(person), preferences.model_dump(), person.name)
 
@@ -248,7 +248,7 @@ def _read(stored: StoredSetting) -> Preferences:
     return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED)
 
 
-def _setting_of(person: Person) -> str:
+def _setting_of(person: User) -> str:
     # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
     name = person.called or person.name
     return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
@@ -278,7 +278,7 @@ class RunLibrary:
         return await asyncio.to_thread(self.saved_searches)
 
     async def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
-        """Save a search under a name. Raises QueryError, RefusalError."""
+        """Save a search under a name. Raises QueryError, RequestRejectedError."""
         return await asyncio.to_thread(self.keep_search, name, where, who)
 
     async def forget_search(self, name: str, who: str) -> SavedSearchList:
@@ -299,7 +299,7 @@ class RunLibrary:
         return TagList(tags=(await self.words()).tags)
 
     async def comparison(self, asked: ComparisonAsked) -> RunComparison:
-        """Set runs beside each other. Raises RefusalError, UnknownRecordError."""
+        """Set runs beside each other. Raises RequestRejectedError, UnknownRecordError."""
         return await asyncio.to_thread(self.compared, asked)
 
     async def metric_history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
@@ -327,15 +327,17 @@ class RunLibrary:
         return known[name]
 
     def keep_search(self, name: str, where: str, who: str) -> SavedSearchList:
-        """Save a search that can be asked now under a name. Raises QueryError, RefusalError."""
+        """Save a search that can be asked now under a name. Raises QueryError, RequestRejectedError."""
         called = name.strip()
         if not 1 <= len(called) <= SEARCH_NAME_MAX:
             why = f"{called[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
-            raise RefusalError(Because.BAD_VALUE, f"name of the search: {why}")
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"name of the search: {why}")
         try:
             require_line(called)
         except PlainTextError as error:
-            raise RefusalError(Because.BAD_VALUE, f"name of the search: {error}", code="bad_character") from None
+            raise RequestRejectedError(
+                ErrorCode.BAD_VALUE, f"name of the search: {error}", code="bad_character"
+            ) from None
         require_distinct("a saved search", called, (one.name for one in self.saved_searches().searches))
         query = parse(where)
         with self._database.session() as session:
@@ -365,7 +367,7 @@ class RunLibrary:
             return tags.rename(session, before, after)
 
     def compared(self, asked: ComparisonAsked) -> RunComparison:
-        """Set runs beside each other. Raises RefusalError, UnknownRecordError."""
+        """Set runs beside each other. Raises RequestRejectedError, UnknownRecordError."""
         with self._database.reading() as session:
             return comparison.compare(session, asked)
 

@@ -28,8 +28,8 @@ from backend.realtime.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.realtime.program import MODES, ContactFelt, TouchForgotten
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.program import MODES, BiasLost, ContactDetected
+from backend.realtime.supervisor import LoopExited
 from backend.sample import STORED
 from backend.schemas.state import EventMessage, FieldView, LayoutMessage, MarkKind, StateMessage
 from backend.services.state import wall_in_words
@@ -49,16 +49,16 @@ class Mark(NamedTuple):
     tick: int
 
 
-def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
+def mark_of(event: Event | LoopExited, now: int) -> Mark | None:
     """Return the mark of an event, None where whoever asked for it leaves one; ``now`` is the newest tick."""
     match event:
         case ModeChanged(tick, before, after):
             return Mark(MarkKind.MODE, f"{before} → {after}", tick)
         case PretensionReached(tick):
             return Mark(MarkKind.MODE, "pretension reached", tick)
-        case ContactFelt(tick, F_ext_hat, contact_N):
+        case ContactDetected(tick, F_ext_hat, contact_N):
             return Mark(MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, from {contact_N:g} N on the joint gives way", tick)
-        case TouchForgotten(tick):
+        case BiasLost(tick):
             return Mark(MarkKind.NOTE, "zeros found anew: the outside force has to be learned again", tick)
         case PushReleased(tick, why):
             return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
@@ -76,7 +76,7 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
         case PlantAnswers(tick):
             return Mark(MarkKind.NOTE, "the plant answers again", tick)
-        case LoopDied(reason):
+        case LoopExited(reason):
             return Mark(MarkKind.TRIP, f"The control loop died: {reason}", now)
         case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged() | PlayerMoved():
             return None
@@ -102,7 +102,7 @@ QUEUE_FRAMES = 60
 MARKS = 200
 
 
-class Samples(Protocol):
+class SampleSource(Protocol):
     """What the stream reads from: the ring of the loop that runs at present."""
 
     @property
@@ -165,7 +165,7 @@ class LiveStream:
     tell. ``announce`` marks an event; ``state_changed`` sends the state with the next frame instead of at its turn.
     """
 
-    def __init__(self, samples: Callable[[], Samples], state: Callable[[], StateMessage]) -> None:
+    def __init__(self, samples: Callable[[], SampleSource], state: Callable[[], StateMessage]) -> None:
         self._samples = samples
         self._state = state
         self._clients: set[Client] = set()
@@ -253,7 +253,7 @@ def layout() -> LayoutMessage:
     )
 
 
-def _frames(ring: Samples, since: int, end: int) -> Iterator[bytes]:
+def _frames(ring: SampleSource, since: int, end: int) -> Iterator[bytes]:
     while since < end:
         first, rows, missed = ring.read(since, min(FRAME_SAMPLES, end - since))
         if len(rows) == 0:

@@ -16,7 +16,7 @@ from pathlib import Path
 from backend import __version__
 from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import LATENESS_EDGES_S, lateness_histogram
-from backend.recording.retention import Overview, Rule, overview, remove
+from backend.recording.retention import Overview, RetentionRule, overview, remove
 from backend.schemas.state import (
     BackupView,
     DatabaseCheck,
@@ -134,7 +134,7 @@ LOOK_S = 600.0
 class Retention:
     """Looks after the room that recordings take; ``problem`` says when it is too much. Deletes nothing by itself."""
 
-    def __init__(self, database: Database, rule: Rule) -> None:
+    def __init__(self, database: Database, rule: RetentionRule) -> None:
         self.problem = ""
         self._database = database
         self._rule = rule

@@ -8,15 +8,15 @@ from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from backend.banks import tuning_settings
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.models.document import digest_of
 from backend.models.run import APPLIED, AppliedParameters
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView
 from backend.schemas.tuning import ParameterVersion as TuningParameterVersion
-from backend.services.actuator import Actuator
-from backend.services.tuning_state import KeptTuning, TuningInUse
+from backend.services.actuator import ActuatorService
+from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import identifications, settings
 from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
@@ -40,7 +40,7 @@ class NotApplicableError(ValueError):
 
 
 @dataclass(frozen=True)
-class ParameterVersion:
+class AppliedVersion:
     """A set of parameters that came into force; number 0 is the file as it is, which nobody applied."""
 
     number: int
@@ -56,7 +56,7 @@ class ParameterVersion:
 
 
 @dataclass(frozen=True)
-class Change:
+class AppliedChange:
     """An entry of what the controller knows of one side; None where one of the two has no such entry."""
 
     name: str
@@ -66,7 +66,7 @@ class Change:
     after: float | None
 
 
-def parameter_versions(database: Database, base: PlantParameters) -> list[ParameterVersion]:
+def parameter_versions(database: Database, base: PlantParameters) -> list[AppliedVersion]:
     """Return all versions over this file's numbers, newest first, the file itself last.
 
     Raises UnreadableDocumentError, ParameterError.
@@ -76,10 +76,10 @@ def parameter_versions(database: Database, base: PlantParameters) -> list[Parame
     mine = tuning_settings.tuning_digest(base)
     made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
     found = [
-        ParameterVersion(number, _over(base, applied), applied, one.who, one.at)
+        AppliedVersion(number, _over(base, applied), applied, one.who, one.at)
         for number, (applied, one) in enumerate(made, start=1)
     ]
-    return [*reversed(found), ParameterVersion(0, base)]
+    return [*reversed(found), AppliedVersion(0, base)]
 
 
 def active_parameters(database: Database, base: PlantParameters) -> PlantParameters:
@@ -156,17 +156,17 @@ def identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict
     return {section: entries for section, entries in held if section.startswith("identified")}
 
 
-def differences(before: PlantParameters, after: PlantParameters) -> list[Change]:
+def differences(before: PlantParameters, after: PlantParameters) -> list[AppliedChange]:
     """Return the entries that differ, side by side."""
     return [change for side in SIDES for change in _compared(before, after, side) if change.before != change.after]
 
 
-def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[Change]:
+def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[AppliedChange]:
     was, now = before.identified_of(side), after.identified_of(side)
-    yield Change("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
-    yield Change("T_m", side, "s", was.T_m, now.T_m)
+    yield AppliedChange("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
+    yield AppliedChange("T_m", side, "s", was.T_m, now.T_m)
     for power, (old, new) in enumerate(zip_longest(was.k, now.k)):
-        yield Change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
+        yield AppliedChange(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
 
 
 def _over(base: PlantParameters, applied: AppliedParameters) -> PlantParameters:
@@ -203,8 +203,8 @@ class _Wanted(NamedTuple):
 
     applied: AppliedParameters
     parameters: PlantParameters
-    before: TuningInUse
-    tuning: TuningInUse
+    before: ActiveTuning
+    tuning: ActiveTuning
 
 
 class Applied:
@@ -212,10 +212,10 @@ class Applied:
 
     def __init__(
         self,
-        actuator: Actuator,
+        actuator: ActuatorService,
         supervisor: Supervisor,
         database: Database,
-        kept: KeptTuning,
+        kept: TuningStore,
         base: PlantParameters,
         use: Callable[[PlantParameters], None],
     ) -> None:
@@ -227,15 +227,16 @@ class Applied:
         return await asyncio.to_thread(self._view, estimate)
 
     async def apply(self, estimate: int, who: str) -> ParametersView:
-        """Put in force what was identified. Raises RefusalError, UnknownRecordError; nothing changes then."""
+        """Put in force what was identified. Raises RequestRejectedError, UnknownRecordError; nothing changes then."""
         async with self._actuator.starting:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._proposal(estimate)), who)
         return await self.view()
 
     async def undo(self, version: int, who: str) -> ParametersView:
-        """Put what was before ``version``, the newest, in force again. Raises RefusalError; nothing changes then.
+        """Put what was before ``version``, the newest, in force again.
 
-        That is the way back from parameters that no loop starts with: so it does for a loop that is not there, too.
+        Raises RequestRejectedError; nothing changes then. That is the way back from parameters that no loop starts
+        with: so it does for a loop that is not there, too.
         """
         async with self._actuator.starting:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._undoing(version)), who)
@@ -244,12 +245,14 @@ class Applied:
     def _wanted(self, propose: Callable[[], AppliedParameters]) -> _Wanted:
         try:
             if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop that starts reads it anew
-                raise RefusalError(Because.NOT_NOW, "the parameter file has changed: start the service anew first")
+                raise RequestRejectedError(
+                    ErrorCode.NOT_NOW, "the parameter file has changed: start the service anew first"
+                )
             applied, before = propose(), self._actuator.present.operators_tuning
             parameters = self._base.with_identified(sections_of(applied))
             return _Wanted(applied, parameters, before, self._kept.carried_over(before, parameters))
         except (NotApplicableError, ParameterError, TuningError) as error:
-            raise RefusalError(Because.BAD_VALUE, f"it cannot be applied: {error}") from None
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
 
     async def _take_up(self, wanted: _Wanted, who: str) -> None:
         applied, parameters, before, tuning = wanted
@@ -257,7 +260,9 @@ class Applied:
         def take() -> None:
             self._require_idle(before)
             if not (applied.undone or self._supervisor.alive):
-                raise RefusalError(Because.UNAVAILABLE, "the control loop is not running: reset starts it again")
+                raise RequestRejectedError(
+                    ErrorCode.UNAVAILABLE, "the control loop is not running: reset starts it again"
+                )
             with self._database.session() as session:
                 store_parameters(session, applied, who)
             self._kept.put(tuning, who)
@@ -275,20 +280,23 @@ class Applied:
         told = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
         await self._actuator.take_up(take, told, who)
 
-    def _require_idle(self, tuning: TuningInUse) -> None:
-        """Raise RefusalError unless the actuator is off, nothing is under way and this tuning is in force."""
+    def _require_idle(self, tuning: ActiveTuning) -> None:
+        """Raise RequestRejectedError unless the actuator is off, nothing is under way and this tuning is in force."""
         present = self._actuator.present
         self._actuator.require_unoccupied()
         if present.task is not None or present.own_tuning is not None:
-            raise RefusalError(Because.NOT_NOW, "a run is under way: parameters change when it is over")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is under way: parameters change when it is over")
         if present.trial() is not None:
-            raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
         if present.mode is not Mode.OFF:
-            raise RefusalError(
-                Because.NOT_NOW, f"parameters are applied in off only; the mode is {present.mode}: switch it off first"
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
+                f"parameters are applied in off only; the mode is {present.mode}: switch it off first",
             )
         if present.tuning is not tuning:
-            raise RefusalError(Because.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again"
+            )
 
     def _undoing(self, version: int) -> AppliedParameters:
         newest = parameter_versions(self._database, self._base)[0].number
@@ -306,7 +314,9 @@ class Applied:
         try:
             found = parameter_versions(self._database, self._base)
         except ParameterError as error:
-            raise RefusalError(Because.NOT_NOW, f"a version that was applied is not taken any more: {error}") from None
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"a version that was applied is not taken any more: {error}"
+            ) from None
         before = [*found[1:], found[-1]]
         return ParametersView(
             name=self._base.name,
@@ -319,13 +329,13 @@ class Applied:
             then = self._base.with_identified(sections_of(self._proposal(estimate)))
         except (NotApplicableError, ParameterError) as error:
             return ParameterProposal(estimate=estimate, problem=str(error), digest="", changes=[])
-        digest = ParameterVersion(0, then).digest
+        digest = AppliedVersion(0, then).digest
         return ParameterProposal(
             estimate=estimate, problem="", digest=digest, changes=[_change(one) for one in differences(now, then)]
         )
 
 
-def _version_view(one: ParameterVersion, former: ParameterVersion) -> TuningParameterVersion:
+def _version_view(one: AppliedVersion, former: AppliedVersion) -> TuningParameterVersion:
     applied = one.applied
     return TuningParameterVersion(
         number=one.number,
@@ -339,7 +349,7 @@ def _version_view(one: ParameterVersion, former: ParameterVersion) -> TuningPara
     )
 
 
-def _change(one: Change) -> ParameterChange:
+def _change(one: AppliedChange) -> ParameterChange:
     percent = 100.0 * (one.after / one.before - 1.0) if one.before and one.after is not None else None
     return ParameterChange(
         name=one.name, side=one.side, unit=one.unit, before=one.before, after=one.after, percent=percent

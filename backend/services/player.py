@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.errors import Because, RefusalError, require_within
+from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.exports import writers
 from backend.exports.base import Facts, ImportRefusedError
 from backend.faults import EXPLAINED, FAULTS
@@ -21,7 +21,7 @@ from backend.storage.database import Database
 from backend.storage.events import EventKind
 from backend.storage.orm import UnknownRecordError
 from plant.interface import T_s
-from plant.replay import Recording, Signal, load_recording
+from plant.replay import RecordedSamples, Signal, load_recording
 
 # Played recording ----------------------------------------------------------------------------------
 #
@@ -67,7 +67,7 @@ def _stored_marks(database: Database, number: int, facts: Facts) -> list[RunMark
         return None
 
 
-def _marks_in(recording: Recording) -> list[RunMark]:
+def _marks_in(recording: RecordedSamples) -> list[RunMark]:
     columns = recording.columns
     marks = []
     if "mode" in columns:
@@ -109,7 +109,7 @@ NO_COMMANDS = (
 )
 
 
-class Player:
+class RecordingPlayer:
     """Plays ``recording`` by what ``command`` has the loop do; None where what is driven is no recording."""
 
     def __init__(
@@ -128,10 +128,10 @@ class Player:
 
     @property
     def recording(self) -> PlayedRecording:
-        """What is played. Raises RefusalError where nothing is."""
+        """What is played. Raises RequestRejectedError where nothing is."""
         if self._recording is None:
             message = "no recording is played: sinew serve --plant replay --recording FILE plays one"
-            raise RefusalError(Because.NOT_NOW, message, code="no_recording")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="no_recording")
         return self._recording
 
     def hear(self, event: PlayerMoved) -> None:
@@ -160,17 +160,17 @@ class Player:
         )
 
     async def order(self, order: PlayerOrder) -> None:
-        """Play, pause, set the speed, go to a time. Raises RefusalError, OutOfRangeError."""
+        """Play, pause, set the speed, go to a time. Raises RequestRejectedError, OutOfRangeError."""
         duration_s = self.recording.duration_s
         sample = None
         if order.speed is not None:
-            require_within("speed", order.speed, SPEED_MIN, SPEED_MAX, "", words="speed of the player")
+            check_range("speed", order.speed, SPEED_MIN, SPEED_MAX, "", words="speed of the player")
         if order.t is not None:
-            require_within("t", order.t, 0.0, duration_s, "s", words="time in the recording")
+            check_range("t", order.t, 0.0, duration_s, "s", words="time in the recording")
             sample = round(order.t / T_s)
         await self._command(PlayRecording(order.playing, order.speed, sample))
 
     def require_none(self) -> None:
-        """Raise RefusalError while a recording is played: it takes no other commands."""
+        """Raise RequestRejectedError while a recording is played: it takes no other commands."""
         if self.plays:
-            raise RefusalError(Because.NOT_NOW, NO_COMMANDS, code="recording_played")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, NO_COMMANDS, code="recording_played")

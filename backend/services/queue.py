@@ -8,9 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
 
-from backend.auth.authentication import Person
-from backend.errors import Because, RefusalError, require_within
-from backend.execution.runner import Doing, Order
+from backend.auth.authentication import User
+from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.execution.runner import RunPhase, RunRequest
 from backend.execution.simulation import dry_run, get_ready, progress_in
 from backend.experiments.library import values_of
 from backend.experiments.plans import LoopSettings
@@ -55,36 +55,36 @@ class DryRuns:
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
         self.places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
-        self._under_way: dict[Person, tuple[Path, float]] = {}
+        self._under_way: dict[User, tuple[Path, float]] = {}
 
     def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
         self._offload.begin(_get_ready, parameters, settings)
 
-    async def progress(self, person: Person) -> DryRunProgress:
+    async def progress(self, person: User) -> DryRunProgress:
         """Return how far the dry run of a person is."""
         if person not in self._under_way:
-            return DryRunProgress(under_way=False, doing=Doing.STARTING, played_s=0.0, duration_s=0.0)
+            return DryRunProgress(under_way=False, doing=RunPhase.STARTING, played_s=0.0, duration_s=0.0)
         folder, duration_s = self._under_way[person]
         doing, elapsed_s = await asyncio.to_thread(progress_in, folder)
-        played_s = {Doing.PROGRAM: min(elapsed_s, duration_s), Doing.EVALUATION: duration_s}.get(doing, 0.0)
+        played_s = {RunPhase.PROGRAM: min(elapsed_s, duration_s), RunPhase.EVALUATION: duration_s}.get(doing, 0.0)
         return DryRunProgress(under_way=True, doing=doing, played_s=played_s, duration_s=duration_s)
 
     async def play(
         self,
         parameters: PlantParameters,
-        order: Order,
+        order: RunRequest,
         used: Sequence[Bank],
-        person: Person,
+        person: User,
         has_left: HasLeft,
     ) -> DryRunView:
         """Play an order with the banks that it uses, until whoever asked has left.
 
-        Raises OutOfRangeError when it takes too long, RefusalError where there is no place, WorkerDiedError.
+        Raises OutOfRangeError when it takes too long, RequestRejectedError where there is no place, WorkerDiedError.
         """
         duration_s = order.plan.program().duration_s
         remedy = "play it with `sinew experiment` on the command line"
-        require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
+        check_range("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
         with self.places.held(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             self._under_way[person] = Path(folder), duration_s
@@ -161,7 +161,7 @@ class Queue:
         return self.view()
 
     async def remove(self, item_id: int) -> QueueView:
-        """Take an experiment out. Raises RefusalError when it does not wait any more, StorageError."""
+        """Take an experiment out. Raises RequestRejectedError when it does not wait any more, StorageError."""
         async with self._changing:
             self._waiting(item_id)
             await asyncio.to_thread(self._delete, item_id)
@@ -173,12 +173,12 @@ class Queue:
     async def move(self, item_id: int, place: int) -> QueueView:
         """Let an experiment wait at a place, counted from 0.
 
-        Raises RefusalError when it does not wait any more, OutOfRangeError, StorageError.
+        Raises RequestRejectedError when it does not wait any more, OutOfRangeError, StorageError.
         """
         async with self._changing:
             moved = self._waiting(item_id)
             words = "place in the queue"
-            require_within("place", place, 0, len(self._items) - 1, "1", words=words)
+            check_range("place", place, 0, len(self._items) - 1, "1", words=words)
             order = [item.id for item in self._items if item.id != item_id]
             order.insert(place, item_id)
             await asyncio.to_thread(self._arrange, order)
@@ -190,17 +190,19 @@ class Queue:
     def _waiting(self, item_id: int) -> QueuedView:
         found = next((item for item in self._items if item.id == item_id), None)
         if found is None:
-            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+            raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} does not wait in the queue")
         return found
 
     def _require_room(self) -> None:
         if len(self._items) >= LONGEST:
-            raise RefusalError(Because.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first"
+            )
 
     async def run(self) -> QueueView:
         """Start the first one and go on until the queue is empty, held, or an experiment does not complete."""
         if not self._items:
-            raise RefusalError(Because.NOT_NOW, "the queue is empty: add an experiment first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "the queue is empty: add an experiment first")
         if not self._running:
             self._tell("")
             await self._begin()

@@ -16,14 +16,14 @@ from backend import wire
 from backend.analysis.evaluation import evaluate_again, require_evaluable, used_settings
 from backend.banks.builder import MODEL_NAMES, point_of
 from backend.banks.tuning_settings import changes_told
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.experiments.forecast import timetable
-from backend.experiments.library import LEAST, Change, Column, Followed, commanded, followed, stored_plan
-from backend.experiments.plans import LAWS, ComposedPlan, IdentificationPlan, profile
+from backend.experiments.library import LEAST, Column, RecordedParts, ReferenceChange, commanded, followed, stored_plan
+from backend.experiments.plans import LAWS, ExperimentPlan, IdentificationPlan, profile
 from backend.experiments.schema import FORMAT
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import LAMBDA, KeptLoop, KeptWall, headline_of, outcome_of, standing
-from backend.models.run import Criterion as Judged
+from backend.models.run import LAMBDA, KeptWall, StoredLoopSettings, headline_of, outcome_of, standing
+from backend.models.run import RunCriterion as Judged
 from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law, Mode
 from backend.recording import reader
 from backend.recording.flight import flight_columns
@@ -39,8 +39,7 @@ from backend.schemas.experiment import (
     SettingValue,
 )
 from backend.schemas.run import (
-    Envelope,
-    Evaluation,
+    EvaluationView,
     FlightList,
     FlightView,
     Headline,
@@ -52,6 +51,7 @@ from backend.schemas.run import (
     RunMark,
     RunView,
     SamplesView,
+    SignalEnvelope,
     Timeline,
     TimelineEntry,
     UsedSetting,
@@ -70,8 +70,8 @@ from backend.storage.recordings import Extent, Recording
 from backend.storage.results import Result
 from backend.storage.runs import EndState, Run, RunKind, experiment_of, title_of
 from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse
-from backend.storage.timeline import Asked as TimelineAsked
-from backend.storage.timeline import Happening
+from backend.storage.timeline import LogEntry
+from backend.storage.timeline import LogQuery as TimelineAsked
 from backend.workers import Offload
 from plant.dynamics import Obstacle
 from plant.interface import T_s
@@ -102,12 +102,14 @@ class Evaluations:
     async def again(self, run_id: int) -> None:
         """Compute and store the result of a run; what keeps it from that is kept with the run, and raised.
 
-        Raises UnknownRecordError, NotEvaluableError, WorkerDiedError, RefusalError while it is being evaluated.
+        Raises UnknownRecordError, NotEvaluableError, WorkerDiedError, RequestRejectedError while it is being evaluated.
         """
         require_evaluable(await asyncio.to_thread(self._run, run_id))
         task = self._task()
         if self.includes(run_id) or (task is not None and task.run == run_id):
-            raise RefusalError(Because.NOT_NOW, f"run {run_id} is being evaluated: its result follows in a moment")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"run {run_id} is being evaluated: its result follows in a moment"
+            )
         self._under_way.add(run_id)
         try:
             await self._offload.run(evaluate_again, self._database, run_id)
@@ -240,7 +242,7 @@ def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
     return RecordedExperiment(text=text, document=document, left_out=made.left_out)
 
 
-def _described(run_id: int, found: Followed) -> str:
+def _described(run_id: int, found: RecordedParts) -> str:
     off = f"{found.off_q_rad:.2g} rad and {found.off_S:.2g} N·m/rad"
     pushed = f", pushes within {found.off_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
     late = f" Pushes, walls and the tuning come up to {found.late_ticks} ms late." if found.late_ticks else ""
@@ -278,7 +280,7 @@ class _Made:
         if missing > 0:
             self.left_out.append(f"{missing} samples are missing: their time is left out")
 
-    def changes(self) -> list[Change]:
+    def changes(self) -> list[ReferenceChange]:
         """Return tunings and walls in order of their ticks."""
         tunings = self._within(self._tunings(), MAX_TUNINGS, "changes of the tuning")
         walls = self._within(self._walls(), MAX_WALLS, "changes of the wall")
@@ -286,19 +288,19 @@ class _Made:
         self._leave_out_program()
         return sorted([*tunings, *walls], key=lambda change: change.tick)
 
-    def leave_out_pushes(self, found: Followed, F_push: Column) -> None:
+    def leave_out_pushes(self, found: RecordedParts, F_push: Column) -> None:
         """Tell which pushes the experiment lacks."""
         for begin, end in found.unpushed:
             force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
             why = "the references move meanwhile, and a push holds them"
             self.left_out.append(f"push of {force:.3g} N from {begins:.3f} s to {ends:.3f} s: {why}")
 
-    def _within(self, changes: list[Change], most: int, what: str) -> list[Change]:
+    def _within(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
         if len(changes) > most:
             self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: {most} are the most")
         return changes[:most]
 
-    def _tunings(self) -> list[Change]:
+    def _tunings(self) -> list[ReferenceChange]:
         """Return the tuning of the beginning, and every change: λ by the samples, the rest by what was noted."""
         parts: dict[int, dict[str, Any]] = {0: self._first_tuning()}
         for name in _LAM:
@@ -316,10 +318,10 @@ class _Made:
                     self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
             if others:
                 parts.setdefault(tick, {}).update(others)
-        return [Change(tick, {"do": "tuning", **parts[tick]}) for tick in sorted(parts) if parts[tick]]
+        return [ReferenceChange(tick, {"do": "tuning", **parts[tick]}) for tick in sorted(parts) if parts[tick]]
 
     def _first_tuning(self) -> dict[str, Any]:
-        loop: KeptLoop = self._run.set_to.loop
+        loop: StoredLoopSettings = self._run.set_to.loop
         known = {name: value for name, value in loop.known().items() if name != "seed"}
         if loop.motion == LAMBDA:
             known.pop("u_plan", None)
@@ -332,14 +334,14 @@ class _Made:
         first = {name: round(float(self._columns[name][0]), _DECIMALS) for name in _LAM}
         return {**known, **{name: value for name, value in first.items() if np.isfinite(value)}}
 
-    def _walls(self) -> list[Change]:
+    def _walls(self) -> list[ReferenceChange]:
         """Return the changes of the wall; one that would stand where the joint is asked to be is left out."""
         due: dict[int, KeptWall] = {}
         for kept in self._run.set_to.walls or ():
             tick = int(np.searchsorted(self._t, kept.t - 0.5 * T_s))
             if tick < len(self._t):
                 due[max(tick, LEAST)] = kept  # the first part brings the joint to where it begins
-        found: list[Change] = []
+        found: list[ReferenceChange] = []
         stands = False
         for tick, kept in sorted(due.items()):
             wall = kept.obstacle
@@ -352,9 +354,9 @@ class _Made:
             if wall is not None:
                 side = "above" if wall.side > 0.0 else "below"
                 part = {"do": "wall", "q_wall": wall.q_wall, "side": side, "k_wall": wall.k_wall, "c_wall": wall.c_wall}
-                found.append(Change(tick, part))
+                found.append(ReferenceChange(tick, part))
             elif stands:
-                found.append(Change(tick, {"do": "no_wall"}))
+                found.append(ReferenceChange(tick, {"do": "no_wall"}))
             stands = wall is not None
         return found
 
@@ -380,7 +382,7 @@ class _Made:
         except (ValueError, UnreadableDocumentError):
             self.left_out.append("what its program did besides: this version does not read it")
             return
-        if not isinstance(plan, ComposedPlan):
+        if not isinstance(plan, ExperimentPlan):
             return
         laid = plan.laid
         if any(segment.load_A or segment.load_B for segment in laid.segments):
@@ -415,7 +417,7 @@ def _law(run: Run) -> Law:
 _NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
 
 
-class Replay:
+class ReplayView:
     """Holds one row of a recording in the shape of a newest sample, and the wall that stood then."""
 
     def __init__(self, database: Database) -> None:
@@ -476,7 +478,7 @@ class StoredTimeline:
         return await asyncio.to_thread(self._page, asked, limit)
 
     async def remark(self, event_id: int, said: Remark, who: str) -> None:
-        """Put a note and tags on an event. Raises UnknownRecordError, TagError, RefusalError."""
+        """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
         await asyncio.to_thread(self._remark, event_id, said.note.strip(), said.tags, who)
 
     def _page(self, asked: TimelineAsked, limit: int) -> Timeline:
@@ -490,7 +492,7 @@ class StoredTimeline:
             timeline.remark(session, event_id, note, tags, who)
 
 
-def _entry(one: Happening) -> TimelineEntry:
+def _entry(one: LogEntry) -> TimelineEntry:
     return TimelineEntry(
         at=one.at,
         kind=one.kind,
@@ -513,7 +515,7 @@ def _entry(one: Happening) -> TimelineEntry:
 
 def run_view(
     run: Run,
-    evaluation: Evaluation,
+    evaluation: EvaluationView,
     samples: int,
     duration_s: float,
     missed: int,
@@ -571,7 +573,7 @@ def samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> 
         width_s=envelope.width_s,
         t=envelope.t.tolist(),
         signals={
-            name: Envelope(
+            name: SignalEnvelope(
                 unit=envelope.units[name],
                 minimum=_plain(envelope.minimum[name]),
                 maximum=_plain(envelope.maximum[name]),
@@ -699,7 +701,7 @@ def flight_view(flight: Flight) -> FlightView:
 
 
 @dataclass(frozen=True)
-class Excerpt:
+class SampleSlice:
     """What is asked of a recording: ``signals`` from ``from_s`` to ``to_s``, in about ``points`` buckets at most."""
 
     run: int
@@ -710,7 +712,7 @@ class Excerpt:
 
 
 @dataclass(frozen=True)
-class Asked:
+class RunQuery:
     """Which runs are asked for: of ``kinds`` (none: of all), with the words of ``search``, that fit all of ``where``.
 
     ``everywhere``: of all stations, not of this one only.
@@ -724,10 +726,10 @@ class Asked:
     offset: int = 0
 
     def query(self) -> Query:
-        """Return what is asked. Raises RefusalError for an unknown kind, QueryError."""
+        """Return what is asked. Raises RequestRejectedError for an unknown kind, QueryError."""
         for unknown in (one for one in self.kinds if one not in set(RunKind)):
-            raise RefusalError(
-                Because.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
+            raise RequestRejectedError(
+                ErrorCode.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
             )
         of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
         words = [Word(Value(word, 0)) for word in self.search.split()]
@@ -755,8 +757,8 @@ class StoredRuns:
         self._task = task
         self._is_evaluated = is_evaluated
 
-    async def runs(self, asked: Asked) -> RunList:
-        """Return a page of runs, newest first. Raises RefusalError for an unknown kind, QueryError."""
+    async def runs(self, asked: RunQuery) -> RunList:
+        """Return a page of runs, newest first. Raises RequestRejectedError for an unknown kind, QueryError."""
         return await asyncio.to_thread(self.found, asked)
 
     async def run(self, run_id: int) -> RunView:
@@ -772,17 +774,17 @@ class StoredRuns:
         """Return the newest flight records."""
         return await asyncio.to_thread(self._flights)
 
-    async def samples(self, asked: Excerpt) -> SamplesView:
+    async def samples(self, asked: SampleSlice) -> SamplesView:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
         envelope, raw = await self._envelope(asked)
         return await asyncio.to_thread(partial(samples_view, asked.run, envelope, raw=raw))
 
-    async def packed_samples(self, asked: Excerpt) -> bytes:
+    async def packed_samples(self, asked: SampleSlice) -> bytes:
         """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
         envelope, raw = await self._envelope(asked)
         return await asyncio.to_thread(_packed, envelope, raw, asked.signals)
 
-    async def _envelope(self, asked: Excerpt) -> tuple[SampleEnvelope, bool]:
+    async def _envelope(self, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
         if self._offload is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
             return await self._offload.run(envelope_of, self._database, asked)
         return await asyncio.to_thread(envelope_of, self._database, asked)
@@ -793,8 +795,8 @@ class StoredRuns:
 
     # In a thread --------------------------------------------------------------------------------------------
 
-    def found(self, asked: Asked) -> RunList:
-        """Return a page of runs, newest first. Raises RefusalError for an unknown kind, QueryError."""
+    def found(self, asked: RunQuery) -> RunList:
+        """Return a page of runs, newest first. Raises RequestRejectedError for an unknown kind, QueryError."""
         query = asked.query()
         with self._database.reading() as session:
             page = run_search.search(
@@ -815,7 +817,7 @@ class StoredRuns:
         with self._database.session() as session:
             runs.set_note(session, run_id, note)
 
-    def _reads(self, asked: Excerpt) -> float:
+    def _reads(self, asked: SampleSlice) -> float:
         """Return how many samples have to be read one by one: none where the stored summaries tell it."""
         if all(name in STORED_NAMES for name in asked.signals):
             return 0.0
@@ -846,13 +848,13 @@ class StoredRuns:
 
         return [view_of(run) for run in found]
 
-    def _evaluation(self, run: Run, has_result: bool) -> Evaluation:
+    def _evaluation(self, run: Run, has_result: bool) -> EvaluationView:
         task = self._task()
         if run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING:
-            return Evaluation.NONE
+            return EvaluationView.NONE
         if self._is_evaluated(run.id) or (task is not None and task.run == run.id):
-            return Evaluation.UNDER_WAY
-        return Evaluation.DONE if has_result else Evaluation.MISSING
+            return EvaluationView.UNDER_WAY
+        return EvaluationView.DONE if has_result else EvaluationView.MISSING
 
     def progress(self, run: Run) -> float:
         """Return how far a run is, from 0 to 1."""
@@ -862,7 +864,7 @@ class StoredRuns:
         return min(0.99, task.elapsed_s / task.duration_s)
 
 
-def envelope_of(database: Database, asked: Excerpt) -> tuple[SampleEnvelope, bool]:
+def envelope_of(database: Database, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
     """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
     with database.reading() as session:
         period_s = recordings.get(session, asked.run).period_s

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.errors import Because, RefusalError, require_within
+from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.experiments.parser import ExpressionError, derived_of
 from backend.plain_text import as_cell, as_comment
 from backend.recording.derived_signals import Following, derived_from, told_of
@@ -21,7 +21,7 @@ from backend.recording.ranges import (
     Slab,
     Spectrum,
     Statistics,
-    Stretch,
+    TickInterval,
     add_slab,
     slabs,
     stretch_of,
@@ -104,8 +104,8 @@ class RecordedFigures:
     async def _begun(self, lines: Lines, asked: RangeAsked, at_hand: int | None = None) -> AsyncGenerator[bytes]:
         """Return a stream whose first piece is there: whatever is refused has been refused by then."""
         if self._under_way >= AT_ONCE:
-            raise RefusalError(
-                Because.TOO_MANY, f"{AT_ONCE} ranges are being read: wait for one of them", retry_after_s=2
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY, f"{AT_ONCE} ranges are being read: wait for one of them", retry_after_s=2
             )
         most = AT_HAND_SAMPLES if at_hand is None else min(at_hand, AT_HAND_SAMPLES)
         stream = self._counted(lines, asked, most)
@@ -152,7 +152,7 @@ def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
     remedy = "choose a shorter range or fewer signals"
     words = "samples times signals of a spectrum"
-    require_within("range", stretch.ticks * len(asked.signals), None, MOST_VALUES, "1", remedy, words=words)
+    check_range("range", stretch.ticks * len(asked.signals), None, MOST_VALUES, "1", remedy, words=words)
     values = {name: np.full(stretch.ticks, np.nan) for name in asked.signals}
     for slab in slabs(database, stretch, asked.signals):
         for name, column in slab.columns.items():
@@ -201,7 +201,7 @@ def values_at(database: Database, run: int, times_s: Sequence[float], signals: S
         for time_s in times_s:
             if not 0 <= whole.tick_at(time_s) < whole.end:  # a sum of times may miss the last sample by a rounding
                 remedy = f"choose a time within the recording of run {run}"
-                require_within("at", time_s, 0.0, whole.to_s, "s", remedy, words="time")
+                check_range("at", time_s, 0.0, whole.to_s, "s", remedy, words="time")
         ticks = [recordings.tick_before(session, run, whole.tick_at(time_s)) for time_s in times_s]
     return RecordedValues(
         run=run,
@@ -213,12 +213,12 @@ def values_at(database: Database, run: int, times_s: Sequence[float], signals: S
     )
 
 
-def _values(database: Database, whole: Stretch, tick: int, signals: Sequence[str]) -> dict[str, float | None]:
-    slab = next(slabs(database, Stretch(whole.run_id, tick, tick + 1, whole.period_s), signals))
+def _values(database: Database, whole: TickInterval, tick: int, signals: Sequence[str]) -> dict[str, float | None]:
+    slab = next(slabs(database, TickInterval(whole.run_id, tick, tick + 1, whole.period_s), signals))
     return {name: _number(float(column[0])) for name, column in slab.columns.items()}
 
 
-def _stretch(database: Database, asked: RangeAsked) -> Stretch:
+def _stretch(database: Database, asked: RangeAsked) -> TickInterval:
     with database.reading() as session:
         read_samples(session, asked.run, [name for name in asked.signals if name not in COMBINED_BY_NAME], 0.0, 0.0)
         return stretch_of(session, asked.run, asked.from_s, asked.to_s)
@@ -229,11 +229,11 @@ def _told(database: Database, asked: RangeAsked) -> dict[str, Field | Following]
         return told_of(session, asked.signals)
 
 
-def _share(slab: Slab, stretch: Stretch) -> float:
+def _share(slab: Slab, stretch: TickInterval) -> float:
     return float(slab.ticks[-1] + 1 - stretch.begin) / stretch.ticks
 
 
-def _range(stretch: Stretch, samples: int) -> dict[str, Any]:
+def _range(stretch: TickInterval, samples: int) -> dict[str, Any]:
     return {
         "run": stretch.run_id,
         "from_s": stretch.from_s,
@@ -313,7 +313,7 @@ class Formulas:
         return await asyncio.to_thread(self._all)
 
     async def put(self, name: str, text: FormulaText, who: str) -> FormulaView:
-        """Write a formula, or change the one of this name. Raises RefusalError."""
+        """Write a formula, or change the one of this name. Raises RequestRejectedError."""
         return await asyncio.to_thread(self._put, name, text, who)
 
     async def remove(self, name: str, who: str) -> None:
@@ -328,15 +328,17 @@ class Formulas:
         try:
             derived = derived_of(name, text.unit, text.expression)
         except ExpressionError as error:
-            raise RefusalError(Because.BAD_VALUE, str(error), code="bad_formula") from None
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error), code="bad_formula") from None
         with self._database.session() as session:
             others = [one.name for one in formulas.find(session) if one.name != name]
             if len(others) >= MOST:
-                raise RefusalError(Because.BAD_VALUE, f"a station has {MOST} formulas at most: remove one first")
+                raise RequestRejectedError(
+                    ErrorCode.BAD_VALUE, f"a station has {MOST} formulas at most: remove one first"
+                )
             alike = next((one for one in others if one.lower() == name.lower()), None)
             if alike is not None:
-                raise RefusalError(
-                    Because.BAD_VALUE, f"{name!r} differs from {alike!r} by case only", code="bad_formula"
+                raise RequestRejectedError(
+                    ErrorCode.BAD_VALUE, f"{name!r} differs from {alike!r} by case only", code="bad_formula"
                 )
             steps = [asdict(step) for step in derived.steps]
             return _view(formulas.put(session, name, text.expression, steps, text.unit, text.meaning, who))

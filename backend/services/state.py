@@ -24,20 +24,11 @@ from backend.realtime.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.realtime.heartbeat import CardGuard
+from backend.realtime.heartbeat import WatchdogMonitor
 from backend.realtime.process import SILENCE_S
-from backend.realtime.program import (
-    CONTACT_MAX_N,
-    CONTACT_MIN_N,
-    LEGAL,
-    MODES,
-    MOVING,
-    ContactFelt,
-    Mode,
-    TouchForgotten,
-)
+from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, LEGAL, MODES, MOVING, BiasLost, ContactDetected, Mode
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied, Restart, Supervisor
+from backend.realtime.supervisor import LoopExited, Restart, Supervisor
 from backend.realtime.timing import timing
 from backend.sample import NAMES
 from backend.schemas.run import PlayerView
@@ -59,11 +50,11 @@ from backend.schemas.state import (
     TouchView,
     TrialView,
     TriggerView,
-    Wall,
+    WallView,
     WishView,
 )
 from backend.schemas.tuning import TuningView
-from backend.services.tuning_state import Chosen, TuningInUse, chosen_view, shown_with
+from backend.services.tuning_state import ActiveTuning, ResolvedTuning, chosen_view, shown_with
 from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, elongation, most_damped, slope, stiffest
 from plant.interface import PlantChoice, PlantKind, T_s
 from plant.parameters import PlantParameters
@@ -203,7 +194,7 @@ def _restarting(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[Ch
 
 
 def behind_loop(
-    plant: PlantChoice, card: CardState, guard: CardGuard, alive: bool, fault: Fault
+    plant: PlantChoice, card: CardState, guard: WatchdogMonitor, alive: bool, fault: Fault
 ) -> tuple[ChainLinkView, ChainLinkView]:
     """Return watchdog and safety module: what is left when the loop is not.
 
@@ -237,7 +228,7 @@ def _page(holder: HolderView | None) -> ChainLinkView:
     return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
 
 
-def _watchdog(card: CardState, guard: CardGuard, alive: bool) -> ChainLinkView:
+def _watchdog(card: CardState, guard: WatchdogMonitor, alive: bool) -> ChainLinkView:
     line = "drive-enable on" if card.drive_enabled else "drive-enable off, zero volts"
     if guard.watchdog_lost:
         says = f"dead, not seen for {guard.watchdog_silent_s:.1f} s: {line}; reset starts a new one"
@@ -291,12 +282,12 @@ def wall_in_words(wall: Obstacle | None) -> str:
     return f"wall {side} {wall.q_wall:.4g} rad, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
 
 
-def wall_view(wall: Obstacle | None) -> Wall | None:
+def wall_view(wall: Obstacle | None) -> WallView | None:
     """Return a wall as the page shows it."""
     if wall is None:
         return None
     side, q_wall, k_wall, c_wall = wall
-    return Wall(q_wall=q_wall, side="above" if side > 0.0 else "below", k_wall=k_wall, c_wall=c_wall)
+    return WallView(q_wall=q_wall, side="above" if side > 0.0 else "below", k_wall=k_wall, c_wall=c_wall)
 
 
 # Present state -------------------------------------------------------------------------------------
@@ -308,7 +299,7 @@ F_PUSH_MAX = 30.0
 """Largest push [N] that an operator may ask the simulator for."""
 
 
-class PresentState:
+class LiveState:
     """The present state.
 
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``trigger``, ``touch``, ``holder``, ``people`` and
@@ -325,14 +316,14 @@ class PresentState:
         self,
         supervisor: Supervisor,
         parameters: PlantParameters,
-        tuning: TuningInUse,
+        tuning: ActiveTuning,
         problems: Callable[[], list[str]],
     ) -> None:
-        self.own_tuning: TuningInUse | None = None
+        self.own_tuning: ActiveTuning | None = None
         self.tuning_problem = ""
-        self.on_the_way: Sequence[Chosen] = ()
+        self.on_the_way: Sequence[ResolvedTuning] = ()
         self._tuning_number = 0
-        self.earlier: Chosen | None = None
+        self.earlier: ResolvedTuning | None = None
         self.undone = False
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
@@ -355,7 +346,7 @@ class PresentState:
         self._stop: Stopped | None = None
         self._plant_problem = ""
 
-    def use(self, parameters: PlantParameters, tuning: TuningInUse) -> None:
+    def use(self, parameters: PlantParameters, tuning: ActiveTuning) -> None:
         """Take over the parameters in force, and the tuning that goes with them."""
         self.parameters, self.tuning = parameters, tuning
         self.bounds = bounds_for(parameters)
@@ -373,7 +364,7 @@ class PresentState:
         return bool(self._plant_problem) and self.plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
     @property
-    def operators_tuning(self) -> TuningInUse:
+    def operators_tuning(self) -> ActiveTuning:
         """What the operator has chosen, also while a run has another in force."""
         return self.own_tuning or self.tuning
 
@@ -422,7 +413,7 @@ class PresentState:
         paused = self.task is not None and self.task.paused
         return [one for one in LEGAL[mode] if not paused or one not in MOVING]
 
-    def hear(self, event: Event | LoopDied) -> None:
+    def hear(self, event: Event | LoopExited) -> None:
         """Take in what the loop tells."""
         match event:
             case ModeChanged():
@@ -431,7 +422,7 @@ class PresentState:
                 self._tuning_number = number
             case WallChanged(_, _, wall):
                 self.wall = wall
-            case LoopDied():
+            case LoopExited():
                 self.wall = None
                 self._pretension_done = False
                 self._tuning_number = 0
@@ -449,9 +440,7 @@ class PresentState:
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
                 self._unready = unready
-            case (
-                Accepted() | Refused() | RunEnded() | PushReleased() | ContactFelt() | TouchForgotten() | PlayerMoved()
-            ):
+            case Accepted() | Refused() | RunEnded() | PushReleased() | ContactDetected() | BiasLost() | PlayerMoved():
                 pass
             case _:
                 assert_never(event)

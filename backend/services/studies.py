@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from backend.auth.authentication import Person
-from backend.banks.tuning_settings import TuningChoice
-from backend.errors import Because, RefusalError, RefusedValueError
+from backend.auth.authentication import User
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
 from backend.execution.runner import banks_in
 from backend.experiments import parser
 from backend.experiments.plans import LoopSettings
@@ -40,7 +40,7 @@ from backend.studies.design import Design
 from backend.studies.maps import Map
 from backend.studies.point import numbers_of, require_version
 from backend.studies.runner import TakenError, is_computed, left_s, local, run_study
-from backend.studies.stored import Surroundings, design_of, new_study
+from backend.studies.stored import StudyContext, design_of, new_study
 from backend.workers import Offload, WorkerDiedError
 from plant.parameters import PlantParameters
 
@@ -66,7 +66,7 @@ class Studies:
     def begin(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
         """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
         own = OwnExperiments(self._database)
-        new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), who)
+        new = new_study(written, StudyContext(own.entry, parameters, tuning, banks_in(self._database)), who)
         with self._database.session() as session:
             kept = studies.add(session, new)
         return self.view(kept.id)
@@ -78,8 +78,8 @@ class Studies:
             said = parser.document_of(written)[0]
             document = said if isinstance(said, dict) else None
             own = OwnExperiments(self._database)
-            new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), "")
-        except RefusedValueError as error:
+            new = new_study(written, StudyContext(own.entry, parameters, tuning, banks_in(self._database)), "")
+        except InvalidValueError as error:
             return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
         return CheckedStudy(document=document, points=new.points, problem="", path=[])
 
@@ -228,7 +228,7 @@ REST = 9.0
 """The table of a study that is computed is read anew after so many times what that takes: of 100 000 rows, seconds."""
 
 
-class StudiesUnderWay:
+class StudyScheduler:
     """Belongs to the service's event loop.
 
     ``computing`` has a process for studies, ``reading`` one for their tables, and ``texts`` those for what is written.
@@ -240,7 +240,7 @@ class StudiesUnderWay:
         self,
         database: Database,
         parameters: PlantParameters,
-        tuning: Callable[[], TuningChoice],
+        tuning: Callable[[], TuningSettings],
         computing: Offload,
         reading: Offload,
         texts: TextWork,
@@ -276,8 +276,11 @@ class StudiesUnderWay:
             self._looked_at = resting | {(study_id, pick): (ended + REST * (ended - begun), found)}
         return found.model_copy(update={"study": self._told(study)})
 
-    async def check(self, text: str, person: Person, has_left: HasLeft) -> CheckedStudy:
-        """Return what a text says and whether it could be begun. Raises RefusalError where there is no place."""
+    async def check(self, text: str, person: User, has_left: HasLeft) -> CheckedStudy:
+        """Return what a text says and whether it could be begun.
+
+        Raises RequestRejectedError where there is no place.
+        """
         return await self._texts.run(person, has_left, _check, self._database, text, self._parameters, self._tuning())
 
     def numbers(self) -> PlantNumbers:
@@ -285,7 +288,10 @@ class StudiesUnderWay:
         return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in numbers_of(self._parameters)])
 
     async def begin(self, text: str, who: str) -> StudyView:
-        """Keep a study and have it computed. Raises ExperimentError, SettingError, RefusalError for one too many."""
+        """Keep a study and have it computed.
+
+        Raises ExperimentError, SettingError, and RequestRejectedError for one too many.
+        """
         async with self._door:
             self._require_place()
             tuning = self._tuning()
@@ -295,7 +301,7 @@ class StudiesUnderWay:
     async def resume(self, study_id: int) -> StudyView:
         """Have computed what is missing.
 
-        Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, RefusalError for one too many.
+        Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, RequestRejectedError for one too many.
         """
         async with self._door:
             self._require_place()
@@ -321,7 +327,7 @@ class StudiesUnderWay:
 
     def _require_place(self) -> None:
         if len(self._waiting) + len(self._present) >= WAITING_MAX:
-            raise RefusalError(Because.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
 
     def _have_computed(self, study: StudyView) -> StudyView:
         if study.id not in self._waiting and study.state == "stopped":  # after its last attempt, where that only ends
@@ -346,11 +352,11 @@ class StudiesUnderWay:
         return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
 
 
-def _check(database: Database, text: str, parameters: PlantParameters, tuning: TuningChoice) -> CheckedStudy:
+def _check(database: Database, text: str, parameters: PlantParameters, tuning: TuningSettings) -> CheckedStudy:
     return Studies(database).check(text, parameters, tuning.document())
 
 
-def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StudyView:
+def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningSettings) -> StudyView:
     return Studies(database).begin(text, who, parameters, tuning.document())
 
 

@@ -3,13 +3,13 @@
 import asyncio
 from datetime import UTC, datetime
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.recording.derived_signals import Derived, derived_from
 from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, left_armed
 from backend.sample import UNIT_OF, nearest
 from backend.schemas.state import MarkKind, TriggerOrder, TriggerView
-from backend.services.actuator import Actuator
-from backend.services.event_log import Journal
+from backend.services.actuator import ActuatorService
+from backend.services.event_log import EventLog
 from backend.storage import formulas
 from backend.storage.database import Database
 from backend.storage.events import EventKind
@@ -20,7 +20,7 @@ from plant.interface import T_s
 class Triggers:
     """Arms and disarms the one ``trigger`` of the station."""
 
-    def __init__(self, trigger: Trigger, actuator: Actuator, journal: Journal, database: Database) -> None:
+    def __init__(self, trigger: Trigger, actuator: ActuatorService, journal: EventLog, database: Database) -> None:
         self._trigger, self._actuator, self._journal, self._database = trigger, actuator, journal, database
         self._turn = asyncio.Lock()
         left = left_armed(database)
@@ -55,13 +55,16 @@ class Triggers:
         )
 
     async def arm(self, order: TriggerOrder, who: str) -> TriggerView:
-        """Wait for a condition. Raises RefusalError while another is waited for, or where the order makes no sense."""
+        """Wait for a condition.
+
+        Raises RequestRejectedError while another is waited for, or where the order makes no sense.
+        """
         condition = _possible(order, await asyncio.to_thread(self._derived))
         async with self._turn:
             standing = self._trigger.standing
             if standing is not None and self._trigger.is_armed:
                 told = f"{standing.armed.who} has armed it: {standing.armed.condition.told()}; disarm it first"
-                raise RefusalError(Because.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
             before, after = round(order.before_s / T_s), round(order.after_s / T_s)
             self._trigger.arm(Armed(condition, before, after, order.captures, who, datetime.now(UTC)))
             try:
@@ -96,13 +99,13 @@ class Triggers:
 def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
     if order.signal not in UNIT_OF and order.signal not in derived:
         message = f"there is no signal {order.signal!r}: the nearest is {nearest(order.signal)}"
-        raise RefusalError(Because.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_OF, *derived])
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_OF, *derived])
     is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):
         message = "the upper end of the window has to be above its lower end"
-        raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
     if not is_window and order.upper is not None:
         message = f"a condition {order.condition} has one level: leave the upper end out"
-        raise RefusalError(Because.BAD_VALUE, message, code="bad_window")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
     formula = None if order.signal in UNIT_OF else derived[order.signal]
     return Condition(order.signal, order.condition, order.level, order.upper, formula)

@@ -5,12 +5,12 @@ import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
-from backend.banks.tuning_settings import SAVED, SavedParts, TuningChoice, saved_for
-from backend.errors import Because, RefusalError, require_within
+from backend.banks.tuning_settings import SAVED, SavedParts, TuningSettings, saved_for
+from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.realtime.commands import Accepted
 from backend.realtime.gains import NOT_LEARNED
 from backend.realtime.program import SetTuning
-from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.schemas.state import MarkKind, State
 from backend.schemas.tuning import (
     Motion,
@@ -24,9 +24,9 @@ from backend.schemas.tuning import (
 )
 from backend.services import background_work
 from backend.services.background_work import AskedTuning, Compute
-from backend.services.event_log import Journal
-from backend.services.state import PresentState
-from backend.services.tuning_state import KeptTuning, Trial, TuningInUse, parts_of
+from backend.services.event_log import EventLog
+from backend.services.state import LiveState
+from backend.services.tuning_state import ActiveTuning, TuningStore, TuningTrial, parts_of
 from backend.storage import settings
 from backend.storage.banks import Bank
 from backend.storage.database import Database
@@ -49,15 +49,15 @@ RETRY_S = 0.5
 _log = logging.getLogger(__name__)
 
 
-class Retuning:
+class TuningService:
     """Belongs to the service's event loop. ``send`` hands a tuning to the loop; ``turn`` is held by who changes it."""
 
     def __init__(
         self,
         supervisor: Supervisor,
-        present: PresentState,
-        journal: Journal,
-        kept: KeptTuning,
+        present: LiveState,
+        journal: EventLog,
+        kept: TuningStore,
         supervision: Supervision,
         send: Callable[[SetTuning], Awaitable[Accepted]],
         turn: asyncio.Lock,
@@ -70,7 +70,7 @@ class Retuning:
         self._send = send
         self._turn = turn
         self._changed = changed
-        self._trial = Trial(self._end_trial_by_itself, supervision)
+        self._trial = TuningTrial(self._end_trial_by_itself, supervision)
         present.trial = self._trial.view
         present.earlier = kept.earlier(present.tuning)
 
@@ -89,10 +89,10 @@ class Retuning:
         return self._present.state()
 
     async def end_trial(self, keep: bool, who: str) -> State:
-        """Keep what is tried, or go back at once. Raises RefusalError when nothing is on trial."""
+        """Keep what is tried, or go back at once. Raises RequestRejectedError when nothing is on trial."""
         before = self._trial.before
         if before is None:
-            raise RefusalError(Because.NOT_NOW, "nothing is on trial: what is in force stays")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
         if keep:
             self._trial.forget()
             self._present.earlier, self._present.undone = before, False
@@ -121,15 +121,17 @@ class Retuning:
     async def undo(self, who: str) -> TuningView:
         """Put back in force what the operator had before the last change; to undo that is to do it again.
 
-        Raises RefusalError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
+        Raises RequestRejectedError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
         """
         async with self._turn:
             self._require_own()
             if self._trial.before is not None:
-                raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
             earlier, before = self._present.earlier, self._present.tuning
             if earlier is None:
-                raise RefusalError(Because.NOT_NOW, "the tuning has not been changed: there is nothing to undo")
+                raise RequestRejectedError(
+                    ErrorCode.NOT_NOW, "the tuning has not been changed: there is nothing to undo"
+                )
             after = await asyncio.to_thread(before.with_choice, earlier.choice, earlier.bank)
             again = self._present.undone
             tick = await self._choose(after, undone=not again)
@@ -138,15 +140,15 @@ class Retuning:
         await self._keep(who)
         return self._present.tuning.view(self._present.entry)
 
-    async def lend(self, choice: TuningChoice, bank: Bank | None, who: str) -> None:
+    async def lend(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
         """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
 
-        Raises OutOfRangeError and RefusalError; nothing changes then.
+        Raises OutOfRangeError and RequestRejectedError; nothing changes then.
         """
         async with self._turn:
             self._require_own()
             if self._trial.before is not None:
-                raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
             own = self._present.tuning
             if choice != own.choice:
                 wanted = await asyncio.to_thread(own.with_choice, choice, bank)
@@ -182,7 +184,7 @@ class Retuning:
         if S is None:
             S_ref = present.references.S_ref
             S = bounds.S_min if S_ref is None else min(max(S_ref, bounds.S_min), bounds.S_max)
-        require_within("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
+        check_range("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
         asked = AskedTuning.of(present.tuning)
         wanted = lam_q, lam_S, S, present.entry, motion, u_plan, k_ext, printed
         previewed: TuningPreview = await compute(background_work.preview_tuning, asked, *wanted)
@@ -203,7 +205,7 @@ class Retuning:
         return found
 
     async def _change(
-        self, request: TuningRequest, who: str, put: Callable[[TuningInUse], Awaitable[int]]
+        self, request: TuningRequest, who: str, put: Callable[[ActiveTuning], Awaitable[int]]
     ) -> TuningView:
         async with self._turn:
             self._require_own()
@@ -223,26 +225,26 @@ class Retuning:
         self._journal.note(MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", present.tick)
         self._changed()
 
-    def _as_learned(self, tuning: TuningInUse) -> TuningInUse:
+    def _as_learned(self, tuning: ActiveTuning) -> ActiveTuning:
         """Return what can come back into force of a tuning."""
         return tuning if self._present.touch().learned else tuning.without_rejection()
 
-    def _require_felt(self, tuning: TuningInUse) -> None:
-        """Raise RefusalError for a rejection of a force that is not known, or not well enough."""
+    def _require_felt(self, tuning: ActiveTuning) -> None:
+        """Raise RequestRejectedError for a rejection of a force that is not known, or not well enough."""
         if tuning.choice.k_ext == 0.0:
             return
         points = self._present.touch().learned
         if not points:
-            raise RefusalError(Because.NOT_NOW, NOT_LEARNED)
+            raise RequestRejectedError(ErrorCode.NOT_NOW, NOT_LEARNED)
         noise = max(point.std_N for point in points)
         if not noise <= UNSEEN_F / DEVIATIONS:
-            raise RefusalError(
-                Because.NOT_NOW,
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
                 f"a rejection is refused: the estimate itself moves by {noise:.4g} N (standard deviation), and what is "
                 f"left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
             )
 
-    async def _until_put_back(self, what: str, tuning: TuningInUse, put_back: Callable[[], Awaitable[None]]) -> None:
+    async def _until_put_back(self, what: str, tuning: ActiveTuning, put_back: Callable[[], Awaitable[None]]) -> None:
         """Call ``put_back`` until it works; meanwhile the problems of the state tell what is not back in force."""
         try:
             while True:
@@ -263,7 +265,7 @@ class Retuning:
                 self._present.tuning_problem = ""
                 self._changed()
 
-    async def _return(self, own: TuningInUse) -> None:
+    async def _return(self, own: ActiveTuning) -> None:
         async with self._turn:
             if self._present.own_tuning is not own:  # given back by another road while this waited
                 return
@@ -271,15 +273,15 @@ class Retuning:
             if back.choice != lent.choice:
                 try:
                     tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
-                except LoopDiedError:
+                except LoopExitedError:
                     tick = self._remember(back.without_rejection())
                 self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
             self._present.own_tuning = None
 
-    async def _end_trial_by_itself(self, before: TuningInUse, cause: str) -> None:
+    async def _end_trial_by_itself(self, before: ActiveTuning, cause: str) -> None:
         await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
 
-    async def _end_trial(self, before: TuningInUse, who: str = "", cause: str = "") -> None:
+    async def _end_trial(self, before: ActiveTuning, who: str = "", cause: str = "") -> None:
         async with self._turn:
             tried = self._present.tuning
             if self._trial.before is not before:  # somebody chose another tuning while this waited
@@ -290,18 +292,18 @@ class Retuning:
             self._journal.note(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
 
     def _require_own(self) -> None:
-        """Raise RefusalError while a run has the tuning."""
+        """Raise RequestRejectedError while a run has the tuning."""
         if self._present.own_tuning is None:
             return
         task = self._present.task
         what = "a run is being started" if task is None else f"{task.kind} is running"
-        raise RefusalError(Because.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
 
     async def _keep(self, who: str) -> None:
         """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
         await asyncio.to_thread(self._kept.put, self._present.tuning, who)
 
-    async def _choose(self, tuning: TuningInUse, *, undone: bool = False) -> int:
+    async def _choose(self, tuning: ActiveTuning, *, undone: bool = False) -> int:
         """Put in force what the operator has chosen for good; one step back is remembered."""
         before = self._trial.before or self._present.tuning
         tick = await self._put_in_force(tuning)
@@ -310,13 +312,13 @@ class Retuning:
             self._changed()
         return tick
 
-    async def _put_in_force(self, tuning: TuningInUse) -> int:
+    async def _put_in_force(self, tuning: ActiveTuning) -> int:
         self._require_felt(tuning)
         accepted = await self._send(tuning.command())
         self._remember(tuning)
         return accepted.tick
 
-    def _remember(self, tuning: TuningInUse) -> int:
+    def _remember(self, tuning: ActiveTuning) -> int:
         """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
         self._trial.forget()
         self._present.tuning = tuning
@@ -336,7 +338,7 @@ class SavedTunings:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def of(self, tuning: TuningInUse) -> SavedTuning:
+    async def of(self, tuning: ActiveTuning) -> SavedTuning:
         """Return what was saved for the bank in use; the defaults on its models where nobody has saved."""
         stored = await asyncio.to_thread(self._newest, tuning)
         if stored is not None:
@@ -344,23 +346,23 @@ class SavedTunings:
         default = await asyncio.to_thread(tuning.default)
         return SavedTuning(**parts_of(default.choice), who=None, at=None, moved=default.moved)
 
-    async def save(self, tuning: TuningInUse, who: str) -> SavedTuning:
+    async def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
         return _saved(await asyncio.to_thread(self._put, tuning, who))
 
-    def _newest(self, tuning: TuningInUse) -> StoredSetting | None:
+    def _newest(self, tuning: ActiveTuning) -> StoredSetting | None:
         with self._database.reading() as session:
             return settings.newest(session, _setting_of(tuning))
 
-    def _put(self, tuning: TuningInUse, who: str) -> StoredSetting:
+    def _put(self, tuning: ActiveTuning, who: str) -> StoredSetting:
         with self._database.session() as session:
             return settings.put(session, _setting_of(tuning), SAVED.write(SavedParts(**parts_of(tuning.choice))), who)
 
 
 def _saved(stored: StoredSetting) -> SavedTuning:
     read = SAVED.read(stored.value, f"setting “{stored.name}”")
-    return SavedTuning(**parts_of(TuningChoice.of(read.known())), who=stored.who, at=stored.at, moved="")
+    return SavedTuning(**parts_of(TuningSettings.of(read.known())), who=stored.who, at=stored.at, moved="")
 
 
-def _setting_of(tuning: TuningInUse) -> str:
+def _setting_of(tuning: ActiveTuning) -> str:
     return saved_for(None if tuning.bank is None else tuning.bank.id)

@@ -15,9 +15,9 @@ from typing import Any
 
 from backend.banks import tuning_settings
 from backend.banks.builder import points_of, tuning_command
-from backend.banks.tuning_settings import DefaultChoice, KeptChoice, TuningChoice, default_choice
+from backend.banks.tuning_settings import DefaultTuning, LastTuning, TuningSettings, default_choice
 from backend.data_folder import write_private
-from backend.errors import OutOfRangeError, require_within
+from backend.errors import OutOfRangeError, check_range
 from backend.models.document import UnreadableDocumentError
 from backend.models.settings import SettingError
 from backend.realtime.program import SetTuning
@@ -45,8 +45,8 @@ from backend.storage.database import Database
 from backend.storage.orm import StorageError, UnknownRecordError
 from backend.supervision import KeptTask, Part, Supervision
 from backend.tuning import preview
-from backend.tuning.gains import LAM_MAX, Lambdas, TuningError, require_share
-from backend.tuning.preview import Previewer, Steps, require_budget
+from backend.tuning.gains import LAM_MAX, TuningError, TuningParameters, require_share
+from backend.tuning.preview import Steps, TuningPreviewer, require_budget
 from backend.tuning.robustness import FIGURES, Robustness
 from backend.tuning.simulation import NEAR_RAD, PUSH_N, PushForecast, StepForecast
 from plant.compiled import CACHE
@@ -68,7 +68,7 @@ _log = logging.getLogger(__name__)
 
 
 class KeptFigures:
-    """The file of ``remembered.FIGURES`` in a ``folder``, that of caches where none is given; None without either."""
+    """The file of ``robustness.FIGURES`` in a ``folder``, that of caches where none is given; None without either."""
 
     def __init__(self, folder: Path | None = None) -> None:
         place = folder or (None if CACHE is None else CACHE.parent)
@@ -132,22 +132,22 @@ def _digest_of_what_computes() -> str:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ResolvedTuning:
     """A choice with the bank that it names, None for gains from geometry."""
 
-    choice: TuningChoice
+    choice: TuningSettings
     bank: Bank | None
 
 
 @dataclass(frozen=True)
-class TuningInUse(Chosen):
+class ActiveTuning(ResolvedTuning):
     """A choice with the models that its bank stands for; without a bank the models follow from geometry."""
 
     parameters: PlantParameters
-    previewer: Previewer
+    previewer: TuningPreviewer
 
     @property
-    def lambdas(self) -> Lambdas:
+    def lambdas(self) -> TuningParameters:
         """The tuning parameters and b alone."""
         return self.choice.lambdas
 
@@ -155,31 +155,31 @@ class TuningInUse(Chosen):
         """Return what tells the loop."""
         return tuning_command(self.parameters, self.choice, self.bank)
 
-    def changed(self, request: TuningRequest) -> "TuningInUse":
+    def changed(self, request: TuningRequest) -> "ActiveTuning":
         """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
         wanted = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
         return self.with_choice(self.choice.with_parts(wanted), self.bank)
 
-    def with_choice(self, choice: TuningChoice, bank: Bank | None) -> "TuningInUse":
+    def with_choice(self, choice: TuningSettings, bank: Bank | None) -> "ActiveTuning":
         """Return another tuning of the same plant, ``bank`` being what the choice names.
 
         Raises OutOfRangeError where a λ is not safe on its models.
         """
         return _checked(self.parameters, choice, bank, self)
 
-    def with_bank(self, bank: Bank | None) -> "TuningInUse":
+    def with_bank(self, bank: Bank | None) -> "ActiveTuning":
         """Return the tuning with another bank. Raises OutOfRangeError where a λ is not safe on its models."""
         return self.with_choice(self.choice, bank)
 
-    def without_rejection(self) -> "TuningInUse":
+    def without_rejection(self) -> "ActiveTuning":
         """Return the tuning with pushes left to the position loop."""
         return replace(self, choice=replace(self.choice, k_ext=0.0))
 
-    def difference(self, before: "TuningInUse") -> str:
+    def difference(self, before: "ActiveTuning") -> str:
         """Return in words what differs from ``before``."""
         return ", ".join(self.choice.differences(before.choice)) or "the same tuning again"
 
-    def default(self) -> DefaultChoice:
+    def default(self) -> DefaultTuning:
         """Return what would be in force on these models where nobody had chosen; takes a while at another λ_motor."""
         return default_choice(self.parameters, points_of(self.bank), self.previewer)
 
@@ -278,28 +278,28 @@ def _motor(robustness: Robustness) -> MotorPreview:
     )
 
 
-def initial(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None = None) -> TuningInUse:
+def initial(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
     """Return a tuning to start from, ``bank`` being what the choice names. Raises OutOfRangeError."""
     return _checked(parameters, choice, bank, None)
 
 
-def by_default(parameters: PlantParameters) -> tuple[TuningInUse, str]:
+def by_default(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
     """Return the tuning where nobody has chosen one, and what to say of it: empty where it is the method's."""
     default = default_choice(parameters)
-    return TuningInUse(default.choice, None, parameters, default.previewer), default.moved
+    return ActiveTuning(default.choice, None, parameters, default.previewer), default.moved
 
 
-def parts_of(choice: TuningChoice) -> dict[str, Any]:
+def parts_of(choice: TuningSettings) -> dict[str, Any]:
     """Return the parts of a tuning that ``schemas.tuning.TuningParts`` shows; the bank is shown beside them."""
     return {name: value for name, value in choice.document().items() if name != "bank"}
 
 
-def chosen_view(tuning: Chosen) -> ChosenTuning:
+def chosen_view(tuning: ResolvedTuning) -> ChosenTuning:
     """Return a tuning with its bank, as the page shows one that is not in force."""
     return ChosenTuning(**parts_of(tuning.choice), bank=_reference(tuning.bank))
 
 
-def shown_with(view: TuningView, chosen: Chosen, entry: float) -> TuningView:
+def shown_with(view: TuningView, chosen: ResolvedTuning, entry: float) -> TuningView:
     """Return what the page shows of a tuning with parts and bank of another one; ``entry`` is the active one."""
     bank = chosen.bank
     name = "" if bank is None else entry_in_use(bank.entries, entry)
@@ -312,22 +312,22 @@ def _reference(bank: Bank | None) -> BankReference | None:
 
 
 def _checked(
-    parameters: PlantParameters, choice: TuningChoice, bank: Bank | None, before: TuningInUse | None
-) -> TuningInUse:
+    parameters: PlantParameters, choice: TuningSettings, bank: Bank | None, before: ActiveTuning | None
+) -> ActiveTuning:
     choice = replace(choice, bank=0 if bank is None else bank.id)
-    require_within("b", choice.b, 0.0, 1.0, "1", words="weight b of the reference")
+    check_range("b", choice.b, 0.0, 1.0, "1", words="weight b of the reference")
     if before is not None and all(
         getattr(before.choice, name) == getattr(choice, name) for name in ("lam_motor", "b", "bank")
     ):
         previewer = before.previewer
     else:
-        previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer = TuningPreviewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
     previewer.require_safe(choice.lambdas, choice.budget)
     require_share(choice.k_ext)
-    return TuningInUse(choice, bank, parameters, previewer)
+    return ActiveTuning(choice, bank, parameters, previewer)
 
 
-def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
+def _loop(lam: float, predicted: preview.OuterLoopPreview) -> LoopPreview:
     robustness, printed = predicted.robustness, predicted.printed
     stable = robustness.stable
     return LoopPreview(
@@ -387,56 +387,56 @@ def _finite(value: float) -> float | None:
 # The tuning in force outlives the service: kept at each change, in force again at the next start.
 
 
-class KeptTuning:
+class TuningStore:
     """Writes and reads the tuning in force as a setting in the database."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def put(self, tuning: TuningInUse, who: str) -> None:
+    def put(self, tuning: ActiveTuning, who: str) -> None:
         """Keep a tuning that has come into force; where the disk refuses, the loop goes on and the log says so."""
         try:
             tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("the tuning in force was not kept for the next start")
 
-    def earlier(self, tuning: TuningInUse) -> Chosen | None:
+    def earlier(self, tuning: ActiveTuning) -> ResolvedTuning | None:
         """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
         try:
             with self._database.reading() as session:
                 choice = tuning_settings.earlier_tuning(session, tuning.choice, tuning.parameters)
                 if choice is None:
                     return None
-                return Chosen(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+                return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("what was in force before the present tuning cannot be had any more")
             return None
 
-    def carried_over(self, now: TuningInUse, parameters: PlantParameters) -> TuningInUse:
+    def carried_over(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
         """Return what to go on with on other ``parameters``: what they were left with, else λ as it is, else defaults.
 
         A bank stays with the parameters that its models were made with. Raises TuningError where nothing is safe.
         """
         left = self._left_with(parameters)
-        for choice in [*([left] if left else []), Chosen(replace(now.choice, bank=0), None)]:
+        for choice in [*([left] if left else []), ResolvedTuning(replace(now.choice, bank=0), None)]:
             try:
                 return initial(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
             except (OutOfRangeError, TuningError) as error:
                 _log.warning("a tuning is not carried over to other parameters: %s", error)
         return by_default(parameters)[0]
 
-    def _left_with(self, parameters: PlantParameters) -> Chosen | None:
+    def _left_with(self, parameters: PlantParameters) -> ResolvedTuning | None:
         try:
             with self._database.reading() as session:
                 choice = tuning_settings.left_with(session, parameters)
                 if choice is None:
                     return None
-                return Chosen(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+                return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("what was in force with these parameters cannot be had any more")
             return None
 
-    def restore(self, parameters: PlantParameters) -> tuple[TuningInUse, str]:
+    def restore(self, parameters: PlantParameters) -> tuple[ActiveTuning, str]:
         """Return what to start with, and a sentence on it for the journal; mostly empty on a new data folder.
 
         What was kept for other parameters, or cannot be used any more, gives way to the defaults.
@@ -455,12 +455,12 @@ class KeptTuning:
         return tuning, _said(tuning, kept)
 
 
-def _defaults(parameters: PlantParameters, why: str) -> tuple[TuningInUse, str]:
+def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
     tuning, moved = by_default(parameters)
     return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
 
 
-def _said(tuning: TuningInUse, kept: KeptChoice) -> str:
+def _said(tuning: ActiveTuning, kept: LastTuning) -> str:
     bank = tuning.bank
     models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
     said = f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"
@@ -479,24 +479,24 @@ def _said(tuning: TuningInUse, kept: KeptChoice) -> str:
 _PART = Part("The clock of a tuning on trial", "The earlier tuning is put back at its time all the same.")
 
 
-class Trial:
+class TuningTrial:
     """At most one trial at a time. ``put_back`` gets a tuning to put in force again and why the trial ends."""
 
-    def __init__(self, put_back: Callable[[TuningInUse, str], Awaitable[None]], supervision: Supervision) -> None:
+    def __init__(self, put_back: Callable[[ActiveTuning, str], Awaitable[None]], supervision: Supervision) -> None:
         self._put_back = put_back
         self._supervision = supervision
-        self._before: TuningInUse | None = None
+        self._before: ActiveTuning | None = None
         self._ends = 0.0
         self._duration_s = 0.0
         self._timer: KeptTask | None = None
         self._cause: asyncio.Future[str] | None = None
 
     @property
-    def before(self) -> TuningInUse | None:
+    def before(self) -> ActiveTuning | None:
         """What comes back at the end; None while nothing is tried."""
         return self._before
 
-    def begin(self, before: TuningInUse, duration_s: float) -> None:
+    def begin(self, before: ActiveTuning, duration_s: float) -> None:
         """Count down from ``duration_s`` [s], then put ``before`` back."""
         self.forget()
         self._before, self._duration_s = before, duration_s
@@ -526,7 +526,7 @@ class Trial:
             duration_s=self._duration_s,
         )
 
-    async def _count_down(self, before: TuningInUse) -> None:
+    async def _count_down(self, before: ActiveTuning) -> None:
         """Wait for the time or for a cause; a task that is started again after it died finds what is left of both."""
         cause = self._cause
         if cause is None:

@@ -65,7 +65,7 @@ def add(
 ) -> Bank:
     """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known.
 
-    Raises RefusalError for a new name that reads like one there is.
+    Raises RequestRejectedError for a new name that reads like one there is.
     """
     if not entries:
         raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
@@ -164,7 +164,7 @@ def entry_in_use(entries: Sequence[BankEntry], active: float) -> str:
 
 
 @dataclass(frozen=True)
-class ChannelFit:
+class StoredFit:
     """How good the model of G_q or G_S is: fit on data not used [%], standard errors of its K and T [%].
 
     A figure that could not be had, or that an older identification did not keep, is None.
@@ -189,7 +189,7 @@ class ChannelFit:
         return ", ".join(parts)
 
 
-def fits_of(found: Identification) -> dict[str, ChannelFit]:
+def fits_of(found: Identification) -> dict[str, StoredFit]:
     """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
     model, quality = found.early_model, found.early_quality
     return {"G_q": _fit(model.G_q, quality.G_q), "G_S": _fit(model.G_S, quality.G_S)}
@@ -205,15 +205,15 @@ def method_of(found: Identification) -> str:
     return joint_method({name: found.method if method is None else method for name, method in named.items()})
 
 
-def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, ChannelFit]]:
+def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, StoredFit]]:
     """Return the fits behind a bank's entries, by the number of their estimate. Raises UnknownRecordError."""
     named = [entry.identification_id for entry in bank.entries]
     return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
 
 
-def _fit(model: PartialChannelModel | None, quality: PartialChannelQuality | None) -> ChannelFit:
+def _fit(model: PartialChannelModel | None, quality: PartialChannelQuality | None) -> StoredFit:
     first_order = (model.first_order if model else None) or PartialReduced()
-    return ChannelFit(
+    return StoredFit(
         grade=quality.grade if quality else None,
         fit_percent=quality.fit_percent if quality else None,
         K_error_percent=_relative(first_order.K, first_order.K_std),

@@ -29,40 +29,40 @@ class NewStepResult:
 
 
 @dataclass(frozen=True)
-class StepResult(NewStepResult):
+class StoredStepResult(NewStepResult):
     """A stored result."""
 
     id: int = 0
     at: datetime = datetime.min
 
 
-def add(session: Session, new: NewStepResult) -> StepResult:
+def add(session: Session, new: NewStepResult) -> StoredStepResult:
     """Keep a result."""
     row = BringUpRow(at=datetime.now(UTC), station=station_of(session), **asdict(new))
     session.add(row)
     session.flush()
-    return to_record(StepResult, row)
+    return to_record(StoredStepResult, row)
 
 
-def newest(session: Session) -> dict[str, StepResult]:
+def newest(session: Session) -> dict[str, StoredStepResult]:
     """Return the newest result of each step at the station."""
     last = select(func.max(BringUpRow.id)).where(BringUpRow.station == station_of(session)).group_by(BringUpRow.step)
     rows = session.scalars(select(BringUpRow).where(BringUpRow.id.in_(last)))
-    return {row.step: to_record(StepResult, row) for row in rows}
+    return {row.step: to_record(StoredStepResult, row) for row in rows}
 
 
-def calibrations(session: Session, station: str) -> list[StepResult]:
+def calibrations(session: Session, station: str) -> list[StoredStepResult]:
     """Return all that was calibrated at a station, oldest first."""
     query = select(BringUpRow).where(BringUpRow.station == station, BringUpRow.passed).order_by(BringUpRow.id)
-    return [to_record(StepResult, row) for row in session.scalars(query) if row.calibrations]
+    return [to_record(StoredStepResult, row) for row in session.scalars(query) if row.calibrations]
 
 
-def held_at(session: Session, station: str, at: datetime) -> list[StepResult]:
+def held_at(session: Session, station: str, at: datetime) -> list[StoredStepResult]:
     """Return what was calibrated at a station up to a moment, of each step the newest."""
     return list({one.step: one for one in calibrations(session, station) if one.at <= at}.values())
 
 
-def told(result: StepResult) -> dict[str, Any]:
+def told(result: StoredStepResult) -> dict[str, Any]:
     """Return what a lineage tells of a calibration."""
     return {"step": result.step, "fingerprint": result.fingerprint, "calibrations": result.calibrations}
 
@@ -74,8 +74,8 @@ def last_failure(session: Session, step: str) -> int:
     return session.scalar(query) or 0
 
 
-def passed_with(session: Session, fingerprint: str) -> list[StepResult]:
+def passed_with(session: Session, fingerprint: str) -> list[StoredStepResult]:
     """Return all that passed with one wiring, oldest first."""
     passed = (BringUpRow.fingerprint == fingerprint, BringUpRow.passed, BringUpRow.station == station_of(session))
     query = select(BringUpRow).where(*passed).order_by(BringUpRow.id)
-    return [to_record(StepResult, row) for row in session.scalars(query)]
+    return [to_record(StoredStepResult, row) for row in session.scalars(query)]

@@ -25,7 +25,7 @@ class StoredExperiment:
 def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
     """Store the next version of the experiment of this name; earlier versions stay. The same text again is no other.
 
-    Raises RefusalError for a new name that reads like one there is.
+    Raises RequestRejectedError for a new name that reads like one there is.
     """
     newest = _newest(session, name)
     if newest is not None and newest.text == text:

@@ -30,8 +30,8 @@ from backend.storage.orm import (
     ResultRow,
     RunRow,
     UtcDateTime,
+    mark_for_reindex,
     require,
-    touch,
 )
 from backend.storage.stations import one_at_a_time, station_of
 
@@ -141,7 +141,7 @@ def put(session: Session, kind: str, document: Document) -> int:
         session.add(BankEntryRow(bank_id=row.id, position=position, **entry))
     session.flush()
     if kind == RUN or document.get("run_id") is not None:
-        touch(session, row.id if kind == RUN else document["run_id"])
+        mark_for_reindex(session, row.id if kind == RUN else document["run_id"])
     return int(row.id)
 
 
@@ -152,7 +152,7 @@ def connect(session: Session, run_id: int, document: Document) -> bool:
     if not origins.bring_banks(session, run_id, where_there_are=has_more):
         return False
     row.bank_id, row.settings = document["bank_id"], document["settings"]
-    touch(session, run_id)
+    mark_for_reindex(session, run_id)
     return True
 
 

@@ -26,7 +26,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, Session, mapped_column
 
-from backend.errors import STATION_MAX, Because, RefusalError
+from backend.errors import STATION_MAX, ErrorCode, RequestRejectedError
 from backend.plain_text import as_folded
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 
@@ -453,12 +453,12 @@ def require(session: Session, row_class: type[Row], identifier: int, what: str) 
 
 
 def require_distinct(what: str, name: str, others: Iterable[str]) -> None:
-    """Raise RefusalError for a new name that people take for one of the others: "Brief" beside "brief"."""
+    """Raise RequestRejectedError for a new name that people take for one of the others: "Brief" beside "brief"."""
     folded = as_folded(name)
     for other in others:
         if other != name and as_folded(other) == folded:
-            raise RefusalError(
-                Because.BAD_VALUE,
+            raise RequestRejectedError(
+                ErrorCode.BAD_VALUE,
                 f"there is {what} {other!r} already, which reads like {name!r}: write that name, or choose another one",
                 code="name_taken",
             )
@@ -517,7 +517,7 @@ class StudyPointRow(OfStation, Base):
 _KEY = "sinew_touched_runs"
 
 
-def touch(session: Session, *run_ids: int) -> None:
+def mark_for_reindex(session: Session, *run_ids: int) -> None:
     """Have what these runs are searched by written anew before the transaction is committed."""
     session.info.setdefault(_KEY, set()).update(run_ids)
 

@@ -236,7 +236,7 @@ def _within(run_id: int, from_tick: int, to_tick: int) -> ColumnElement[bool]:
 
 
 @dataclass(frozen=True)
-class Held:
+class RetentionEntry:
     """The samples of one run. ``in_use``: the run is open, or a model, a result or a report was made from it."""
 
     run_id: int
@@ -248,7 +248,7 @@ class Held:
     in_use: bool
 
 
-def held(session: Session) -> list[Held]:
+def held(session: Session) -> list[RetentionEntry]:
     """Return what is held of the station's runs, oldest first."""
     needs = [
         exists().where(table.run_id == RunRow.id).correlate(RunRow)
@@ -258,7 +258,7 @@ def held(session: Session) -> list[Held]:
     columns = (RunRow.id, RunRow.kind, RunRow.who, RunRow.note, RunRow.started_at, RecordingRow.size_bytes, in_use)
     mine = (RecordingRow.size_bytes > 0, RunRow.station == station_of(session))
     query = select(*columns).join(RecordingRow).where(*mine).order_by(RunRow.id)
-    return [Held(*row[:-1], bool(row[-1])) for row in session.execute(query)]
+    return [RetentionEntry(*row[:-1], bool(row[-1])) for row in session.execute(query)]
 
 
 def mark_removed(session: Session, run_id: int, how: str) -> None:

@@ -8,8 +8,8 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import CRITERIA, METRICS, Criterion, Metrics
-from backend.storage.orm import ReportRow, ResultRow, to_record, touch
+from backend.models.run import CRITERIA, METRICS, Metrics, RunCriterion
+from backend.storage.orm import ReportRow, ResultRow, mark_for_reindex, to_record
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class NewResult:
 
     run_id: int
     metrics: Metrics
-    criteria: tuple[Criterion, ...]
+    criteria: tuple[RunCriterion, ...]
     software: str
 
 
@@ -31,7 +31,7 @@ class Result(NewResult):
 
 
 @dataclass(frozen=True)
-class Report:
+class StoredReport:
     """A report as handed out; ``format`` is html or pdf."""
 
     id: int
@@ -52,7 +52,7 @@ def add(session: Session, new: NewResult) -> Result:
     )
     session.add(row)
     session.flush()
-    touch(session, new.run_id)
+    mark_for_reindex(session, new.run_id)
     return _result(row)
 
 
@@ -97,16 +97,16 @@ def present(session: Session, run_ids: Sequence[int]) -> set[int]:
     return set(session.scalars(select(ResultRow.run_id).where(ResultRow.run_id.in_(run_ids)).distinct()))
 
 
-def add_report(session: Session, run_id: int, report_format: str, content: bytes) -> Report:
+def add_report(session: Session, run_id: int, report_format: str, content: bytes) -> StoredReport:
     """Keep a report as it was handed out."""
     row = ReportRow(run_id=run_id, format=report_format, created_at=datetime.now(UTC), content=content)
     session.add(row)
     session.flush()
-    return to_record(Report, row)
+    return to_record(StoredReport, row)
 
 
-def newest_report(session: Session, run_id: int, report_format: str) -> Report | None:
+def newest_report(session: Session, run_id: int, report_format: str) -> StoredReport | None:
     """Return the newest report of a run in a format, None when there is none yet."""
     query = select(ReportRow).where(ReportRow.run_id == run_id, ReportRow.format == report_format)
     row = session.scalar(query.order_by(ReportRow.id.desc()).limit(1))
-    return None if row is None else to_record(Report, row)
+    return None if row is None else to_record(StoredReport, row)

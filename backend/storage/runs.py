@@ -14,7 +14,7 @@ from backend.faults import Fault
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import SETTINGS, KeptWall, RunSettings, joined
 from backend.plain_text import as_line
-from backend.storage.orm import Document, RunRow, UnknownRecordError, require, to_record, touch
+from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_reindex, require, to_record
 from backend.storage.stations import station_of
 
 # Runs ----------------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ def create(session: Session, new: NewRun) -> Run:
     row.kind = new.kind.value
     session.add(row)
     session.flush()
-    touch(session, row.id)
+    mark_for_reindex(session, row.id)
     return to_record(Run, row)
 
 
@@ -193,7 +193,7 @@ def set_note(session: Session, run_id: int, note: str) -> Run:
     row = own(session, run_id)
     row.note = note
     session.flush()
-    touch(session, run_id)
+    mark_for_reindex(session, run_id)
     return to_record(Run, row)
 
 
@@ -225,7 +225,7 @@ def end(session: Session, run_id: int, end_state: EndState, detail: str = "") ->
         row.end_detail = detail
         row.ended_at = datetime.now(UTC)
         session.flush()
-        touch(session, run_id)
+        mark_for_reindex(session, run_id)
     return to_record(Run, row)
 
 
@@ -253,7 +253,7 @@ def close_interrupted(
         .returning(RunRow.id)
     )
     closed = sorted(ended)
-    touch(session, *closed)
+    mark_for_reindex(session, *closed)
     return closed
 
 

@@ -13,7 +13,7 @@ from unicodedata import normalize
 from sqlalchemy import ColumnElement, and_, false, func, not_, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.models.run import Outcome
 from backend.storage.orm import ParameterValueRow, RunIndexRow, RunTagRow, RunValueRow, ValueNameRow
 from backend.storage.runs import EndState, RunKind
@@ -98,7 +98,7 @@ class Not:
 Query = Word | Compare | All | AnyOf | Not
 
 
-class QueryError(RefusalError):
+class QueryError(RequestRejectedError):
     """A search that says nothing that could be looked for: at which character, why, and what is known there."""
 
     def __init__(self, place: int, problem: str, known: Iterable[str] = (), given: str = "") -> None:
@@ -108,7 +108,7 @@ class QueryError(RefusalError):
         hint = f"; did you mean {' or '.join(near)}?" if near else f"; known: {', '.join(legal[:12])}" if legal else ""
         more = f" and {len(legal) - 12} more" if legal and not near and len(legal) > 12 else ""
         said = f"search, character {place + 1}: {problem}{hint}{more}"
-        super().__init__(Because.BAD_VALUE, said, code="bad_search", legal=legal or None)
+        super().__init__(ErrorCode.BAD_VALUE, said, code="bad_search", legal=legal or None)
 
 
 @dataclass(frozen=True)
@@ -516,7 +516,7 @@ FIELDS = tuple(sorted((*_TEXTS, *_OTHERS)))
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchPage:
     """The numbers of the runs of a page, newest first, and how many there are altogether."""
 
     run_ids: tuple[int, ...]
@@ -533,14 +533,14 @@ class KnownWords:
     values: dict[str, tuple[str, ...]]
 
 
-def search(session: Session, query: Query, *, everywhere: bool, limit: int | None, offset: int = 0) -> Found:
+def search(session: Session, query: Query, *, everywhere: bool, limit: int | None, offset: int = 0) -> SearchPage:
     """Return the runs that fit: of the station, or with ``everywhere``, or where stations are named, of all of them.
 
     Raises QueryError.
     """
     conditions = _fits(session, query, everywhere=everywhere)
     asked = select(RunIndexRow.run_id).where(*conditions).order_by(RunIndexRow.run_id.desc()).limit(limit)
-    return Found(tuple(session.scalars(asked.offset(offset))), _count(session, conditions))
+    return SearchPage(tuple(session.scalars(asked.offset(offset))), _count(session, conditions))
 
 
 def _fits(session: Session, query: Query, *, everywhere: bool) -> list[Condition]:

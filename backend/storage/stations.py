@@ -7,7 +7,7 @@ from sqlalchemy import Connection, Engine, func, select, text, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.storage.orm import (
     BankRow,
     BringUpRow,
@@ -44,15 +44,15 @@ _TABLES = (
 
 
 def give_all(session: Session, station: str) -> int:
-    """Give all rows that are of no station to this one; return how many runs. Raises RefusalError where it has any.
+    """Give all rows that are of no station to this one; return how many runs.
 
-    What runs are searched by is renewed at the next opening.
+    Raises RequestRejectedError where it has any. What runs are searched by is renewed at the next opening.
     """
     for table in _TABLES:
         taken = session.scalar(select(func.count()).select_from(table).where(table.station == station))
         if taken:
-            raise RefusalError(
-                Because.NOT_NOW,
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW,
                 f"station {station} has {taken} rows of table {table.__tablename__} already: choose a name that is new",
             )
     runs = session.scalar(select(func.count()).select_from(RunRow).where(RunRow.station == "")) or 0
@@ -74,13 +74,13 @@ def give_all(session: Session, station: str) -> int:
 _KEY = "sinew_station"
 
 
-class StationTakenError(RefusalError):
+class StationTakenError(RequestRejectedError):
     """Another service works on this database under the same name."""
 
     def __init__(self, station: str, by: str = "another service") -> None:
         named = f"as station {station}" if station else "without a station"
         super().__init__(
-            Because.NOT_NOW,
+            ErrorCode.NOT_NOW,
             f"{by} works on this database {named}: end it, or give this one its own name with --station",
         )
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.storage import runs
-from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, touch
+from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, mark_for_reindex
 from backend.storage.search import NONE, tag_as_kept
 from backend.storage.search_index import insert_new
 from backend.storage.stations import station_of
@@ -16,12 +16,12 @@ from backend.storage.stations import station_of
 _TAG = re.compile(r"[\w.:+-]+")
 
 
-class TagError(RefusalError):
+class TagError(RequestRejectedError):
     """A word that is no tag."""
 
     def __init__(self, given: str) -> None:
         super().__init__(
-            Because.BAD_VALUE,
+            ErrorCode.BAD_VALUE,
             f"{given[:TAG_MAX]!r} is no tag: 1 to {TAG_MAX} letters, digits and . : + - _ without a space, "
             f"and not {NONE!r}",
             code="bad_tag",
@@ -32,14 +32,14 @@ def put(session: Session, run_id: int, tag: str) -> None:
     """Put a tag on a run of the station, which may have it already. Raises TagError, UnknownRecordError."""
     runs.own(session, run_id)
     insert_new(session, RunTagRow, [{"run_id": run_id, "tag": read_tag(tag)}])
-    touch(session, run_id)
+    mark_for_reindex(session, run_id)
 
 
 def take(session: Session, run_id: int, tag: str) -> None:
     """Take a tag off a run of the station, which may not have it. Raises TagError, UnknownRecordError."""
     runs.own(session, run_id)
     session.execute(delete(RunTagRow).where(RunTagRow.run_id == run_id, RunTagRow.tag == read_tag(tag)))
-    touch(session, run_id)
+    mark_for_reindex(session, run_id)
 
 
 def rename(session: Session, before: str, after: str) -> int:
@@ -53,7 +53,7 @@ def rename(session: Session, before: str, after: str) -> int:
     if new != old:
         insert_new(session, RunTagRow, [{"run_id": run_id, "tag": new} for run_id in tagged])
         session.execute(delete(RunTagRow).where(RunTagRow.run_id.in_(tagged), RunTagRow.tag == old))
-        touch(session, *tagged)
+        mark_for_reindex(session, *tagged)
     return len(tagged)
 
 

@@ -10,14 +10,14 @@ from typing import Any
 from sqlalchemy import Row, Select, func, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.storage import recordings
 from backend.storage.events import EventKind
 from backend.storage.orm import EventRow, FlightRow, RemarkRow, RunIndexRow, RunRow, UnknownRecordError
 from backend.storage.search import Condition
 from backend.storage.stations import station_of
 from backend.storage.tags import read_tag
-from backend.units import Angles, in_words
+from backend.units import AngleUnit, format_angles
 
 NOTE_MAX = 2000
 TAGS_MAX = 20
@@ -34,7 +34,7 @@ AFTER = timedelta(seconds=2)
 
 
 @dataclass(frozen=True)
-class Asked:
+class LogQuery:
     """Which of it: of these kinds (none: of all), with each of these words, from ``since`` and ``before`` a time.
 
     Words are looked for in what is read, with angles in ``angles``: "60°" and "60 deg" of a text in rad.
@@ -44,11 +44,11 @@ class Asked:
     words: Sequence[str] = ()
     since: datetime | None = None
     before: datetime | None = None
-    angles: Angles = Angles.DEGREES
+    angles: AngleUnit = AngleUnit.DEGREES
 
 
 @dataclass(frozen=True)
-class Happening:
+class LogEntry:
     """One thing that happened; ``event_id`` is None of a run that began or ended.
 
     ``t`` [s] counts from the first sample of its run, ``flight`` tells that a flight record was kept of it, and
@@ -69,7 +69,7 @@ class Happening:
     remark_by: str = ""
 
 
-def find(session: Session, asked: Asked, limit: int) -> tuple[list[Happening], datetime | None]:
+def find(session: Session, asked: LogQuery, limit: int) -> tuple[list[LogEntry], datetime | None]:
     """Return the newest of the station, and before which time there is more; None where there is none."""
     found = _merged(session, asked, limit)
     if len(found) < limit:
@@ -81,7 +81,7 @@ def find(session: Session, asked: Asked, limit: int) -> tuple[list[Happening], d
     return _placed(session, newer + at_once), last if more else None
 
 
-def _merged(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
+def _merged(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
     wanted = set(asked.kinds) or set(EventKind)
     found = _events(session, asked, limit) if wanted - {EventKind.RUN} else []
     if EventKind.RUN in wanted:
@@ -93,14 +93,14 @@ def _merged(session: Session, asked: Asked, limit: int | None) -> list[Happening
 def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
     """Put a note and tags on an event of the station in the place of those before; with neither they go.
 
-    Raises UnknownRecordError, TagError, RefusalError for a note that is too long or too many tags.
+    Raises UnknownRecordError, TagError, RequestRejectedError for a note that is too long or too many tags.
     """
     event = session.get(EventRow, event_id)
     if event is None or event.station != station_of(session):
         raise UnknownRecordError(f"there is no event {event_id}")
     if len(note) > NOTE_MAX or len(tags) > TAGS_MAX:
-        raise RefusalError(
-            Because.BAD_VALUE,
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE,
             f"a note of {len(note)} characters and {len(tags)} tags: at most {NOTE_MAX} and {TAGS_MAX}; shorten it",
         )
     words = " ".join(dict.fromkeys(map(read_tag, tags)))
@@ -112,7 +112,7 @@ def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who:
     session.merge(RemarkRow(event_id=event_id, note=note, tags=f" {words} ", who=who, at=datetime.now(UTC)))
 
 
-def count(session: Session, asked: Asked) -> int:
+def count(session: Session, asked: LogQuery) -> int:
     """Return how many there are of what is asked for."""
     wanted, found = set(asked.kinds) or set(EventKind), 0
     if wanted - {EventKind.RUN}:
@@ -123,7 +123,7 @@ def count(session: Session, asked: Asked) -> int:
     return found
 
 
-def _count(session: Session, query: _Query, made: Callable[[_Row], tuple[Happening, str]], asked: Asked) -> int:
+def _count(session: Session, query: _Query, made: Callable[[_Row], tuple[LogEntry, str]], asked: LogQuery) -> int:
     if any(map(_may_be_of_angle, asked.words)):
         return len(_found(session, query, made, asked, None))
     return session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
@@ -132,10 +132,10 @@ def _count(session: Session, query: _Query, made: Callable[[_Row], tuple[Happeni
 def _found(
     session: Session,
     query: _Query,
-    made: Callable[[_Row], tuple[Happening, str]],
-    asked: Asked,
+    made: Callable[[_Row], tuple[LogEntry, str]],
+    asked: LogQuery,
     limit: int | None,
-) -> list[Happening]:
+) -> list[LogEntry]:
     """Return the first of a query; where a word may be of an angle, those that show it as it is read.
 
     The database has angles in rad: it leaves rows with an angle to be looked at here.
@@ -144,9 +144,9 @@ def _found(
     if not words:
         return [made(row)[0] for row in session.execute(query.limit(limit))]
 
-    def shows(found: tuple[Happening, str]) -> bool:
+    def shows(found: tuple[LogEntry, str]) -> bool:
         one, beside = found
-        turned = (in_words(text, asked.angles) for text in (one.text, beside))
+        turned = (format_angles(text, asked.angles) for text in (one.text, beside))
         read = [_evened(place) for place in (*turned, one.who, one.note, *one.tags)]
         read += [place.replace("°", " deg") for place in read]
         return all(word == str(one.run_id) or any(word in place for place in read) for word in words)
@@ -171,11 +171,11 @@ def _with_angle(place: InstrumentedAttribute[str]) -> list[Condition]:
     return [place.contains(" rad"), place.contains(" deg")]
 
 
-def _events(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
+def _events(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
     return _found(session, _of_events(session, asked), _event, asked, limit)
 
 
-def _of_events(session: Session, asked: Asked) -> _Query:
+def _of_events(session: Session, asked: LogQuery) -> _Query:
     query = (
         select(EventRow, RemarkRow, FlightRow.event_id)
         .outerjoin(RemarkRow, RemarkRow.event_id == EventRow.id)
@@ -192,9 +192,9 @@ def _of_events(session: Session, asked: Asked) -> _Query:
     return query
 
 
-def _event(row: _Row) -> tuple[Happening, str]:
+def _event(row: _Row) -> tuple[LogEntry, str]:
     event, said, flight = row
-    happening = Happening(
+    happening = LogEntry(
         event.at,
         EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
         event.who,
@@ -210,25 +210,25 @@ def _event(row: _Row) -> tuple[Happening, str]:
     return happening, ""
 
 
-def _began(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
+def _began(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
     return _found(session, _of_runs(session, RunRow.started_at, asked), _beginning, asked, limit)
 
 
-def _ended(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
+def _ended(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
     return _found(session, _of_runs(session, RunRow.ended_at, asked), _end, asked, limit)
 
 
-def _beginning(row: _Row) -> tuple[Happening, str]:
+def _beginning(row: _Row) -> tuple[LogEntry, str]:
     run, at, who, title, words, _, _ = row
-    return Happening(at, EventKind.RUN, who, f"{title} began", run_id=run), words
+    return LogEntry(at, EventKind.RUN, who, f"{title} began", run_id=run), words
 
 
-def _end(row: _Row) -> tuple[Happening, str]:
+def _end(row: _Row) -> tuple[LogEntry, str]:
     run, at, _, title, words, state, detail = row
-    return Happening(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run_id=run), words
+    return LogEntry(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run_id=run), words
 
 
-def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked) -> _Query:
+def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: LogQuery) -> _Query:
     index = RunIndexRow
     query = (
         select(RunRow.id, moment, RunRow.who, index.title, index.words, RunRow.end_state, RunRow.end_detail)
@@ -251,7 +251,7 @@ def _in_words(end_state: str, detail: str) -> str:
     return end_state.replace("_", " ") + (f", {why}" if detail else "")
 
 
-def _within(moment: InstrumentedAttribute[Any], asked: Asked) -> list[Condition]:
+def _within(moment: InstrumentedAttribute[Any], asked: LogQuery) -> list[Condition]:
     since = [] if asked.since is None else [moment >= asked.since]
     return since if asked.before is None else [*since, moment < asked.before]
 
@@ -260,7 +260,7 @@ def _holds(place: InstrumentedAttribute[str], word: str) -> Condition:
     return func.lower(place).contains(word.lower(), autoescape=True)
 
 
-def _placed(session: Session, found: list[Happening]) -> list[Happening]:
+def _placed(session: Session, found: list[LogEntry]) -> list[LogEntry]:
     """Find the second of the recording at which each event of a tick stands, in the run that was recorded then.
 
     Ticks begin anew with each loop process: an event belongs to a run only if both its time and its tick fit.
@@ -276,7 +276,7 @@ def _placed(session: Session, found: list[Happening]) -> list[Happening]:
     rows = session.execute(overlap.order_by(RunRow.started_at.desc())).all()
     known = recordings.of_runs(session, [run for run, _, _ in rows])
 
-    def placed(one: Happening) -> Happening:
+    def placed(one: LogEntry) -> LogEntry:
         for run, began, ended in rows:
             recording, extent = known.get(run, (None, None))
             if one.tick is None or recording is None or extent is None:

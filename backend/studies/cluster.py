@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from backend.studies.crew import CrewGoneError, Work
-from backend.studies.point import LOST, Base, Point, PointResult, run_point, without_run
+from backend.studies.point import LOST, Point, PointResult, StudyBase, run_point, without_run
 
 CONNECT_S = 10.0
 """A scheduler that does not answer within this [s] is not there."""
@@ -20,7 +20,7 @@ _GONE = "the scheduler is gone: start it again, and go on with --resume"
 _SET_UP = "; set up their machines like this one, and go on with --resume"
 
 
-def on_cluster(address: str, work: Work = run_point) -> Callable[[Base], "ClusterCrew"]:
+def on_cluster(address: str, work: Work = run_point) -> Callable[[StudyBase], "ClusterCrew"]:
     """Return what makes a crew of the workers of a scheduler, tcp://host:8786."""
     return lambda base: ClusterCrew(base, address, work)
 
@@ -28,7 +28,7 @@ def on_cluster(address: str, work: Work = run_point) -> Callable[[Base], "Cluste
 class ClusterCrew:
     """The workers of one scheduler, however many there are at the moment. Raises CrewGoneError where there is none."""
 
-    def __init__(self, base: Base, address: str, work: Work = run_point) -> None:
+    def __init__(self, base: StudyBase, address: str, work: Work = run_point) -> None:
         try:
             from distributed import Client, KilledWorker
         except ModuleNotFoundError:

@@ -6,14 +6,14 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol
 
-from backend.studies.point import LOST, Base, Point, PointResult, run_point, without_run
+from backend.studies.point import LOST, Point, PointResult, StudyBase, run_point, without_run
 from backend.workers import POLITE, begin_beside, spawning
 
 DEATHS_MAX = 3
 """So often a process may die over a point: the last time it has the machine to itself, so that it was this point."""
 _AHEAD = 2
 
-Work = Callable[[Base, Point], PointResult]
+Work = Callable[[StudyBase, Point], PointResult]
 
 
 class CrewGoneError(Exception):
@@ -44,7 +44,7 @@ class Crew(Protocol):
 class LocalCrew:
     """``jobs`` processes of this machine, polite to all others. ``work`` is what they do."""
 
-    def __init__(self, base: Base, jobs: int, work: Work = run_point) -> None:
+    def __init__(self, base: StudyBase, jobs: int, work: Work = run_point) -> None:
         self._base = base
         self._jobs = jobs
         self._work = work

@@ -12,13 +12,13 @@ import numpy as np
 from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass as validated
 
-from backend.errors import Path, require_within
+from backend.errors import Path, check_range
 from backend.experiments.parser import ExperimentError, Lines, at, line_of
 from backend.experiments.plans import LoopSettings
 from backend.experiments.schema import Experiment, Name, Title, Words
 from backend.models.run import Value
 from backend.models.settings import Setting, SettingError, describe
-from backend.studies.point import Base, Point, number_of, planned, plant_with
+from backend.studies.point import Point, StudyBase, number_of, planned, plant_with
 from plant.parameters import ParameterError
 
 # Study ---------------------------------------------------------------------------------------------
@@ -42,7 +42,7 @@ Varied = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}(\.[A-Za-z0-9
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
-class Axis:
+class VariedSetting:
     """What is gone through value by value: ``values``, or ``count`` from ``first`` to ``last``.
 
     ``spacing`` even: equal differences; factor: equal ratios.
@@ -84,7 +84,7 @@ class Study:
     experiment: Annotated[str, Field(min_length=1, max_length=60)] = "tracking"
     written: Experiment | None = None
     settings: Mapping[Name, Value] = Field(default_factory=dict)
-    axes: Annotated[tuple[Axis, ...], Field(max_length=6)] = ()
+    axes: Annotated[tuple[VariedSetting, ...], Field(max_length=6)] = ()
     spread: Annotated[tuple[Spread, ...], Field(max_length=40)] = ()
     draws: Annotated[int, Field(ge=1, le=POINTS_MAX)] = 1
     seeds: Annotated[int, Field(ge=1, le=POINTS_MAX)] = 1
@@ -110,7 +110,7 @@ class Design:
     """The points of a study by their number, from 0. The last axis changes fastest but for draws, and seeds."""
 
     study: Study
-    base: Base
+    base: StudyBase
 
     def __len__(self) -> int:
         shape = [len(values) for _, values in self.axes]
@@ -157,7 +157,7 @@ class Design:
         return number_of(self.base.parameters[section][entry]["value"], place)
 
 
-def values_of(axis: Axis) -> tuple[Value, ...]:
+def values_of(axis: VariedSetting) -> tuple[Value, ...]:
     """Return the values of an axis, the ends exactly as they are written."""
     if axis.values:
         return axis.values
@@ -174,7 +174,7 @@ def scale_of(spread: Spread, nominal: float) -> float:
     return abs(nominal) * spread.relative if spread.relative is not None else float(spread.absolute or 0.0)
 
 
-def designed(study: Study, lines: Lines, base: Base, settings: tuple[Setting, ...]) -> Design:
+def designed(study: Study, lines: Lines, base: StudyBase, settings: tuple[Setting, ...]) -> Design:
     """Return the design of a study whose every value can be, each by itself.
 
     What only their combination forbids is told by the row of the point. ``settings`` are those of the experiment.
@@ -217,7 +217,7 @@ def _outermost(values: tuple[Value, ...]) -> tuple[Value, ...]:
 
 def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axis: bool) -> None:
     with at((), lines):
-        require_within("points", len(design), 1, POINTS_MAX, "1", words="runs of the study")
+        check_range("points", len(design), 1, POINTS_MAX, "1", words="runs of the study")
     if study.draws > 1 and not study.spread:
         raise ExperimentError("nothing is drawn: name a spread, or leave draws out", ("draws",), _line("draws", lines))
     if study.seeds > 1 and seeds_are_an_axis:
@@ -240,7 +240,7 @@ def _require_apart(values: tuple[Value, ...], path: Path, lines: Lines) -> None:
         raise ExperimentError(f"{twice} is gone through more than once", path, line_of(path, lines))
 
 
-def _require_axis(axis: Axis, path: Path, lines: Lines) -> None:
+def _require_axis(axis: VariedSetting, path: Path, lines: Lines) -> None:
     ends = (axis.first, axis.last, axis.count)
     if bool(axis.values) == any(end is not None for end in ends) or (not axis.values and None in ends):
         why = "say either values, or first, last and count"
@@ -257,7 +257,7 @@ def _require_setting(known: dict[str, Setting], name: str, value: Value, path: P
         known[name].parse(value)
 
 
-def _require_spread(base: Base, spread: Spread, path: Path, lines: Lines) -> None:
+def _require_spread(base: StudyBase, spread: Spread, path: Path, lines: Lines) -> None:
     if (spread.relative is None) == (spread.absolute is None):
         raise ExperimentError("say either relative or absolute", path, line_of(path, lines))
     nominal = _require_number(base, spread.of, None, (*path, "of"), lines)
@@ -269,7 +269,7 @@ def _require_spread(base: Base, spread: Spread, path: Path, lines: Lines) -> Non
         _require_number(base, spread.of, end, path, lines)
 
 
-def _require_number(base: Base, name: str, value: Any, path: Path, lines: Lines) -> float:
+def _require_number(base: StudyBase, name: str, value: Any, path: Path, lines: Lines) -> float:
     """Return what a number of the plant is; ``value`` is what it is to be, None for what it is."""
     section, entry, *place = (*name.split("."), "")
     try:

@@ -17,7 +17,7 @@ from backend.models.run import Value
 from backend.models.settings import SettingError
 from backend.storage.studies import StoredPoint
 from backend.studies.point import LOOP_FIGURES, MARGINS, TRUE
-from backend.units import Angles, digits_apart, in_digits, read
+from backend.units import AngleUnit, digits_apart, in_digits, read
 
 _T = TypeVar("_T")
 
@@ -247,7 +247,7 @@ def worst_of(figure: str) -> str:
     return "least" if figure in LEAST_IS_WORST else "largest"
 
 
-def axis_labels(values: Sequence[Value], unit: str, angles: Angles) -> list[str]:
+def axis_labels(values: Sequence[Value], unit: str, angles: AngleUnit) -> list[str]:
     """Write the values of an axis as they are read, each apart from the others."""
     numbers = {value: read(value, unit, angles) for value in values if not isinstance(value, bool | str)}
     digits = digits_apart(numbers.values())

@@ -10,12 +10,12 @@ from typing import Any
 
 from backend import __version__
 from backend.banks.builder import points_of
-from backend.errors import Because, RefusalError, RefusedValueError
+from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
 from backend.execution.runner import NotPlayedError
 from backend.execution.simulation import play_in_memory
 from backend.experiments import parser
-from backend.experiments.library import Entry, entry_of
-from backend.experiments.plans import ComposedPlan, LoopSettings, split_values
+from backend.experiments.library import ExperimentDefinition, entry_of
+from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
 from backend.models.run import Value, with_motion
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
@@ -92,11 +92,11 @@ LOST = "lost"
 UNSTABLE = "unstable"
 """In the table in place of the sensitivity peak and the margins of an unstable loop."""
 
-_REFUSALS = (RefusedValueError, ParameterError, TuningError, NotPlayedError, UnknownRecordError)
+_REFUSALS = (InvalidValueError, ParameterError, TuningError, NotPlayedError, UnknownRecordError)
 
 
 @dataclass(frozen=True)
-class Base:
+class StudyBase:
     """What all runs of a study have in common, as plain data.
 
     ``experiment`` is its canonical text, ``parameters`` the document of the plant, ``settings`` those that no axis
@@ -138,12 +138,12 @@ class PointResult:
     figures: dict[str, float | None]
 
 
-class OtherSoftwareError(RefusalError):
+class OtherSoftwareError(RequestRejectedError):
     """Another version of Sinew could give other rows than those that are there."""
 
     def __init__(self, software: str) -> None:
         super().__init__(
-            Because.NOT_NOW,
+            ErrorCode.NOT_NOW,
             f"Sinew {__version__} computes here, the study is of Sinew {software}: "
             "use that one, or begin the study anew",
         )
@@ -155,7 +155,7 @@ def require_version(software: str) -> None:
         raise OtherSoftwareError(software)
 
 
-def run_point(base: Base, point: Point) -> PointResult:
+def run_point(base: StudyBase, point: Point) -> PointResult:
     """Simulate one point. Whatever becomes of it is a row; OtherSoftwareError alone is raised."""
     require_version(base.software)
     figures: dict[str, float | None] = {}
@@ -174,11 +174,11 @@ def without_run(
     return PointResult(point.number, state, detail, None, _values(point), dict(figures))
 
 
-def planned(base: Base, point: Point) -> tuple[PlantParameters, ComposedPlan, LoopSettings]:
+def planned(base: StudyBase, point: Point) -> tuple[PlantParameters, ExperimentPlan, LoopSettings]:
     """Return what a point is a run of. Raises SettingError, OutOfRangeError, ExperimentError, ParameterError."""
     entry = _entry(base.experiment, base.run_kind)
     plan, loop = split_values(entry.settings, entry.make, {**with_motion(base.settings), **with_motion(point.settings)})
-    assert isinstance(plan, ComposedPlan)
+    assert isinstance(plan, ExperimentPlan)
     return plant_with(base.parameters_name, base.parameters, point.plant), plan, loop
 
 
@@ -213,7 +213,7 @@ def number_of(value: Any, place: list[str]) -> float:
 
 
 @dataclass(frozen=True)
-class Numbered:
+class NamedPlantNumber:
     """A number of the plant by its name in a study."""
 
     name: str
@@ -221,9 +221,9 @@ class Numbered:
     unit: str
 
 
-def numbers_of(parameters: PlantParameters) -> list[Numbered]:
+def numbers_of(parameters: PlantParameters) -> list[NamedPlantNumber]:
     """Return every number of a plant that a study can vary, by section and entry, of a row each."""
-    found: list[Numbered] = []
+    found: list[NamedPlantNumber] = []
     for section, entries in parameters.document().items():
         for entry, said in entries.items() if isinstance(entries, Mapping) else ():
             value, unit = said.get("value"), str(said.get("unit", ""))
@@ -231,11 +231,11 @@ def numbers_of(parameters: PlantParameters) -> list[Numbered]:
             places = [f".{place}" for place in range(len(row))] if isinstance(value, list) else [""]
             for place, number in zip(places, row, strict=True):
                 if isinstance(number, int | float) and not isinstance(number, bool):
-                    found.append(Numbered(f"{section}.{entry}{place}", float(number), unit))
+                    found.append(NamedPlantNumber(f"{section}.{entry}{place}", float(number), unit))
     return found
 
 
-def _computed(base: Base, point: Point, figures: dict[str, float | None]) -> PointResult:
+def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -> PointResult:
     """Simulate a point, and put into ``figures`` what is known before that as soon as it is."""
     parameters, plan, loop = planned(base, point)
     banks = {bank.id: bank for bank in base.banks}
@@ -258,5 +258,5 @@ def _values(point: Point) -> dict[str, Value]:
 
 
 @lru_cache(maxsize=8)
-def _entry(experiment: str, run_kind: str) -> Entry:
+def _entry(experiment: str, run_kind: str) -> ExperimentDefinition:
     return entry_of(parser.of_canonical(experiment), run_kind=run_kind)

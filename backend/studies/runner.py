@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import islice
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.models.document import json_ready
 from backend.storage import studies
 from backend.storage.database import Database
@@ -18,7 +18,7 @@ from backend.storage.orm import StorageError
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
-from backend.studies.point import FAILED, LOST, UNSTABLE, Base, PointResult, require_version
+from backend.studies.point import FAILED, LOST, UNSTABLE, PointResult, StudyBase, require_version
 from backend.studies.stored import design_of
 
 BEAT_S = 1.0
@@ -36,16 +36,17 @@ class Progress:
     left_s: float | None
 
 
-Notify = Callable[[Progress], None]
-MakeCrew = Callable[[Base], Crew]
+StudyProgressCallback = Callable[[Progress], None]
+MakeCrew = Callable[[StudyBase], Crew]
 
 
-class TakenError(RefusalError):
+class TakenError(RequestRejectedError):
     """Somebody computes the study at this moment."""
 
     def __init__(self, study: StoredStudy) -> None:
         super().__init__(
-            Because.NOT_NOW, f"study {study.id} is being computed by {study.runner}: stop it first, or wait for its end"
+            ErrorCode.NOT_NOW,
+            f"study {study.id} is being computed by {study.runner}: stop it first, or wait for its end",
         )
 
 
@@ -58,7 +59,7 @@ def run_study(
     database: Database,
     study_id: int,
     make_crew: MakeCrew,
-    notify: Notify = lambda _progress: None,
+    notify: StudyProgressCallback = lambda _progress: None,
     *,
     again: bool = False,
 ) -> bool:
@@ -97,7 +98,7 @@ def run_study(
 
 class _Work:
     def __init__(
-        self, database: Database, study_id: int, runner: str, design: Design, crew: Crew, notify: Notify
+        self, database: Database, study_id: int, runner: str, design: Design, crew: Crew, notify: StudyProgressCallback
     ) -> None:
         self._database, self._study_id, self._runner = database, study_id, runner
         self._design, self._crew, self._notify = design, crew, notify

@@ -8,27 +8,27 @@ from pydantic import TypeAdapter
 from backend.errors import Path
 from backend.execution.runner import BankOf, banks_of
 from backend.experiments import parser
-from backend.experiments.library import Entry, entry_of
+from backend.experiments.library import ExperimentDefinition, entry_of
 from backend.experiments.parser import ExperimentError, Lines, line_of
 from backend.experiments.plans import KIND
-from backend.models.document import Edge
+from backend.models.document import DocumentCodec
 from backend.models.run import Value, with_motion
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredStudy
 from backend.studies.design import FORMAT, STUDY, Design, Study, designed
-from backend.studies.point import Base, planned
+from backend.studies.point import StudyBase, planned
 from plant.parameters import PlantParameters
 
-BASE: Edge[Base] = Edge(Base, "what it is computed from", 0)
-_BASE = TypeAdapter(Base)  # writes the dates of banks too, which documents by themselves have none of
+BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, "what it is computed from", 0)
+_BASE = TypeAdapter(StudyBase)  # writes the dates of banks too, which documents by themselves have none of
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class StudyContext:
     """What a study is begun among: experiments by name, the plant, the tuning where it names none, the banks."""
 
-    entry_named: Callable[[str], Entry]
+    entry_named: Callable[[str], ExperimentDefinition]
     parameters: PlantParameters
     tuning: Mapping[str, Value]
     bank_of: BankOf
@@ -45,14 +45,14 @@ def read(written: str, *, stored: bool = False) -> tuple[Study, Lines]:
     return parser.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
-def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
+def new_study(written: str, around: StudyContext, who: str) -> NewStudy:
     """Return a study as it is to be kept. Raises ExperimentError naming line, value, bound and unit."""
     study, lines = read(written)
     entry = _entry(study, lines, around)
     if entry.written is None:
         why = f"{entry.name} is no experiment that is data: write it as one"
         raise ExperimentError(why, ("experiment",), line_of(("experiment",), lines))
-    base = Base(
+    base = StudyBase(
         parser.canonical(entry.written),
         entry.run_kind,
         around.parameters.name,
@@ -69,7 +69,7 @@ def design_of(stored: StoredStudy) -> Design:
     return Design(read(stored.text, stored=True)[0], BASE.read(stored.base, f"study {stored.id}"))
 
 
-def _entry(study: Study, lines: Lines, around: Surroundings) -> Entry:
+def _entry(study: Study, lines: Lines, around: StudyContext) -> ExperimentDefinition:
     if study.written is None:
         return around.entry_named(study.experiment)
     inner = {path[1:]: line for path, line in lines.items() if path[:1] == ("written",)}

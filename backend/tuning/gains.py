@@ -12,7 +12,7 @@ from backend.control import baselines, cascade, pid, trajectory
 from backend.control.cascade import Following
 from backend.control.decoupler import Bounds, Decoupler, Schedule, bounds_for, decoupler_for, stiffness_slope
 from backend.control.disturbance_observer import Rejection
-from backend.errors import require_within
+from backend.errors import check_range
 from plant.dynamics import smoothed
 from plant.interface import T_s
 from plant.parameters import PlantParameters, Side
@@ -128,7 +128,7 @@ class MotorModel:
 
 
 @dataclass(frozen=True)
-class Lambdas:
+class TuningParameters:
     """The tuning parameters [s], and the weight ``b`` of the reference in the outer loops' proportional part."""
 
     lam_q: float = LAM_Q
@@ -179,7 +179,7 @@ LARGEST_PER_LAG = 8.0
 """The single loop takes a λ below so many motor lags T_m."""
 
 
-def single_loop_tuning(parameters: PlantParameters, lambdas: Lambdas) -> baselines.SingleLoopTuning:
+def single_loop_tuning(parameters: PlantParameters, lambdas: TuningParameters) -> baselines.SingleLoopTuning:
     """Table 2, first column, for the mean motor seen at q and, at 20 N, at S: 1/(λ s + 1)^4 with half the cascade's λ.
 
     Raises TuningError where λ_q or λ_S is not below 8 T_m: half of it is the λ of a motor loop.
@@ -200,7 +200,7 @@ def single_loop_tuning(parameters: PlantParameters, lambdas: Lambdas) -> baselin
 
 
 def feedback_linearization_tuning(
-    parameters: PlantParameters, lambdas: Lambdas
+    parameters: PlantParameters, lambdas: TuningParameters
 ) -> baselines.FeedbackLinearizationTuning:
     """Choose reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)²; the model is the simulator's, friction and all.
 
@@ -235,27 +235,27 @@ DEVIATIONS = 6.0
 """The rejection's dead zone has to be so many standard deviations of the estimate: at rest it then does nothing."""
 
 
-class Knowledge(NamedTuple):
+class PlantModel(NamedTuple):
     """What the cascade knows of a plant beside its gains."""
 
     decoupler: Decoupler
     bounds: Bounds
-    model: trajectory.Model
+    model: trajectory.TrajectoryModel
     q_count: float
 
 
-def knowledge(parameters: PlantParameters) -> Knowledge:
+def knowledge(parameters: PlantParameters) -> PlantModel:
     """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
     known = parameters.identified_dynamics()
     A, B = parameters.identified_of("A"), parameters.identified_of("B")
     joint, motor_A, motor_B = known.joint, known.motor_A, known.motor_B
-    model = trajectory.Model(
+    model = trajectory.TrajectoryModel(
         A.K_m, A.T_m, B.K_m, B.T_m, motor_A.K_t, motor_B.K_t, joint.J_j, joint.B_j, motor_A.tau_e, motor_B.tau_e
     )
-    return Knowledge(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
+    return PlantModel(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
 
 
-def following(known: Knowledge, u_plan: float) -> Following:
+def following(known: PlantModel, u_plan: float) -> Following:
     """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper.
 
     The paper's law is linear throughout where the joint's encoder has no counts: nothing rests there.
@@ -264,7 +264,7 @@ def following(known: Knowledge, u_plan: float) -> Following:
     return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, unseen_S)
 
 
-def rejection(known: Knowledge, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
+def rejection(known: PlantModel, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
     """Feed-forward of the share ``k_ext`` of an outside force, behind the lags of motor loops ``inner``."""
     lags = [motor_lag(gains, T) for gains, T in ((inner.A, known.model.T_A), (inner.B, known.model.T_B))]
     r_j = known.decoupler.r_j
@@ -273,7 +273,7 @@ def rejection(known: Knowledge, inner: pid.MotorPairGains, k_ext: float) -> Reje
 
 def require_share(k_ext: float) -> None:
     """Raise OutOfRangeError unless ``k_ext`` [1] is offered."""
-    require_within("k_ext", k_ext, 0.0, 1.0, "1", "0 leaves pushes to the position loop, 1 answers them whole")
+    check_range("k_ext", k_ext, 0.0, 1.0, "1", "0 leaves pushes to the position loop, 1 answers them whole")
 
 
 def motor_lag(gains: pid.IPDGains, T_m: float) -> float:
@@ -281,12 +281,12 @@ def motor_lag(gains: pid.IPDGains, T_m: float) -> float:
     return 4.0 / (1.0 / gains.t_f + 1.0 / T_m)
 
 
-def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> pid.IPGains:
+def position_gains(parameters: PlantParameters, point: PointModel, lambdas: TuningParameters) -> pid.IPGains:
     """I-P gains of the position loop at one point. Raises TuningError."""
     return outer_gains(*position_process(parameters, point), lambdas.lam_q, lambdas.b)
 
 
-def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> pid.IPGains:
+def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: TuningParameters) -> pid.IPGains:
     """I-P gains of the stiffness loop at one point. Raises TuningError."""
     return outer_gains(*stiffness_process(parameters, point), lambdas.lam_S, lambdas.b)
 
@@ -310,7 +310,7 @@ def motor_loops(parameters: PlantParameters, lam_motor: float, motor: MotorModel
 
 def cascade_tuning(
     parameters: PlantParameters,
-    lambdas: Lambdas,
+    lambdas: TuningParameters,
     points: Sequence[PointModel] = (),
     motor: MotorModel | None = None,
     interpolate: bool = False,
@@ -333,7 +333,7 @@ def cascade_tuning(
 
 
 def tuning_with(
-    known: Knowledge,
+    known: PlantModel,
     inner: pid.MotorPairGains,
     entries: NDArray[np.float64],
     interpolate: bool,

@@ -10,13 +10,13 @@ import numpy as np
 
 from backend.control import cascade, decoupler, pid
 from backend.control.decoupler import bounds_for, decoupler_for
-from backend.errors import require_within
+from backend.errors import check_range
 from backend.tuning.gains import (
     LAM_MAX,
-    Lambdas,
     MotorModel,
     PointModel,
     TuningError,
+    TuningParameters,
     cascade_tuning,
     designed_point,
     knowledge,
@@ -34,18 +34,18 @@ from backend.tuning.robustness import (
     M_S_MAX,
     OuterProcess,
     Robustness,
+    cached,
     common_range,
     decoupled_model,
     motor_lambda,
     motor_robustness,
-    remembered,
     safe_lambda,
 )
 from backend.tuning.simulation import (
     PUSH_N,
     PushForecast,
-    Rig,
     Sampled,
+    SimulatedRig,
     StepForecast,
     expected_plant,
     held_plant,
@@ -82,7 +82,7 @@ def require_budget(parameters: PlantParameters, u_plan: float) -> None:
     """Raise OutOfRangeError unless ``u_plan`` [V] is offered; 0 V is ``lambda`` motion, which has no limit."""
     if u_plan != 0.0:
         remedy = "the rest of the voltage is for load, friction and feedback"
-        require_within("u_plan", u_plan, *plan_range(parameters), "V", remedy)
+        check_range("u_plan", u_plan, *plan_range(parameters), "V", remedy)
 
 
 # Preview -------------------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class LoopPreview:
+class OuterLoopPreview:
     """One outer loop: its robustness and the range of λ offered [s].
 
     ``printed``: what the printed formula of table 2 would give (erratum E1), with the step it would make in ``lambda``
@@ -150,14 +150,14 @@ class Preview:
 
     S: float
     motor: Robustness
-    position: LoopPreview
-    stiffness: LoopPreview
+    position: OuterLoopPreview
+    stiffness: OuterLoopPreview
     step_q: StepForecast
     step_S: StepForecast
     pushes: tuple[PushForecast, ...]
 
 
-class Previewer:
+class TuningPreviewer:
     """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only.
 
     ``b`` counts where the range ends by the voltage: a reference that is felt at once takes more of it.
@@ -170,19 +170,19 @@ class Previewer:
         parameters: PlantParameters,
         points: Sequence[PointModel] = (),
         motor: MotorModel | None = None,
-        lam_motor: float = Lambdas().lam_motor,
+        lam_motor: float = TuningParameters().lam_motor,
         b: float = 0.0,
         ranges: Sequence[tuple[float, ...]] | None = None,
     ) -> None:
         self._parameters = parameters
         self._motor = motor
         self._motors = [motor] if motor else [motor_model(parameters, side) for side in SIDES]
-        require_within("lam_motor", lam_motor, *self.motor_range(), "s")
+        check_range("lam_motor", lam_motor, *self.motor_range(), "s")
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
         self._lam_motor, self._b = lam_motor, b
         self._models_at = lru_cache(_STIFFNESSES_KEPT)(self._new_models)
         self.ranges = ranges or [
-            remembered(("outer ranges", parameters, motor, point, lam_motor, b), 2, partial(self._safe_ranges, entry))
+            cached(("outer ranges", parameters, motor, point, lam_motor, b), 2, partial(self._safe_ranges, entry))
             for entry, point in enumerate(self.points)
         ]
 
@@ -199,7 +199,7 @@ class Previewer:
         return OuterProcess(model[0, 0]), OuterProcess(model[1, 1]), held
 
     @cached_property
-    def _expected(self) -> tuple[PlantParameters, Rig]:
+    def _expected(self) -> tuple[PlantParameters, SimulatedRig]:
         """The plant that is simulated."""
         plant = expected_plant(self._parameters)
         return plant, rig_of(plant)
@@ -222,7 +222,7 @@ class Previewer:
 
     def motor_at(self, lam_motor: float) -> Robustness:
         """Robustness of the less robust of the two motor loops. Raises OutOfRangeError for a λ that is not offered."""
-        require_within("lam_motor", lam_motor, *self.motor_range(), "s")
+        check_range("lam_motor", lam_motor, *self.motor_range(), "s")
         loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
         return max(loops, key=lambda loop: loop.M_s)
 
@@ -230,13 +230,13 @@ class Previewer:
         """Smallest and largest budget of a plan [V] that are offered beside 0."""
         return plan_range(self._parameters)
 
-    def require_safe(self, lambdas: Lambdas, u_plan: float = 0.0) -> None:
+    def require_safe(self, lambdas: TuningParameters, u_plan: float = 0.0) -> None:
         """Raise OutOfRangeError unless both λ and the trajectory's voltage limit [V] are offered."""
         require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
         remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"
-        require_within("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
-        require_within("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
+        check_range("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
+        check_range("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
 
     def steps_at(self, S: float) -> Steps:
         """Return the steps that are shown where no others are asked for, from q = 0 and S [N·m/rad]."""
@@ -245,7 +245,7 @@ class Previewer:
 
     def preview(
         self,
-        lambdas: Lambdas,
+        lambdas: TuningParameters,
         S: float | None = None,
         entry: float = -1.0,
         *,
@@ -300,12 +300,12 @@ class Previewer:
         step_q, step_S = next(done), next(done)
         pushes = tuple(next(done) for _ in shares)
         position, stiffness = (
-            LoopPreview(process.robustness(k), lam_min, LAM_MAX, next(done, None))
+            OuterLoopPreview(process.robustness(k), lam_min, LAM_MAX, next(done, None))
             for process, k, lam_min in zip(processes, gains, self.safe_range(), strict=True)
         )
         return Preview(S, self._motor_robustness, position, stiffness, step_q, step_S, pushes)
 
-    def _printed_gains(self, lambdas: Lambdas) -> list[tuple[pid.IPGains, pid.IPGains]]:
+    def _printed_gains(self, lambdas: TuningParameters) -> list[tuple[pid.IPGains, pid.IPGains]]:
         """Gains of the printed formula for the loops of q and S, by point."""
         return [
             (
@@ -315,7 +315,7 @@ class Previewer:
             for point in self.points
         ]
 
-    def _with_printed(self, tuning: cascade.CascadeTuning, lambdas: Lambdas) -> cascade.CascadeTuning:
+    def _with_printed(self, tuning: cascade.CascadeTuning, lambdas: TuningParameters) -> cascade.CascadeTuning:
         entries = tuning.schedule.entries.copy()
         for row, (q, S) in zip(entries, self._printed_gains(lambdas), strict=True):
             row[1:] = q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r
@@ -359,20 +359,25 @@ class Previewer:
     def _robust_q(self, entry: int, M_s: float = M_S_MAX) -> float:
         parameters, point = self._parameters, self.points[entry]
         return safe_lambda(
-            self._processes[entry][0], lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)), M_s
+            self._processes[entry][0], lambda lam: position_gains(parameters, point, TuningParameters(lam_q=lam)), M_s
         )
 
     def _robust_S(self, entry: int, M_s: float = M_S_MAX) -> float:
         parameters, point = self._parameters, self.points[entry]
         return safe_lambda(
-            self._processes[entry][1], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)), M_s
+            self._processes[entry][1], lambda lam: stiffness_gains(parameters, point, TuningParameters(lam_S=lam)), M_s
         )
 
-    def _lambdas(self, **chosen: float) -> Lambdas:
-        return Lambdas(lam_motor=self._lam_motor, b=self._b, **chosen)
+    def _lambdas(self, **chosen: float) -> TuningParameters:
+        return TuningParameters(lam_motor=self._lam_motor, b=self._b, **chosen)
 
     def _peak_voltage(
-        self, lambdas: Lambdas, point: PointModel, q_step: tuple[float, float], S_step: tuple[float, float], lam: float
+        self,
+        lambdas: TuningParameters,
+        point: PointModel,
+        q_step: tuple[float, float],
+        S_step: tuple[float, float],
+        lam: float,
     ) -> float:
         """Simulate steps from the first to the second reference, for 6 λ and more; return the largest voltage [V]."""
         tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor)

@@ -14,10 +14,10 @@ from backend.control import decoupler, pid
 from backend.control.decoupler import Decoupler
 from backend.tuning.gains import (
     LAM_MAX,
-    Lambdas,
     MotorModel,
     PointModel,
     TuningError,
+    TuningParameters,
     designed_point,
     motor_gains,
     motor_loops,
@@ -219,7 +219,7 @@ FIGURES: dict[str, tuple[float, ...]] = {}
 MOST = 400
 
 
-def remembered(asked: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
+def cached(asked: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
     """Return the ``count`` figures of ``compute()``, computed the first time that this is ``asked``.
 
     ``asked`` names the question and all that the answer depends on: words, numbers, frozen dataclasses of numbers. What
@@ -464,7 +464,7 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
 
 def _range(motor: MotorModel) -> tuple[float, float, float]:
     """Least λ [s] offered, the one to which M_s falls from there, and the largest."""
-    low, end, high = remembered(("motor range", motor), 3, lambda: _computed_range(motor))
+    low, end, high = cached(("motor range", motor), 3, lambda: _computed_range(motor))
     return low, end, high
 
 
@@ -535,7 +535,7 @@ class LoopMargins:
 
 
 def loop_margins(
-    parameters: PlantParameters, points: Sequence[PointModel], lambdas: Lambdas, *, true_plant: bool
+    parameters: PlantParameters, points: Sequence[PointModel], lambdas: TuningParameters, *, true_plant: bool
 ) -> LoopMargins:
     """Return the robustness that the gains of ``lambdas`` at ``points`` have, on the true plant or on its model.
 

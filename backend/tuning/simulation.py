@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from backend.control import cascade, decoupler, disturbance_observer, pid, trajectory
 from backend.control.decoupler import Decoupler, gains_at, select, stiffness_slope, tension_under
 from backend.control.disturbance_observer import Rejection
-from backend.control.trajectory import LANDING_S, References
+from backend.control.trajectory import LANDING_S, LoopReferences
 from backend.tuning.robustness import decoupling, linear_plant
 from plant.compiled import compiled, compiled_run
 from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tension
@@ -34,7 +34,7 @@ COLUMNS = (
 """Columns of the array that ``simulate`` fills; SI units as in backend.sample."""
 
 
-class Rig(NamedTuple):
+class SimulatedRig(NamedTuple):
     """The simulated plant with its sensors and bounds."""
 
     plant: Dynamics
@@ -56,7 +56,7 @@ class ClosedLoopInputs(NamedTuple):
 
 
 @compiled
-def fill_delay_line(rig: Rig, x: PlantState, line: Array) -> None:
+def fill_delay_line(rig: SimulatedRig, x: PlantState, line: Array) -> None:
     """Let the load cells have seen the state x for as long as they remember; the first tick is DELAY_SLOTS."""
     for slot in range(DELAY_SLOTS):
         sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
@@ -75,7 +75,7 @@ def record(row: Array, m: Measurement, y: cascade.CascadeOutput) -> None:
 
 @compiled_run
 def simulate(
-    rig: Rig,
+    rig: SimulatedRig,
     tuning: cascade.CascadeTuning,
     x: PlantState,
     controller: cascade.CascadeState,
@@ -92,7 +92,7 @@ def simulate(
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(tuning, controller, r, True, m)
         record(out[k], m, y)
         x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
@@ -103,7 +103,7 @@ def simulate(
 
 @compiled_run
 def simulate_feeling(
-    rig: Rig,
+    rig: SimulatedRig,
     tuning: cascade.CascadeTuning,
     observer: disturbance_observer.Observer,
     learned_at: int,
@@ -125,7 +125,7 @@ def simulate_feeling(
         felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
         if k == learned_at:
             bias = felt.mean
-        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(tuning, controller, r, True, m, felt.tau_ext - bias)
         record(out[k], m, y)
         x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
@@ -159,9 +159,9 @@ def trajectory_of(out: Array, tripped_at: int) -> Trajectory:
     return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
 
 
-def rig_of(parameters: PlantParameters) -> Rig:
+def rig_of(parameters: PlantParameters) -> SimulatedRig:
     """Compile-ready constants of a parameter set."""
-    return Rig(
+    return SimulatedRig(
         parameters.dynamics(),
         sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
         SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max),
@@ -169,7 +169,7 @@ def rig_of(parameters: PlantParameters) -> Rig:
     )
 
 
-def rest_state(rig: Rig, theta_A: float, theta_B: float) -> tuple[PlantState, float, float]:
+def rest_state(rig: SimulatedRig, theta_A: float, theta_B: float) -> tuple[PlantState, float, float]:
     """Plant standing with the motors at theta_A, theta_B [rad], and the voltages [V] that hold it there."""
     plant = rig.plant
     r_m = plant.joint.r_m
@@ -199,7 +199,7 @@ def run(
     seed: int = 0,
     entry: float = -1.0,
     learned_at: int | None = None,
-    rig: Rig | None = None,
+    rig: SimulatedRig | None = None,
 ) -> Trajectory:
     """Simulate the cascade from rest at (q_ref[0], S_ref[0]) under references (ticks,) [rad, N·m/rad].
 
@@ -222,14 +222,14 @@ def run(
 
 
 def at_rest(
-    rig: Rig, tuning: cascade.CascadeTuning, q_ref: float, S_ref: float
+    rig: SimulatedRig, tuning: cascade.CascadeTuning, q_ref: float, S_ref: float
 ) -> tuple[PlantState, cascade.CascadeState]:
     """Plant and cascade standing where the decoupler puts (q_ref [rad], S_ref [N·m/rad])."""
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, q_ref, S_ref)
     x, u_A, u_B = rest_state(rig, theta_A, theta_B)
     m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
     inner = pid.at_rest_motor_pair(tuning.motors, theta_A, theta_B, u_A, u_B)
-    return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m, x.q)
+    return x, cascade.initialize_bumpless(tuning, inner, tuning.motors, theta_A, theta_B, m, x.q)
 
 
 def empty_arrays(ticks: int) -> tuple[Array, Array]:
@@ -415,7 +415,7 @@ class AxisResponse(NamedTuple):
     lagged: Complex
 
 
-def axis_response(model: trajectory.Model, f: Array) -> AxisResponse:
+def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
     """Response to a moving goal at ``f`` (n,) [Hz], in the last stretch before it (``axis.toward``).
 
     ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S, and θ⁺ as the motor turns; its voltage, averaged over some ticks
@@ -441,7 +441,7 @@ def axis_response(model: trajectory.Model, f: Array) -> AxisResponse:
     return AxisResponse(theta, omega, driven, lagged)
 
 
-def joint_response(model: trajectory.Model, S: float, f: Array) -> Complex:
+def joint_response(model: trajectory.TrajectoryModel, S: float, f: Array) -> Complex:
     """Response of the model's joint to its equilibrium: J_j q'' + B_j q' + S q = S q_e, at S [N·m/rad]."""
     s = 2j * np.pi * np.asarray(f)
     return np.asarray(S / (model.J_j * s**2 + model.B_j * s + S))
@@ -559,7 +559,7 @@ def step_forecast(
     S: tuple[float, float],
     seconds: float,
     entry: float = -1.0,
-    rig: Rig | None = None,
+    rig: SimulatedRig | None = None,
 ) -> StepForecast:
     """Simulate one step and return what it does; of ``q`` and ``S`` the pair that differs is the step.
 
@@ -665,7 +665,7 @@ def push_forecast(
     q: float = 0.0,
     entry: float = -1.0,
     *,
-    rig: Rig | None = None,
+    rig: SimulatedRig | None = None,
     held: Sampled | None = None,
 ) -> PushForecast:
     """Return what a held push of ``F_push`` [N] does at ``q`` [rad] and S [N·m/rad].

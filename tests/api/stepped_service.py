@@ -6,29 +6,29 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from backend.auth.authentication import Person
+from backend.auth.authentication import User
 from backend.commissioning.session import KeptHands
-from backend.execution.runner import Station
+from backend.execution.runner import ExperimentRig
 from backend.realtime.commands import Accepted, Command, Refused
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.ipc import Setup
 from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import Listener, LoopDiedError, Supervisor
+from backend.realtime.supervisor import EventListener, LoopExitedError, Supervisor
 from backend.recording.recorder import Recorder
 from backend.schemas.state import Role
-from backend.services.actuator import Actuator, SafeStop, SessionRuns
+from backend.services.actuator import ActuatorService, SafeStop, SessionRuns
 from backend.services.background_work import TextWork
 from backend.services.banks import StoredBanks
-from backend.services.event_log import Journal
+from backend.services.event_log import EventLog
 from backend.services.identifications import StoredIdentifications
-from backend.services.jobs import OrderedRuns
+from backend.services.jobs import JobManager
 from backend.services.library import OwnExperiments
 from backend.services.queue import DryRuns
 from backend.services.runs import StoredRuns
-from backend.services.state import PresentState
+from backend.services.state import LiveState
 from backend.services.tuning import SavedTunings
-from backend.services.tuning_state import KeptTuning
+from backend.services.tuning_state import TuningStore
 from backend.storage.database import Database
 from backend.supervision import Supervision
 from backend.workers import Offload
@@ -38,7 +38,7 @@ from plant.simulator import Simulator
 
 T = TypeVar("T")
 SEED = 0
-OPERATOR = Person("A. Operator", Role.OPERATOR, "session")
+OPERATOR = User("A. Operator", Role.OPERATOR, "session")
 
 
 class Stepped(Supervisor):
@@ -47,7 +47,7 @@ class Stepped(Supervisor):
     ``dead`` lets it answer as one whose process has died, ``refuses`` as a loop that takes no tuning for this reason.
     """
 
-    def __init__(self, setup: Setup, loop: Headless) -> None:
+    def __init__(self, setup: Setup, loop: SimulatedLoop) -> None:
         super().__init__(setup)
         self._stepped = loop
         self.ring = loop.ring
@@ -58,12 +58,12 @@ class Stepped(Supervisor):
     def alive(self) -> bool:
         return not self.dead
 
-    def listen(self, listener: Listener) -> Callable[[], None]:
+    def listen(self, listener: EventListener) -> Callable[[], None]:
         return self._stepped.listen(listener)
 
     async def send(self, command: Command) -> Accepted | Refused:
         if self.dead:
-            raise LoopDiedError("the loop process was killed")
+            raise LoopExitedError("the loop process was killed")
         if self.refuses and isinstance(command, SetTuning):
             return Refused(0, 0, self.refuses)
         return await self._stepped.send(command)
@@ -87,14 +87,14 @@ class Parts:
     """What orders go through."""
 
     supervisor: Stepped
-    present: PresentState
-    actuator: Actuator
-    ordered_runs: OrderedRuns
+    present: LiveState
+    actuator: ActuatorService
+    ordered_runs: JobManager
     saved_tunings: SavedTunings
     runs: StoredRuns
     identifications: StoredIdentifications
-    kept: KeptTuning
-    journal: Journal
+    kept: TuningStore
+    journal: EventLog
     database: Database
 
     async def ended(self) -> None:
@@ -106,7 +106,7 @@ class Parts:
 @contextmanager
 def stepped_service(database: Database, parameters: PlantParameters, plant: Plant | None = None) -> Iterator[Parts]:
     """Give the parts of a service in this process, as it is when it has started on this database."""
-    kept = KeptTuning(database)
+    kept = TuningStore(database)
     tuning, _ = kept.restore(parameters)
     recorders: list[Recorder] = []
 
@@ -114,18 +114,18 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
         for recorder in recorders:
             recorder.drain()
 
-    loop = Headless(plant or Simulator(parameters, SEED), parameters, tuning.command(), record)
+    loop = SimulatedLoop(plant or Simulator(parameters, SEED), parameters, tuning.command(), record)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.hear)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
-    present, journal = PresentState(supervisor, parameters, tuning, list), Journal(database)
+    present, journal = LiveState(supervisor, parameters, tuning, list), EventLog(database)
     sessions = SessionRuns(database, "simulator")
     hands = KeptHands(database, SIMULATOR)
-    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
+    actuator = ActuatorService(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     here = Here(lambda _cause: None)
-    ordered_runs = OrderedRuns(
-        Station(supervisor, database, "simulator", parameters),
+    ordered_runs = JobManager(
+        ExperimentRig(supervisor, database, "simulator", parameters),
         actuator,
         StoredBanks(database, here, lambda: present.tuning),
         OwnExperiments(database),

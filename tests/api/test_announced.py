@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.execution.runner import Doing
+from backend.execution.runner import RunPhase
 from backend.realtime.commands import Accepted, SetMode
 from backend.realtime.program import Mode
 from backend.recording.reader import read_envelope
@@ -44,7 +44,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             shown = [task for task in seen if task.run == run]
             elapsed = [task.elapsed_s for task in shown]
             assert elapsed == sorted(elapsed)
-            played = [task for task in shown if task.phase is Doing.PROGRAM]
+            played = [task for task in shown if task.phase is RunPhase.PROGRAM]
             assert len({task.duration_s for task in played}) == 1
             assert shown[0].duration_s == pytest.approx(played[0].duration_s, abs=0.3)
             assert played[-1].elapsed_s == pytest.approx(played[-1].duration_s, abs=0.3)

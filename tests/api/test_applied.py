@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 import plant
 from backend import app
-from backend.banks.tuning_settings import TuningChoice
-from backend.errors import RefusalError
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import RequestRejectedError
 from backend.realtime.commands import SetMode
 from backend.realtime.ipc import Setup
 from backend.realtime.program import Mode
-from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest
 from backend.services import parameters as applied_parameters
 from backend.services.parameters import Applied
-from backend.services.tuning_state import TuningInUse, initial
+from backend.services.tuning_state import ActiveTuning, initial
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
@@ -70,7 +70,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
 
     async def work(parts: Parts) -> None:
         present = parts.present
-        present.tuning = initial(IDEAL, TuningChoice(lam_q=0.8, lam_S=0.6), bank)
+        present.tuning = initial(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
         parts.kept.put(present.tuning, "Ana")
         applied = applied_with(parts, heard)
         proposal = (await applied.view(found.id)).proposal
@@ -114,7 +114,7 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
         applied = applied_with(parts, [])
         await parts.actuator.set_mode(Mode.PRETENSION, "Ana")
         before = parts.present.tuning
-        with pytest.raises(RefusalError, match=r"parameters are applied in off only; the mode is pretension"):
+        with pytest.raises(RequestRejectedError, match=r"parameters are applied in off only; the mode is pretension"):
             await applied.apply(found.id, "Ana")
         assert len((await applied.view()).versions) == 1
         assert (parts.present.parameters, parts.present.tuning) == (IDEAL, before)
@@ -131,7 +131,7 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
         proposal = (await applied.view(beyond.id)).proposal
         assert proposal is not None
         assert "identified_B.K_m = 2400 rad/(V·s) is outside 0.001 to 1000 rad/(V·s)" in proposal.problem
-        with pytest.raises(RefusalError, match=r"identified_B.K_m = 2400"):
+        with pytest.raises(RequestRejectedError, match=r"identified_B.K_m = 2400"):
             await applied.apply(beyond.id, "Ana")
         assert restarted == []
 
@@ -148,7 +148,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
         present, applied = parts.present, applied_with(parts, [])
 
         async def refused(why: str) -> None:
-            with pytest.raises(RefusalError, match=why):
+            with pytest.raises(RequestRejectedError, match=why):
                 await applied.apply(found.id, "Ana")
             assert [one.number for one in (await applied.view()).versions] == [0]
             assert (present.parameters, restarted) == (IDEAL, [])
@@ -167,8 +167,8 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
 
         carried_over = parts.kept.carried_over
 
-        def meanwhile(now: TuningInUse, parameters: PlantParameters) -> TuningInUse:
-            present.tuning = initial(IDEAL, TuningChoice(lam_q=0.9), None)
+        def meanwhile(now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
+            present.tuning = initial(IDEAL, TuningSettings(lam_q=0.9), None)
             return carried_over(now, parameters)
 
         with monkeypatch.context() as during:
@@ -176,7 +176,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
             await refused("the tuning was changed meanwhile")
         present.tuning = before
         parts.supervisor.dead = True
-        with pytest.raises(RefusalError, match="the control loop is not running: reset starts it again"):
+        with pytest.raises(RequestRejectedError, match="the control loop is not running: reset starts it again"):
             await applied.apply(found.id, "Ana")
         assert restarted == []
 
@@ -189,11 +189,11 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
     async def work(parts: Parts) -> None:
         applied = applied_with(parts, [])
         both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
-        (refusal,) = (one for one in both if isinstance(one, RefusalError))
+        (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "says what is in force already: nothing would change" in str(refusal)
         assert [one.number for one in (await applied.view()).versions] == [1, 0]
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
-        (refusal,) = (one for one in both if isinstance(one, RefusalError))
+        (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
         assert parts.present.parameters == IDEAL
         assert len(restarted) == 2
@@ -212,15 +212,15 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
 
         async def dies(supervisor: Stepped, _purpose: str) -> None:
             supervisor.dead = True
-            raise LoopDiedError("the control loop is not running: killed by SIGKILL")
+            raise LoopExitedError("the control loop is not running: killed by SIGKILL")
 
         with monkeypatch.context() as during:
             during.setattr(Supervisor, "restart", dies)
-            with pytest.raises(LoopDiedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
+            with pytest.raises(LoopExitedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
                 await applied.apply(found.id, "Ana")
         then = parts.present.parameters
         newest = (await applied.view()).versions[0]
-        assert (newest.number, newest.digest) == (1, applied_parameters.ParameterVersion(1, then).digest)
+        assert (newest.number, newest.digest) == (1, applied_parameters.AppliedVersion(1, then).digest)
         assert heard == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
         assert parts.supervisor.setup.tuning == parts.present.tuning.command()
@@ -247,7 +247,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
         await applied.apply(found.id, "Ana")
         file.write_text(said.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
         assert load_parameters(file) != mine
-        with pytest.raises(RefusalError, match="the parameter file has changed: start the service anew first"):
+        with pytest.raises(RequestRejectedError, match="the parameter file has changed: start the service anew first"):
             await applied.undo(1, "Ana")
         assert len(restarted) == 1
 
@@ -267,7 +267,7 @@ def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(dat
     then = IDEAL.with_identified(sections)
 
     async def pulled() -> Sample:
-        tuning = initial(then, TuningChoice()).command()
+        tuning = initial(then, TuningSettings()).command()
         supervisor = Supervisor(Setup(SIMULATOR, "ideal", 0, tuning, identified=sections))
         await supervisor.start()
         try:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from backend.banks.tuning_settings import default_choice
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, entry_of
 from backend.experiments.parser import read
@@ -19,9 +19,9 @@ from backend.realtime.program import Mode
 from backend.recording.reader import read_samples
 from backend.schemas.experiment import RecordedExperiment
 from backend.schemas.run import RunMark
-from backend.schemas.state import Push, TouchOrder, Wall, WallOrder
+from backend.schemas.state import PushRequest, TouchOrder, WallOrder, WallView
 from backend.schemas.tuning import TuningRequest
-from backend.services.actuator import obstruct
+from backend.services.actuator import set_obstacle
 from backend.services.library import OwnExperiments
 from backend.services.lineage import marks_of
 from backend.storage import runs
@@ -75,17 +75,17 @@ async def busy(parts: Parts) -> None:
     actuator, advance = parts.actuator, parts.supervisor.advance
     await actuator.set_references(0.2, 10.0, WHO)
     await advance(1.0)
-    await actuator.push(Push(F_push=6.3, duration_s=0.8), WHO)
+    await actuator.push(PushRequest(F_push=6.3, duration_s=0.8), WHO)
     await advance(1.5)
     await actuator.retuning.set(TuningRequest(lam_q=0.9, lam_S=0.7), WHO)
     await advance(0.5)
-    await obstruct(actuator, WallOrder(wall=Wall(q_wall=0.4, k_wall=5000.0, c_wall=0.5)), WHO)
+    await set_obstacle(actuator, WallOrder(wall=WallView(q_wall=0.4, k_wall=5000.0, c_wall=0.5)), WHO)
     await advance(0.5)
-    await actuator.push(Push(F_push=-4.0, duration_s=0.3), WHO)
+    await actuator.push(PushRequest(F_push=-4.0, duration_s=0.3), WHO)
     await advance(0.6)
     await actuator.retuning.set(TuningRequest(b=0.5), WHO)
     await advance(0.4)
-    await obstruct(actuator, WallOrder(wall=None), WHO)
+    await set_obstacle(actuator, WallOrder(wall=None), WHO)
     await advance(0.5)
 
 
@@ -136,7 +136,7 @@ def test_what_is_made_is_played_as_it_was_recorded(database: Database) -> None:
     plan = entry_of(*read(experiment.text)).usual
     settings = LoopSettings(**default_choice(load_parameters("ideal")).choice.document())
     with headless_station(database, load_parameters("ideal"), settings) as station:
-        again = asyncio.run(run_experiment(station, Order(plan, settings, WHO))).run
+        again = asyncio.run(run_experiment(station, RunRequest(plan, settings, WHO))).run
     assert again.end_state == "completed"
     before, after = (from_first_push(database, number) for number in (run, again.id))
     length = min(len(before["q_ref"]), len(after["q_ref"])) - 50  # the end of either stops the joint
@@ -158,13 +158,13 @@ def from_first_push(database: Database, run: int) -> dict[str, np.ndarray[Any, A
 
 async def moved_while_pushed(parts: Parts) -> None:
     actuator, advance = parts.actuator, parts.supervisor.advance
-    await actuator.push(Push(F_push=5.0, duration_s=1.0), WHO)
+    await actuator.push(PushRequest(F_push=5.0, duration_s=1.0), WHO)
     await advance(0.4)
     await actuator.set_references(0.1, 10.0, WHO)
     await advance(1.0)
     await actuator.set_references(0.5, 10.0, WHO)
     await advance(1.0)
-    await obstruct(actuator, WallOrder(wall=Wall(q_wall=0.6)), WHO)
+    await set_obstacle(actuator, WallOrder(wall=WallView(q_wall=0.6)), WHO)
     await actuator.set_references(0.7, 10.0, WHO)
     await advance(0.5)
     actuator.let_go()

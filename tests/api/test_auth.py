@@ -9,9 +9,9 @@ from fastapi import Response
 from starlette.requests import HTTPConnection
 
 from backend.api.errors import STATUS
-from backend.auth.authentication import ATTEMPTS, ATTEMPTS_WINDOW_S, GRACE_S, SIGN_INS, Authentication, Person
+from backend.auth.authentication import ATTEMPTS, ATTEMPTS_WINDOW_S, GRACE_S, SIGN_INS, Authentication, User
 from backend.auth.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions, TokenFiles, rotate
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.schemas.state import Role
 from backend.server.security import COOKIE, forget, grant, shown_by
 
@@ -41,15 +41,15 @@ class Door:
         asks = connection(headers)
         return self.granted(asks, self.authentication.sign_in(shown_by(asks), self.token(role), name))
 
-    def granted(self, asks: HTTPConnection, person: Person) -> str:
+    def granted(self, asks: HTTPConnection, person: User) -> str:
         response = Response()
         grant(self.authentication, asks, response, person)
         return response.headers["set-cookie"].partition(";")[0]
 
-    def who(self, cookie: str) -> Person | None:
+    def who(self, cookie: str) -> User | None:
         return self.authentication.recognise(shown_by(connection({"cookie": cookie})))
 
-    def who_stops(self, cookie: str) -> Person | None:
+    def who_stops(self, cookie: str) -> User | None:
         return self.authentication.recognise_for_stop(shown_by(connection({"cookie": cookie})))
 
     def sign_out(self, cookie: str) -> None:
@@ -67,12 +67,12 @@ def connection(headers: dict[str, str], address: str = "10.0.0.1") -> HTTPConnec
     return HTTPConnection({"type": "http", "headers": raw, "client": (address, 1)})
 
 
-def status(error: pytest.ExceptionInfo[RefusalError]) -> int:
+def status(error: pytest.ExceptionInfo[RequestRejectedError]) -> int:
     return STATUS[error.value.because]
 
 
 def refused(door: Door, token: str, address: str = "here", **headers: str) -> int:
-    with pytest.raises(RefusalError) as error:
+    with pytest.raises(RequestRejectedError) as error:
         door.authentication.sign_in(
             shown_by(connection({name.replace("_", "-"): value for name, value in headers.items()}, address)), token
         )
@@ -185,7 +185,7 @@ def test_new_sessions_have_a_rate_for_each_role_and_address(door: Door) -> None:
     ours = [
         door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER)) for _ in range(SIGN_INS)
     ]
-    with pytest.raises(RefusalError) as error:
+    with pytest.raises(RequestRejectedError) as error:
         door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER))
     assert status(error) == 429
     assert door.authentication.sessions.is_live(ours[0].session)
@@ -207,7 +207,7 @@ def test_no_sign_in_pushes_out_a_session_with_an_open_page(door: Door) -> None:
 
 def test_wrong_tokens_are_slowed_and_the_right_one_never(door: Door) -> None:
     assert [refused(door, "wrong") for _ in range(ATTEMPTS)] == [401] * ATTEMPTS
-    with pytest.raises(RefusalError) as error:
+    with pytest.raises(RequestRejectedError) as error:
         door.authentication.sign_in(shown_by(connection({}, "here")), "wrong")
     assert status(error) == 429
     assert error.value.retry_after_s <= ATTEMPTS_WINDOW_S + 1
@@ -227,10 +227,10 @@ def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
     for _ in range(ATTEMPTS):
         asks = connection({"authorization": "Bearer nonsense"})
         for _ in range(3):
-            with pytest.raises(RefusalError) as error:
+            with pytest.raises(RequestRejectedError) as error:
                 door.authentication.recognise(shown_by(asks))
             assert status(error) == 401
-    with pytest.raises(RefusalError) as error:
+    with pytest.raises(RequestRejectedError) as error:
         door.authentication.recognise(shown_by(connection({"authorization": "Bearer nonsense"})))
     assert status(error) == 429
     person = door.authentication.recognise(shown_by(connection({"authorization": f"Bearer {door.token()}"})))

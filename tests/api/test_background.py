@@ -14,7 +14,7 @@ import pytest
 import uvicorn
 
 from backend import app
-from backend.realtime.heartbeat import Heart
+from backend.realtime.heartbeat import HeartbeatSender
 from backend.settings import Settings
 from backend.supervision import KeptTask
 from tests.api.conftest import PATIENCE_S, ended, until, wait_for
@@ -97,7 +97,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     settings = Settings(data=tmp_path_factory.mktemp("inside"), params="ideal", port=0)
     serving = threading.Thread(target=app.serve, args=(settings, announce), name="the service")
     with pytest.MonkeyPatch.context() as patch:
-        made = Made(patch, KeptTask, Heart, uvicorn.Server)
+        made = Made(patch, KeptTask, HeartbeatSender, uvicorn.Server)
         serving.start()
         until(lambda: ready or not serving.is_alive())
         address, loop, token = ready[0]
@@ -174,7 +174,7 @@ def test_the_joint_is_stopped_softly_when_nobody_watches_over_lost_pages(moving:
 
 def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running) -> None:
     def stop_beating() -> bool:
-        for heart in moving.made.of(Heart):
+        for heart in moving.made.of(HeartbeatSender):
             heart._words[0] = 1  # what a thread of compiled code can be ended by
         return bool(moving.client.get("/api/state").json()["mode"] == "tripped")
 

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from backend.commissioning import steps
-from backend.commissioning.steps import Finding, StepId
+from backend.commissioning.steps import StepFinding, StepId
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
@@ -219,8 +219,8 @@ def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig
     assert wiring.load_cell_A.slope == 10.0
     cells = tuple(CellCalibration(tendon, 20.0, 0.0, "calibrated") for tendon in "AB")
     with closing(open_database(folder)) as database:
-        steps.keep(database, StepId.WIRING_TEST, wiring, Finding(True, "well"), "Ada")
-        steps.keep(database, StepId.CALIBRATE, wiring, Finding(True, "well", (), cells), "Ada")
+        steps.keep(database, StepId.WIRING_TEST, wiring, StepFinding(True, "well"), "Ada")
+        steps.keep(database, StepId.CALIBRATE, wiring, StepFinding(True, "well", (), cells), "Ada")
         assert played(rig, "zero")["state"] == "current"  # the loop has not been started since it was calibrated
         assert played(rig, "tare")["result"]["passed"]
         tared = steps.newest(database)[StepId.TARE].calibrations

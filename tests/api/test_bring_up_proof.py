@@ -13,18 +13,18 @@ import pytest
 import plant
 from backend.commissioning import steps as standing
 from backend.commissioning.session import KeptHands
-from backend.commissioning.steps import Finding, StepId, StepState
-from backend.errors import RefusalError
+from backend.commissioning.steps import StepFinding, StepId, StepState
+from backend.errors import RequestRejectedError
 from backend.execution.runner import create_run
 from backend.realtime.commands import Accepted, Command, Refused, TryMotor
 from backend.realtime.ipc import Ready
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import Supervisor
-from backend.realtime.timing import Granted
+from backend.realtime.timing import RealTimeStatus
 from backend.schemas.commissioning import BringUpStep
 from backend.schemas.identification import ActuatorRequest
 from backend.services.commissioning import BringUp
-from backend.storage.commissioning import StepResult
+from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
 from backend.storage.orm import StorageError
 from backend.storage.runs import Run
@@ -45,7 +45,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
     database = open_database(tmp_path)
     let_go, keep = threading.Event(), standing.keep
 
-    def slowly(*arguments: Any) -> StepResult:
+    def slowly(*arguments: Any) -> StoredStepResult:
         assert let_go.wait(60.0)
         return keep(*arguments)
 
@@ -56,7 +56,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
         await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "keeping the result":
             await asyncio.sleep(0.0)
-        with pytest.raises(RefusalError, match="Wiring test is over, and its result is being kept"):
+        with pytest.raises(RequestRejectedError, match="Wiring test is over, and its result is being kept"):
             await bring_up.cancel()
         closing_down = asyncio.create_task(bring_up.close())
         await asyncio.sleep(0.0)
@@ -79,7 +79,7 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     for step in (StepId.WIRING_TEST, StepId.DIRECTION):
-        standing.keep(database, step, load_wiring(str(file)), Finding(True, "well"), "Ada")
+        standing.keep(database, step, load_wiring(str(file)), StepFinding(True, "well"), "Ada")
     started: list[bool] = []
 
     async def restart(supervisor: Supervisor, _purpose: str) -> None:
@@ -97,7 +97,7 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
         file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
         parts.supervisor.dead = False
         assert "the wiring file has changed since the loop was started" in (await bring_up.view()).steps[0].blocked
-        with pytest.raises(RefusalError, match="the wiring file has changed since the loop was started"):
+        with pytest.raises(RequestRejectedError, match="the wiring file has changed since the loop was started"):
             await bring_up.start(StepId.WIRING_TEST, {}, "Ada")
         parts.supervisor.dead = True
         await parts.actuator.reset("Ada")
@@ -116,14 +116,14 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
     """The file was edited while the loop started, and edited back."""
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
-    standing.keep(database, StepId.DIRECTION, wiring, Finding(True, "well"), "Ada")
+    standing.keep(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
 
     async def work(parts: Parts) -> None:
         known = standing.brought_up_of(database, VIRTUAL)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
         parts.supervisor.started_with = known
         bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
-        granted = Granted(0, False, 1, ())
+        granted = RealTimeStatus(0, False, 1, ())
         for wired, proven, blocked in ((known.wired, True, False), ("of another file", False, True)):
             parts.supervisor._take(Ready(granted, "a virtual card", wired))
             assert parts.supervisor.started_with.directions_proven is proven
@@ -142,7 +142,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        standing.keep(database, step, wiring, Finding(True, "well"), "Ada")
+        standing.keep(database, step, wiring, StepFinding(True, "well"), "Ada")
     known = standing.in_effect(database, wiring)
     assert known.directions_proven
     # wired otherwise than it says, so that what is proven counts
@@ -174,7 +174,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
             return steps[StepId.DIRECTION]
 
         while not tried:
-            with suppress(RefusalError):  # nothing waits for it yet
+            with suppress(RequestRejectedError):  # nothing waits for it yet
                 await bring_up.confirm()
             await asyncio.sleep(0.001)
         await bring_up.cancel()
@@ -196,7 +196,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
     database, wiring = open_database(tmp_path), load_wiring(VIRTUAL.wiring)
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION):
-        standing.keep(database, step, wiring, Finding(True, "well", (), cells), "Ada")
+        standing.keep(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
     asked, let_go = threading.Event(), threading.Event()
 
     def slowly(*arguments: Any) -> Run:
@@ -222,7 +222,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         assert not mode.done()
         let_go.set()
         assert await run > 0
-        with pytest.raises(RefusalError, match="run 1 is under way"):
+        with pytest.raises(RequestRejectedError, match="run 1 is under way"):
             await step
         await asyncio.gather(mode, return_exceptions=True)
         await parts.ordered_runs.close()

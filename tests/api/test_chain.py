@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 
 from backend.faults import Fault
-from backend.realtime.heartbeat import CardGuard
+from backend.realtime.heartbeat import WatchdogMonitor
 from backend.realtime.supervisor import Restart, Supervisor
 from backend.schemas.state import ChainLinkView, LinkView
 from backend.services.state import behind_loop, chain
@@ -21,7 +21,7 @@ SEEN = (PlantKind.SIMULATOR, PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 def behind(kind: PlantKind, fault: Fault = Fault.NONE) -> tuple[ChainLinkView, ChainLinkView]:
     """The two links while the loop runs and the registers are as they are made: nothing is armed."""
     card = Card.create()
-    return behind_loop(PlantChoice(kind, package="servo-bench"), card.state(), CardGuard(card), True, fault)
+    return behind_loop(PlantChoice(kind, package="servo-bench"), card.state(), WatchdogMonitor(card), True, fault)
 
 
 @pytest.mark.parametrize("kind", SEEN)
@@ -36,7 +36,7 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
     card = Card.create()
     restart = Restart("applying run 3", 0.0) if planned else None
     stand_in = SimpleNamespace(
-        alive=False, beat_age_s=None, restarting=restart, card=card, guard=CardGuard(card),
+        alive=False, beat_age_s=None, restarting=restart, card=card, guard=WatchdogMonitor(card),
         setup=SimpleNamespace(plant=PlantChoice(PlantKind.SIMULATOR)),
     )  # fmt: skip
     link = LinkView(alive=False, silent_s=3.0, starts=1, restarting="applying run 3" if planned else "")
@@ -67,7 +67,7 @@ def test_a_module_that_has_tripped_is_told_whatever_is_driven(kind: PlantKind) -
 def test_the_registers_of_a_simulated_card_tell_without_a_loop_too(kind: PlantKind) -> None:
     card = Card.create()
     card.expire()
-    watchdog, module = behind_loop(PlantChoice(kind), card.state(), CardGuard(card), False, Fault.NONE)
+    watchdog, module = behind_loop(PlantChoice(kind), card.state(), WatchdogMonitor(card), False, Fault.NONE)
     assert (watchdog.good, watchdog.says) == (False, "expired after 0 s without a write: drive-enable off, zero volts")
     assert (module.good, module.says) == (True, "watching")
 
@@ -75,7 +75,7 @@ def test_the_registers_of_a_simulated_card_tell_without_a_loop_too(kind: PlantKi
 def test_of_a_rigs_card_is_told_what_was_last_known_once_its_loop_is_gone() -> None:
     """The service's own look, which clears the registers of a simulated card, leaves what the loop knew of a rig's."""
     card = Card.create()
-    guard = CardGuard(card)
+    guard = WatchdogMonitor(card)
     rig = PlantChoice(PlantKind.RIG)
     for link in behind_loop(rig, card.state(), guard, False, Fault.NONE):
         assert (link.good, link.says) == (False, "not seen: no loop has run yet")

@@ -7,9 +7,18 @@ from http.client import HTTPConnection
 import httpx
 import pytest
 
-from backend.auth.authentication import BEARER, Person
-from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
-from backend.errors import Because, RefusalError
+from backend.auth.authentication import BEARER, User
+from backend.auth.control_lease import (
+    HOLD_S,
+    LOOK_S,
+    LOST_S,
+    SCRIPT_S,
+    CommandToken,
+    ControlLease,
+    LeaseHolder,
+    read_stamp,
+)
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.faults import Fault
 from backend.schemas.state import Role
 from tests.api.conftest import ended, once_told, problem, wait_for
@@ -17,8 +26,8 @@ from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
 from tests.e2e.service import Service
 
-ANA, VERA = Person("Ana", Role.OPERATOR, "a"), Person("Vera", Role.OPERATOR, "v")
-SCRIPT = Person("operator", Role.OPERATOR, BEARER)
+ANA, VERA = User("Ana", Role.OPERATOR, "a"), User("Vera", Role.OPERATOR, "v")
+SCRIPT = User("operator", Role.OPERATOR, BEARER)
 
 KEY = "a" * 16
 JSON = {"Content-Type": "application/json"}
@@ -29,7 +38,7 @@ class Desk:
 
     def __init__(self) -> None:
         self.now, self.lost, self.told = 100.0, [], []  # type: float, list[str], list[str]
-        self.control = Control(self._lose, lambda text, who: self.told.append(f"{who}: {text}"), lambda: self.now)
+        self.control = ControlLease(self._lose, lambda text, who: self.told.append(f"{who}: {text}"), lambda: self.now)
 
     async def _lose(self, who: str) -> None:
         self.lost.append(who)
@@ -42,69 +51,69 @@ class Desk:
 
         asyncio.run(look())
 
-    def take(self, person: Person, take_over: bool = False) -> Holder:
+    def take(self, person: User, take_over: bool = False) -> LeaseHolder:
         return self.control.take(person, is_page=True, take_over=take_over)
 
-    def command(self, person: Person, stamp: Stamp | None) -> None:
+    def command(self, person: User, stamp: CommandToken | None) -> None:
         async def command() -> None:
             async with self.control.turn(person, stamp):
                 pass
 
         asyncio.run(command())
 
-    def refusal(self, person: Person, stamp: Stamp | None) -> str:
-        with pytest.raises(RefusalError) as error:
+    def refusal(self, person: User, stamp: CommandToken | None) -> str:
+        with pytest.raises(RequestRejectedError) as error:
             self.command(person, stamp)
-        assert error.value.because is Because.NOT_NOW
+        assert error.value.because is ErrorCode.NOT_NOW
         return error.value.code
 
 
 def test_commands_of_the_holder_pass_once_and_in_order() -> None:
     desk = Desk()
     page = desk.take(ANA).page
-    desk.command(ANA, Stamp(page, 1))
-    desk.command(ANA, Stamp(page, 3))  # the second was lost on its way
-    assert desk.refusal(ANA, Stamp(page, 3)) == "stale_command"
-    assert desk.refusal(ANA, Stamp(page, 2)) == "stale_command"
-    assert desk.refusal(VERA, Stamp(page, 4)) == "control_lost"
+    desk.command(ANA, CommandToken(page, 1))
+    desk.command(ANA, CommandToken(page, 3))  # the second was lost on its way
+    assert desk.refusal(ANA, CommandToken(page, 3)) == "stale_command"
+    assert desk.refusal(ANA, CommandToken(page, 2)) == "stale_command"
+    assert desk.refusal(VERA, CommandToken(page, 4)) == "control_lost"
     assert desk.refusal(VERA, None) == "control_needed"
 
 
 def test_control_is_taken_over_only_when_that_is_said() -> None:
     desk = Desk()
     first = desk.take(ANA).lease()
-    with pytest.raises(RefusalError, match="Ana holds control"):
+    with pytest.raises(RequestRejectedError, match="Ana holds control"):
         desk.take(VERA)
     second = desk.take(VERA, take_over=True).lease()
     assert second.epoch > first.epoch
-    assert desk.refusal(ANA, Stamp(first.page, 9)) == "control_lost"
-    desk.command(VERA, Stamp(second.page, 1))
+    assert desk.refusal(ANA, CommandToken(first.page, 9)) == "control_lost"
+    desk.command(VERA, CommandToken(second.page, 1))
     assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
 def test_another_page_of_the_same_person_is_another_page() -> None:
     desk = Desk()
     first = desk.take(ANA).page
-    with pytest.raises(RefusalError, match="another page of yours"):
+    with pytest.raises(RequestRejectedError, match="another page of yours"):
         desk.take(ANA)
     desk.take(ANA, take_over=True)
-    assert desk.refusal(ANA, Stamp(first, 1)) == "control_lost"
+    assert desk.refusal(ANA, CommandToken(first, 1)) == "control_lost"
 
 
 def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -> None:
     desk = Desk()
     first = desk.take(ANA).lease()
-    desk.command(ANA, Stamp(first.page, 1))
-    with pytest.raises(RefusalError):
+    desk.command(ANA, CommandToken(first.page, 1))
+    with pytest.raises(RequestRejectedError):
         desk.control.resume(VERA, first.page)
     second = desk.control.resume(ANA, first.page).lease()
     assert (second.page == first.page, second.epoch > first.epoch) == (False, True)
-    desk.command(ANA, Stamp(second.page, 1))
-    assert desk.refusal(ANA, Stamp(first.page, 2)) == "control_lost"
-    with pytest.raises(RefusalError):
+    desk.command(ANA, CommandToken(second.page, 1))
+    assert desk.refusal(ANA, CommandToken(first.page, 2)) == "control_lost"
+    with pytest.raises(RequestRejectedError):
         desk.control.resume(ANA, first.page)
     desk.take(VERA, take_over=True)
-    with pytest.raises(RefusalError):
+    with pytest.raises(RequestRejectedError):
         desk.control.resume(ANA, second.page)
     assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
@@ -123,7 +132,7 @@ def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None
     assert len(let_go) == 2
     holder = desk.take(VERA, take_over=True)
     assert len(let_go) == 3
-    asyncio.run(desk.control.give_up(VERA, Stamp(holder.page, 1)))
+    asyncio.run(desk.control.give_up(VERA, CommandToken(holder.page, 1)))
     assert len(let_go) == 4
     desk.command(SCRIPT, None)
     let_go.clear()
@@ -148,7 +157,7 @@ def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing
     desk.wait(0.4)
     assert desk.lost == ["Ana"]
     assert documented_ms(Fault.OPERATOR_LOST) >= 1000 * (LOST_S + HOLD_S + 2 * LOOK_S)
-    assert desk.refusal(ANA, Stamp(page, 1)) == "control_lost"
+    assert desk.refusal(ANA, CommandToken(page, 1)) == "control_lost"
 
 
 def test_a_page_that_comes_back_in_time_goes_on_holding_control() -> None:
@@ -162,7 +171,7 @@ def test_a_page_that_comes_back_in_time_goes_on_holding_control() -> None:
     assert desk.control.holder.lost
     desk.control.heard(ANA, page)
     desk.wait(1.0)
-    desk.command(ANA, Stamp(page, 1))
+    desk.command(ANA, CommandToken(page, 1))
     assert not desk.lost
 
 
@@ -178,7 +187,7 @@ def test_a_service_that_stood_still_blames_no_page() -> None:
 def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
     desk = Desk()
     desk.command(SCRIPT, None)
-    with pytest.raises(RefusalError, match="operator holds control"):
+    with pytest.raises(RequestRejectedError, match="operator holds control"):
         desk.take(ANA)
     desk.wait(SCRIPT_S + 0.2)
     desk.take(ANA)
@@ -190,9 +199,9 @@ def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
     "text", ["", "1.1", KEY, KEY + ".", ".1", KEY + ".-1", KEY + ".1.1", KEY + ".1\n", KEY + ".١", KEY + "." + "9" * 30]
 )
 def test_a_stamp_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(RefusalError) as error:
+    with pytest.raises(RequestRejectedError) as error:
         read_stamp(text)
-    assert error.value.because is Because.MALFORMED
+    assert error.value.because is ErrorCode.MALFORMED
 
 
 def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Service, off: httpx.Client) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from backend.auth.authentication import BEARER, Person
-from backend.errors import RefusalError
-from backend.execution.runner import Doing, Order
+from backend.auth.authentication import BEARER, User
+from backend.errors import RequestRejectedError
+from backend.execution.runner import RunPhase, RunRequest
 from backend.execution.simulation import _Progress
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
@@ -19,15 +19,15 @@ from backend.services.queue import DryRuns
 from backend.workers import Offload
 from plant.parameters import load_parameters
 
-OTHER = Person("another", Role.VIEWER, BEARER)
-VIEWER = Person("viewer", Role.VIEWER, BEARER)
+OTHER = User("another", Role.VIEWER, BEARER)
+VIEWER = User("viewer", Role.VIEWER, BEARER)
 
 
 def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-    order = Order(ready_plan("tracking"), LoopSettings(), VIEWER.name)
+    order = RunRequest(ready_plan("tracking"), LoopSettings(), VIEWER.name)
 
     async def whole() -> None:
         dry_runs = DryRuns(Offload(lambda _cause: None))
@@ -44,12 +44,12 @@ class Halfway(Offload):
     async def run(self, work: Callable[..., Any], *arguments: Any, **_none: Any) -> Any:
         folder = arguments[-1]
         progress = _Progress(folder)
-        progress(Doing.PROGRAM, 3.0)
+        progress(RunPhase.PROGRAM, 3.0)
         await asyncio.Event().wait()
 
 
 def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
-    order = Order(ready_plan("tracking"), LoopSettings(), VIEWER.name)
+    order = RunRequest(ready_plan("tracking"), LoopSettings(), VIEWER.name)
     left = asyncio.Event()
 
     async def has_left() -> bool:
@@ -59,13 +59,13 @@ def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
         dry_runs = DryRuns(Halfway(lambda _cause: None))
         assert not (await dry_runs.progress(VIEWER)).under_way
         playing = asyncio.ensure_future(dry_runs.play(load_parameters("ideal"), order, (), VIEWER, has_left))
-        while (told := await dry_runs.progress(VIEWER)).doing is not Doing.PROGRAM:
+        while (told := await dry_runs.progress(VIEWER)).doing is not RunPhase.PROGRAM:
             await asyncio.sleep(0.01)
         assert (told.under_way, told.played_s) == (True, 3.0)
         assert told.duration_s == order.plan.program().duration_s
         assert not (await dry_runs.progress(OTHER)).under_way
         left.set()
-        with pytest.raises(RefusalError):
+        with pytest.raises(RequestRejectedError):
             await playing
         assert not (await dry_runs.progress(VIEWER)).under_way
 

@@ -6,10 +6,10 @@ from typing import Any, cast
 import httpx
 import pytest
 
-from backend.auth.control_lease import Control
-from backend.errors import Because, RefusalError
+from backend.auth.control_lease import ControlLease
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.faults import FAULTS, Fault
-from backend.services.actuator import Actuator
+from backend.services.actuator import ActuatorService
 from backend.services.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
@@ -122,10 +122,12 @@ class _RigActuator:
 
 @pytest.mark.parametrize("fault", LEADS_TO)
 def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
-    rig, control = cast(Actuator, _RigActuator()), cast(Control, None)
-    with pytest.raises(RefusalError, match="only into what is simulated, and what is driven is the rig") as error:
+    rig, control = cast(ActuatorService, _RigActuator()), cast(ControlLease, None)
+    with pytest.raises(
+        RequestRejectedError, match="only into what is simulated, and what is driven is the rig"
+    ) as error:
         asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
-    assert error.value.because is Because.NOT_NOW
+    assert error.value.because is ErrorCode.NOT_NOW
 
 
 def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:

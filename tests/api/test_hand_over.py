@@ -5,15 +5,15 @@ from contextlib import ExitStack
 
 import pytest
 
-from backend.auth.authentication import BEARER, People, Person
-from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, Control, Holder, Stamp
-from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, HandOver
-from backend.errors import Because, RefusalError
-from backend.schemas.state import Answer, Role
+from backend.auth.authentication import BEARER, ActiveUsers, User
+from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, CommandToken, ControlLease, LeaseHolder
+from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, ControlHandover
+from backend.errors import ErrorCode, RequestRejectedError
+from backend.schemas.state import HandoverAnswer, Role
 
-ANA, VERA, ODA = (Person(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
-VIC = Person("Vic (viewer)", Role.VIEWER, "vic", "Vic")
-SCRIPT = Person("operator", Role.OPERATOR, BEARER)
+ANA, VERA, ODA = (User(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
+VIC = User("Vic (viewer)", Role.VIEWER, "vic", "Vic")
+SCRIPT = User("operator", Role.OPERATOR, BEARER)
 
 
 class Desk:
@@ -21,9 +21,9 @@ class Desk:
 
     def __init__(self) -> None:
         self.now, self.told, self.stopped = 100.0, [], []  # type: float, list[str], list[str]
-        self.control = Control(self._lose, self._tell, lambda: self.now)
-        self.people = People()
-        self.hand_over = HandOver(self.control, self.people, self._tell, lambda: self.now)
+        self.control = ControlLease(self._lose, self._tell, lambda: self.now)
+        self.people = ActiveUsers()
+        self.hand_over = ControlHandover(self.control, self.people, self._tell, lambda: self.now)
         self.there = {one.session: ExitStack() for one in (ANA, VERA, ODA, VIC)}
         for one in (ANA, VERA, ODA, VIC):
             self.there[one.session].enter_context(self.people.attending(one, is_page=True))
@@ -36,21 +36,21 @@ class Desk:
     async def _lose(self, who: str) -> None:
         self.stopped.append(who)
 
-    def stamp(self) -> Stamp:
+    def stamp(self) -> CommandToken:
         self.said += 1
-        return Stamp(self.page, self.said)
+        return CommandToken(self.page, self.said)
 
-    def ask(self, who: Person, reason: str = "my turn") -> int:
+    def ask(self, who: User, reason: str = "my turn") -> int:
         return self.hand_over.ask(who, reason).number
 
-    def answer(self, who: Person, number: int, answer: Answer, reason: str = "", *, holds: bool = False) -> None:
+    def answer(self, who: User, number: int, answer: HandoverAnswer, reason: str = "", *, holds: bool = False) -> None:
         stamp = self.stamp() if holds else None
         asyncio.run(self.hand_over.answer(who, stamp, number, answer, reason))
 
     def offer(self, to: str, reason: str = "your turn") -> int:
         return asyncio.run(self.hand_over.offer(ANA, self.stamp(), to, reason)).number
 
-    def take(self, who: Person, number: int) -> Holder:
+    def take(self, who: User, number: int) -> LeaseHolder:
         holder = self.hand_over.take(who, number)
         self.page, self.said = holder.page, 0
         return holder
@@ -79,8 +79,8 @@ def desk() -> Desk:
     return Desk()
 
 
-def refusal() -> pytest.RaisesExc[RefusalError]:
-    return pytest.raises(RefusalError)
+def refusal() -> pytest.RaisesExc[RequestRejectedError]:
+    return pytest.raises(RequestRejectedError)
 
 
 def test_who_asks_gets_control_when_it_is_handed_over_and_all_of_it_is_told(desk: Desk) -> None:
@@ -89,7 +89,7 @@ def test_who_asks_gets_control_when_it_is_handed_over_and_all_of_it_is_told(desk
     assert (seen.name, seen.by, seen.reason, seen.standing) == ("Vera", "Ana", "the λ sweep is mine", "asked")
     with refusal():
         desk.take(VERA, number)  # before the answer
-    desk.answer(ANA, number, Answer.HAND_OVER, "mind the wall", holds=True)
+    desk.answer(ANA, number, HandoverAnswer.HAND_OVER, "mind the wall", holds=True)
     assert desk.holder == "Ana"  # until Vera's page has taken it
     assert desk.hand_over.view()[0].answer == "mind the wall"
     with refusal():
@@ -111,9 +111,9 @@ def test_who_asks_gets_control_when_it_is_handed_over_and_all_of_it_is_told(desk
 def test_who_keeps_control_says_why_and_it_is_heard(desk: Desk) -> None:
     number = desk.ask(VERA)
     with refusal() as refused:
-        desk.answer(ANA, number, Answer.DECLINE, " \u200b ", holds=True)
-    assert refused.value.because is Because.BAD_VALUE
-    desk.answer(ANA, number, Answer.DECLINE, "ten minutes more", holds=True)
+        desk.answer(ANA, number, HandoverAnswer.DECLINE, " \u200b ", holds=True)
+    assert refused.value.because is ErrorCode.BAD_VALUE
+    desk.answer(ANA, number, HandoverAnswer.DECLINE, "ten minutes more", holds=True)
     (seen,) = desk.hand_over.view()
     assert (seen.standing, seen.answer, desk.holder) == ("declined", "ten minutes more", "Ana")
     assert desk.told[-1] == "Ana: keeps control, asked by Vera: ten minutes more"
@@ -126,7 +126,7 @@ def test_who_keeps_control_says_why_and_it_is_heard(desk: Desk) -> None:
 def test_an_offer_moves_control_only_when_the_other_takes_it(desk: Desk) -> None:
     number = desk.offer("Vera", "lunch")
     assert (desk.holder, desk.standing(number)) == ("Ana", "offered")
-    desk.answer(VERA, number, Answer.DECLINE, "mine too")
+    desk.answer(VERA, number, HandoverAnswer.DECLINE, "mine too")
     assert (desk.holder, desk.standing(number)) == ("Ana", "declined")
     number = desk.offer("Vera", "lunch")
     desk.take(VERA, number)
@@ -148,15 +148,15 @@ def test_control_is_offered_only_to_another_operator_who_is_there(desk: Desk, to
 
 def test_of_two_answers_the_first_counts_and_of_two_askers_one_gets_it(desk: Desk) -> None:
     vera, oda = desk.ask(VERA), desk.ask(ODA)
-    desk.answer(ANA, vera, Answer.HAND_OVER, holds=True)
-    for number, answer in ((vera, Answer.HAND_OVER), (oda, Answer.HAND_OVER)):
+    desk.answer(ANA, vera, HandoverAnswer.HAND_OVER, holds=True)
+    for number, answer in ((vera, HandoverAnswer.HAND_OVER), (oda, HandoverAnswer.HAND_OVER)):
         with refusal():
             desk.answer(ANA, number, answer, "no", holds=True)
     desk.take(VERA, vera)
     desk.wait(1.0)
     (asked,) = [one for one in desk.hand_over.view() if one.number == oda]
     assert (asked.standing, asked.by) == ("asked", "Vera")  # it is she who is asked now
-    desk.answer(VERA, oda, Answer.DECLINE, "just begun", holds=True)
+    desk.answer(VERA, oda, HandoverAnswer.DECLINE, "just begun", holds=True)
     assert desk.holder == "Vera"
 
 
@@ -167,25 +167,31 @@ def test_two_answers_at_one_time_are_one_answer(desk: Desk) -> None:
     async def both() -> tuple[BaseException | None, BaseException | None]:
         first, second = desk.stamp(), desk.stamp()
         return await asyncio.gather(
-            desk.hand_over.answer(ANA, second, number, Answer.HAND_OVER, ""),
-            desk.hand_over.answer(ANA, first, number, Answer.DECLINE, "no"),
+            desk.hand_over.answer(ANA, second, number, HandoverAnswer.HAND_OVER, ""),
+            desk.hand_over.answer(ANA, first, number, HandoverAnswer.DECLINE, "no"),
             return_exceptions=True,
         )
 
     late, in_time = asyncio.run(both())
     assert in_time is None
-    assert isinstance(late, RefusalError)
+    assert isinstance(late, RequestRejectedError)
     assert late.code == "wish_over"
     assert (desk.standing(number), desk.holder) == ("declined", "Ana")
 
 
 def test_nothing_is_handed_over_by_who_does_not_hold_control(desk: Desk) -> None:
     number = desk.ask(VERA)
-    for who, stamp in ((ODA, None), (ODA, Stamp("x" * 16, 1)), (ANA, None), (ANA, Stamp("x" * 16, 1)), (SCRIPT, None)):
+    for who, stamp in (
+        (ODA, None),
+        (ODA, CommandToken("x" * 16, 1)),
+        (ANA, None),
+        (ANA, CommandToken("x" * 16, 1)),
+        (SCRIPT, None),
+    ):
         with refusal():
-            asyncio.run(desk.hand_over.answer(who, stamp, number, Answer.HAND_OVER, ""))
+            asyncio.run(desk.hand_over.answer(who, stamp, number, HandoverAnswer.HAND_OVER, ""))
     with refusal():
-        desk.answer(VERA, number, Answer.HAND_OVER)
+        desk.answer(VERA, number, HandoverAnswer.HAND_OVER)
     assert (desk.standing(number), desk.holder) == ("asked", "Ana")
 
 
@@ -204,7 +210,7 @@ def test_a_request_ends_with_whoever_asked_but_not_with_a_reload_of_their_page(d
 @pytest.mark.parametrize("how", ["given up", "lost", "script"])
 def test_requests_end_when_control_is_free_and_what_was_handed_over_with_them(desk: Desk, how: str) -> None:
     asked, handed = desk.ask(ODA), desk.ask(VERA)
-    desk.answer(ANA, handed, Answer.HAND_OVER, holds=True)
+    desk.answer(ANA, handed, HandoverAnswer.HAND_OVER, holds=True)
     if how == "lost":
         desk.wait(LOST_S + HOLD_S + 1.0, heard=False)
         assert desk.stopped == ["Ana"]  # the one who was to be heard, up to the end
@@ -219,7 +225,7 @@ def test_requests_end_when_control_is_free_and_what_was_handed_over_with_them(de
 
 def test_what_was_handed_over_by_who_has_lost_control_is_not_taken(desk: Desk) -> None:
     number = desk.ask(VERA)
-    desk.answer(ANA, number, Answer.HAND_OVER, holds=True)
+    desk.answer(ANA, number, HandoverAnswer.HAND_OVER, holds=True)
     desk.control.take(ODA, is_page=True, take_over=True)
     with refusal():
         desk.take(VERA, number)
@@ -237,7 +243,7 @@ def test_who_takes_control_over_while_asking_asks_no_longer(desk: Desk) -> None:
 def test_what_nobody_answers_ends_and_says_so(desk: Desk, handed: bool, time_s: float) -> None:
     number = desk.ask(VERA)
     if handed:
-        desk.answer(ANA, number, Answer.HAND_OVER, holds=True)
+        desk.answer(ANA, number, HandoverAnswer.HAND_OVER, holds=True)
     desk.wait(time_s - 1.0)
     assert desk.standing(number) == ("handed" if handed else "asked")
     desk.wait(2.0)
@@ -248,11 +254,11 @@ def test_what_nobody_answers_ends_and_says_so(desk: Desk, handed: bool, time_s: 
 
 
 def test_both_may_take_back_what_they_have_said(desk: Desk) -> None:
-    desk.answer(VERA, asked := desk.ask(VERA), Answer.DECLINE)
+    desk.answer(VERA, asked := desk.ask(VERA), HandoverAnswer.DECLINE)
     assert desk.standing(asked) == "withdrawn"
     handed = desk.ask(VERA)
-    desk.answer(ANA, handed, Answer.HAND_OVER, holds=True)
-    desk.answer(ANA, handed, Answer.DECLINE, holds=True)
+    desk.answer(ANA, handed, HandoverAnswer.HAND_OVER, holds=True)
+    desk.answer(ANA, handed, HandoverAnswer.DECLINE, holds=True)
     assert (desk.standing(handed), desk.holder) == ("withdrawn", "Ana")
     with refusal():
         desk.take(VERA, handed)
@@ -260,26 +266,26 @@ def test_both_may_take_back_what_they_have_said(desk: Desk) -> None:
 
 def test_who_cannot_ask_is_told_what_to_do(desk: Desk) -> None:
     for who, words in ((ANA, "another page of yours"), (SCRIPT, "a page that is open")):
-        with pytest.raises(RefusalError, match=words):
+        with pytest.raises(RequestRejectedError, match=words):
             desk.ask(who)
     desk.ask(VERA)
-    with pytest.raises(RefusalError, match="already"):
+    with pytest.raises(RequestRejectedError, match="already"):
         desk.ask(VERA)
     desk.wait(LOST_S + 0.5, heard=False)
-    with pytest.raises(RefusalError, match="take it"):
+    with pytest.raises(RequestRejectedError, match="take it"):
         desk.ask(ODA)
 
 
 def test_only_so_many_may_wait(desk: Desk) -> None:
     with ExitStack() as there:
-        crowd = [Person(f"P{number}", Role.OPERATOR, f"p{number}") for number in range(WAITING + 1)]
+        crowd = [User(f"P{number}", Role.OPERATOR, f"p{number}") for number in range(WAITING + 1)]
         for one in crowd:
             there.enter_context(desk.people.attending(one, is_page=True))
         for one in crowd[:-1]:
             desk.ask(one)
         with refusal() as refused:
             desk.ask(crowd[-1])
-    assert refused.value.because is Because.TOO_MANY
+    assert refused.value.because is ErrorCode.TOO_MANY
 
 
 def test_a_new_name_stands_in_what_is_asked(desk: Desk) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from backend.control.motion_primitives import ZERO_VOLTS_S
-from backend.errors import RefusalError
-from backend.execution.runner import Doing
+from backend.errors import RequestRejectedError
+from backend.execution.runner import RunPhase
 from backend.experiments.forecast import Stage
 from backend.realtime.commands import Accepted, SetMode
 from backend.realtime.program import Mode
@@ -41,7 +41,7 @@ class Seen:
     tasks: list[TaskView]
 
     def played(self, run: int) -> list[TaskView]:
-        return [task for task in self.tasks if task.run == run and task.phase is Doing.PROGRAM]
+        return [task for task in self.tasks if task.run == run and task.phase is RunPhase.PROGRAM]
 
 
 async def pretension(parts: Parts) -> None:
@@ -81,7 +81,7 @@ def told_right(seen: Seen, run: int, samples: int) -> None:
     for task in shown:
         assert task.part is not None
         assert task.duration_s - task.elapsed_s == pytest.approx(took_s - task.part.t, abs=within)
-    of_the_way = [task for task in seen.tasks if task.run == run and task.phase is Doing.STARTING]
+    of_the_way = [task for task in seen.tasks if task.run == run and task.phase is RunPhase.STARTING]
     assert all(task.duration_s == pytest.approx(took_s, abs=within) for task in of_the_way)
 
 
@@ -191,17 +191,17 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
     async def ordered(parts: Parts) -> None:
         await pretension(parts)
         pause = parts.ordered_runs.pause
-        with pytest.raises(RefusalError, match="nothing is under way"):
+        with pytest.raises(RequestRejectedError, match="nothing is under way"):
             pause.ask(True)
 
         def at_each(task: TaskView) -> None:
-            if task.phase is Doing.PROGRAM and task.number == 1 and not task.pause_wanted:
+            if task.phase is RunPhase.PROGRAM and task.number == 1 and not task.pause_wanted:
                 pause.ask(True)
-            if task.phase is Doing.PROGRAM and task.number == 2:
-                with pytest.raises(RefusalError, match="no run of the same order follows"):
+            if task.phase is RunPhase.PROGRAM and task.number == 2:
+                with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
                     pause.ask(True)
             state = parts.present.state()
-            if task.phase is Doing.PAUSED:
+            if task.phase is RunPhase.PAUSED:
                 assert (task.number, task.following, task.part) == (1, 1, None)
                 waited.append((state.mode, state.recording_run))
 
@@ -210,10 +210,10 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
                 await asyncio.sleep(0)
             await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
             assert parts.present.task is not None
-            assert parts.present.task.phase is Doing.PAUSED
+            assert parts.present.task.phase is RunPhase.PAUSED
             assert parts.present.state().legal_modes == [Mode.STOPPING, Mode.OFF]
             for mode in (Mode.RUN, Mode.COMPLIANCE):
-                with pytest.raises(RefusalError, match="go on, or stop softly; legal now: stopping, off"):
+                with pytest.raises(RequestRejectedError, match="go on, or stop softly; legal now: stopping, off"):
                     await parts.actuator.set_mode(mode, OPERATOR.name)
             pause.ask(False)
 
@@ -241,9 +241,9 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
         stopping: list[asyncio.Task[object]] = []
 
         def at_each(task: TaskView) -> None:
-            if task.phase is Doing.PROGRAM and not task.pause_wanted:
+            if task.phase is RunPhase.PROGRAM and not task.pause_wanted:
                 parts.ordered_runs.pause.ask(True)
-            if task.phase is Doing.PAUSED and not stopping:
+            if task.phase is RunPhase.PAUSED and not stopping:
                 stopping.append(asyncio.create_task(parts.supervisor.send(SetMode(Mode.STOPPING))))
 
         seen = await follow(parts, TWO, at_each)
@@ -253,7 +253,7 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
             f"The order ended after run {seen.run}: it was stopped softly in its pause; 1 run was not begun."
             " Order it anew."
         ]
-        evaluated = [task for task in seen.tasks if task.phase is Doing.EVALUATION]
+        evaluated = [task for task in seen.tasks if task.phase is RunPhase.EVALUATION]
         assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}
         assert end_of(database, seen.run) is EndState.COMPLETED
         view = await parts.identifications.identification(seen.run)

@@ -15,16 +15,16 @@ from backend.errors import OutOfRangeError
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
 from backend.schemas.preferences import NEW_HERE, Preferences
 from backend.schemas.run import NoteRequest
-from backend.schemas.state import Push, References
+from backend.schemas.state import PushRequest, References
 from backend.schemas.tuning import BankFile, BankRequest, TrialRequest
 from backend.services.jobs import plans_of
-from backend.units import Angles
+from backend.units import AngleUnit
 from tests.api.test_units import CODE_NAME, SYMBOL
 
 ENTRY = {"S_nominal": 10, "K_q": 1, "T_q": 0.1, "K_S": 1, "T_S": 0.1}
 BODIES = {
     "trial": TrialRequest,
-    "push": Push,
+    "push": PushRequest,
     "references": References,
     "bank": BankFile,
     "build": BankRequest,
@@ -108,8 +108,8 @@ def answers(path: str, body: Any) -> dict[str, Any]:
     """Return what the interface's own handlers answer to a body."""
     app = FastAPI()
 
-    async def degrees(_connection: HTTPConnection) -> Angles:
-        return Angles.DEGREES
+    async def degrees(_connection: HTTPConnection) -> AngleUnit:
+        return AngleUnit.DEGREES
 
     install(app, degrees)
     for name, schema in BODIES.items():
@@ -144,7 +144,7 @@ def test_the_tension_that_is_refused_is_told_among_several() -> None:
     with pytest.raises(OutOfRangeError) as refused:
         plans_of(ActuatorRequest(tensions_N=[10.0, 4000.0]))
     assert refused.value.path == ("tensions_N", 1)
-    assert refused.value.sentence(Angles.DEGREES).startswith("tension 2: 4000 N is ")
+    assert refused.value.sentence(AngleUnit.DEGREES).startswith("tension 2: 4000 N is ")
     with pytest.raises(OutOfRangeError) as refused:
         plans_of(
             ActuatorRequest(tensions_N=[10.0], amplitude_rad=math.pi / 2).model_copy(update={"amplitude_rad": 9.0})

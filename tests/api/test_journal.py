@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from backend.schemas.state import MarkKind
-from backend.services.event_log import Journal
+from backend.services.event_log import EventLog
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from tests.recording.test_unwritable import fill, make_read_only, repair
@@ -49,7 +49,7 @@ def test_events_wait_in_order_while_nothing_can_be_written(
     database: Database, breaks: Callable[[Database], None], words: str
 ) -> None:
     async def happen() -> datetime:
-        journal = Journal(database)
+        journal = EventLog(database)
         writing = asyncio.create_task(journal.run())
         journal.note(MarkKind.NOTE, "before", tick=1)
         await until(lambda: texts(database) == ["before"])
@@ -72,7 +72,7 @@ def test_events_wait_in_order_while_nothing_can_be_written(
 
 def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database: Database) -> None:
     async def happen() -> None:
-        journal = Journal(database, bound=5)
+        journal = EventLog(database, bound=5)
         make_read_only(database)
         writing = asyncio.create_task(journal.run())
         for tick in range(9):
@@ -92,7 +92,7 @@ def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database:
 
 def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
     async def happen() -> None:
-        journal = Journal(database)
+        journal = EventLog(database)
         journal.note(MarkKind.NOTE, "first", 1)
         journal.note(MarkKind.NOTE, "of a run that is not there", 2, run=77)
         journal.note(MarkKind.NOTE, "half a letter \ud800", 3)
@@ -107,7 +107,7 @@ def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
 
 def test_what_waits_at_the_end_is_written_once(database: Database) -> None:
     async def happen() -> None:
-        journal = Journal(database)
+        journal = EventLog(database)
         writing = asyncio.create_task(journal.run())
         for tick in range(1200):
             journal.note(MarkKind.NOTE, "event", tick)

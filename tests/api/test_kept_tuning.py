@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TUNING_NAME, TuningChoice, default_choice
+from backend.banks.tuning_settings import TUNING_NAME, TuningSettings, default_choice
 from backend.schemas.tuning import TuningParts, TuningRequest
 from backend.services.tuning import SavedTunings
-from backend.services.tuning_state import KeptTuning, TuningInUse, initial
+from backend.services.tuning_state import ActiveTuning, TuningStore, initial
 from backend.storage import banks, events, settings
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
@@ -43,14 +43,14 @@ def bank(database: Database) -> Bank:
 
 
 @pytest.fixture
-def chosen(ideal: PlantParameters, bank: Bank) -> TuningInUse:
-    return initial(ideal, TuningChoice(lam_q=0.8, lam_S=0.6, lam_motor=0.09, b=0.5, interpolate=True), bank)
+def chosen(ideal: PlantParameters, bank: Bank) -> ActiveTuning:
+    return initial(ideal, TuningSettings(lam_q=0.8, lam_S=0.6, lam_motor=0.09, b=0.5, interpolate=True), bank)
 
 
-def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters, chosen: TuningInUse) -> None:
-    kept = KeptTuning(database)
+def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters, chosen: ActiveTuning) -> None:
+    kept = TuningStore(database)
     assert kept.restore(ideal)[1] == ""
-    kept.put(initial(ideal, TuningChoice()), "B. Operator")
+    kept.put(initial(ideal, TuningSettings()), "B. Operator")
     kept.put(chosen, "A. Operator")
     restored, said = kept.restore(ideal)
     assert restored.choice == chosen.choice
@@ -63,9 +63,9 @@ def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters
 
 
 def test_another_plant_starts_with_its_defaults(
-    database: Database, ideal: PlantParameters, chosen: TuningInUse
+    database: Database, ideal: PlantParameters, chosen: ActiveTuning
 ) -> None:
-    kept = KeptTuning(database)
+    kept = TuningStore(database)
     kept.put(chosen, "A. Operator")
     lab = load_parameters("lab")
     restored, said = kept.restore(lab)
@@ -73,8 +73,8 @@ def test_another_plant_starts_with_its_defaults(
     assert "other parameters" in said
 
 
-def test_a_tuning_kept_before_b_was_says_so(database: Database, ideal: PlantParameters, chosen: TuningInUse) -> None:
-    kept = KeptTuning(database)
+def test_a_tuning_kept_before_b_was_says_so(database: Database, ideal: PlantParameters, chosen: ActiveTuning) -> None:
+    kept = TuningStore(database)
     kept.put(chosen, "A. Operator")
     with database.session() as session:
         stored = settings.newest(session, TUNING_NAME)
@@ -102,19 +102,19 @@ def test_a_plant_that_leaves_the_methods_lambda_out_starts_with_the_nearest(tmp_
 def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: Database, tmp_path: Path) -> None:
     """Whatever is in force: to revert to what is saved is not refused."""
     weak = load_parameters(str(weak_motors(tmp_path)))
-    for choice in (TuningChoice(lam_q=1.2), TuningChoice(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
+    for choice in (TuningSettings(lam_q=1.2), TuningSettings(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
         tuning = initial(weak, choice)
         saved = asyncio.run(SavedTunings(database).of(tuning))
         wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
-        assert tuning.changed(TuningRequest(**wanted)).choice == TuningChoice(**wanted)
+        assert tuning.changed(TuningRequest(**wanted)).choice == TuningSettings(**wanted)
         assert "λ_q 0.5 → " in saved.moved
 
 
-def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: TuningInUse, tmp_path: Path) -> None:
-    kept = KeptTuning(database)
+def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: ActiveTuning, tmp_path: Path) -> None:
+    kept = TuningStore(database)
     kept.put(chosen, "A. Operator")
     restored, said = kept.restore(load_parameters(str(weak_motors(tmp_path))))
-    assert restored.choice == replace(TuningChoice(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
+    assert restored.choice == replace(TuningSettings(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
     assert restored.choice.u_plan > 0.0
     assert said == (
         "defaults in force: the tuning of last time was for other parameters; the method's default is not offered for "
@@ -124,9 +124,9 @@ def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: 
 
 @pytest.mark.parametrize(("name", "value"), [("bank", 99), ("lam_q", 0.1), ("lam_motor", 3.5), ("b", 1.5)])
 def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
-    database: Database, ideal: PlantParameters, chosen: TuningInUse, name: str, value: float
+    database: Database, ideal: PlantParameters, chosen: ActiveTuning, name: str, value: float
 ) -> None:
-    kept = KeptTuning(database)
+    kept = TuningStore(database)
     kept.put(chosen, "A. Operator")
     with database.session() as session:
         stored = settings.newest(session, TUNING_NAME)

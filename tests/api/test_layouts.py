@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.schemas.preferences import ChartLayout, look_over
 
 ERRORS = {"title": "Errors", "signals": ["q - q_ref"], "over": None, "share": 1.5}
@@ -36,7 +36,7 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
     ],
 )
 def test_what_no_chart_can_show_is_refused_in_words(layouts: list[dict[str, Any]], said: str) -> None:
-    with pytest.raises(RefusalError) as refused:
+    with pytest.raises(RequestRejectedError) as refused:
         look_over([ChartLayout.model_validate(one) for one in layouts])
     assert said in str(refused.value)
 

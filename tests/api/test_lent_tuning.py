@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice, default_choice
-from backend.errors import OutOfRangeError, RefusalError
+from backend.banks.tuning_settings import TuningSettings, default_choice
+from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.models.settings import SettingError
 from backend.realtime.commands import Stop
 from backend.reports.build import build_report
@@ -56,7 +56,7 @@ def bank(database: Database) -> Bank:
     return made
 
 
-def own(bank: Bank) -> TuningChoice:
+def own(bank: Bank) -> TuningSettings:
     return replace(default_choice(IDEAL).choice, lam_q=0.55, lam_S=0.45, bank=bank.id)
 
 
@@ -74,7 +74,7 @@ def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentReque
 def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_back(
     database: Database, bank: Bank
 ) -> None:
-    during: list[TuningChoice] = []
+    during: list[TuningSettings] = []
 
     async def work(parts: Parts) -> int:
         await started(parts, bank)
@@ -84,7 +84,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank.id)
-        with pytest.raises(RefusalError, match="part of its record"):
+        with pytest.raises(RequestRejectedError, match="part of its record"):
             await parts.actuator.retuning.set(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
         assert parts.present.tuning.choice == own(bank)
@@ -96,12 +96,12 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         return run
 
     run = stepped(database, IDEAL, work)
-    asked = TuningChoice(**ASKED)
+    asked = TuningSettings(**ASKED)
     assert during == [asked]
     with database.reading() as session:
         stored = runs.get(session, run)
         told = [event.text for event in events.between(session, stored.started_at, None)]
-    assert TuningChoice.of(stored.settings["loop"]) == asked
+    assert TuningSettings.of(stored.settings["loop"]) == asked
     assert stored.bank_id is None
     declared = {item["name"]: item["value"] for item in stored.settings["declared"]}
     assert {name: declared[name] for name in ASKED} == ASKED
@@ -123,7 +123,7 @@ def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experimen
         await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
         await parts.ordered_runs.close()
 
-    async def again(parts: Parts) -> TuningChoice:
+    async def again(parts: Parts) -> TuningSettings:
         return parts.present.tuning.choice
 
     stepped(database, IDEAL, broken_off)
@@ -196,7 +196,7 @@ def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None
                 await parts.ordered_runs.start_experiment(sequence(**settings), WHO)
             assert (parts.present.tuning.choice, parts.present.own_tuning) == (own(bank), None)
         await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
-        with pytest.raises(RefusalError, match="trial"):
+        with pytest.raises(RequestRejectedError, match="trial"):
             await parts.ordered_runs.start_experiment(sequence(), WHO)
         await parts.actuator.retuning.end_trial(False, WHO)
 

@@ -3,15 +3,15 @@
 import httpx
 import pytest
 
-from backend.auth.authentication import BEARER, People, Person
+from backend.auth.authentication import BEARER, ActiveUsers, User
 from backend.auth.control_lease import HEADER
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.state import Role
 from tests.e2e.service import Service
 
 
-def newcomer(session: str, role: Role = Role.OPERATOR) -> Person:
-    return Person(str(role), role, session, str(role))
+def newcomer(session: str, role: Role = Role.OPERATOR) -> User:
+    return User(str(role), role, session, str(role))
 
 
 def test_a_link_asks_for_a_name_once_and_keeps_session_and_control(service: Service) -> None:
@@ -38,7 +38,7 @@ def test_a_script_has_no_name_to_give(operator: httpx.Client) -> None:
 
 @pytest.mark.parametrize("name", ["Ana", "ana", "\uff21na", " A\u200bna "], ids=["same", "small", "wide", "hidden"])
 def test_nobody_gets_the_name_of_somebody_who_is_there(name: str) -> None:
-    people = People()
+    people = ActiveUsers()
     ana = people.rename(newcomer("1"), "Ana")
     with people.attending(ana, is_page=True):
         other = people.rename(newcomer("2"), name)
@@ -49,18 +49,18 @@ def test_nobody_gets_the_name_of_somebody_who_is_there(name: str) -> None:
 
 def test_marks_that_tell_persons_apart_cannot_be_typed() -> None:
     for pretended in ("Ana (2)", "Ana \uff082\uff09", "Ana \u2475"):
-        assert "(" not in People().rename(newcomer("1"), pretended).name
+        assert "(" not in ActiveUsers().rename(newcomer("1"), pretended).name
 
 
 @pytest.mark.parametrize("name", ["operator", "Viewer", " ", "()", "\u202e"])
 def test_what_is_no_name_is_refused(name: str) -> None:
-    with pytest.raises(RefusalError) as refused:
-        People().rename(newcomer("1"), name)
-    assert refused.value.because is Because.BAD_VALUE
+    with pytest.raises(RequestRejectedError) as refused:
+        ActiveUsers().rename(newcomer("1"), name)
+    assert refused.value.because is ErrorCode.BAD_VALUE
 
 
 def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
-    people, somebody, vic = People(), newcomer("1"), newcomer("2", Role.VIEWER)
+    people, somebody, vic = ActiveUsers(), newcomer("1"), newcomer("2", Role.VIEWER)
     pages = [people.attending(somebody, is_page=is_page) for is_page in (True, True, False)]
     with pages[0], pages[1], pages[2], people.attending(vic, is_page=True):
         people.rename(somebody, "Ana")
@@ -70,7 +70,7 @@ def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
 
 
 def test_somebody_has_been_there_since_the_first_of_their_pages_came() -> None:
-    people, ana = People(), newcomer("1")
+    people, ana = ActiveUsers(), newcomer("1")
     with people.attending(ana, is_page=True):
         first = people.view()[0].since
         with people.attending(ana, is_page=True):
@@ -80,7 +80,7 @@ def test_somebody_has_been_there_since_the_first_of_their_pages_came() -> None:
 
 
 def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -> None:
-    people = People()
+    people = ActiveUsers()
     ana = people.rename(newcomer("1"), "Ana")
     other = people.rename(newcomer("2"), "Ana")  # while the first was away
     assert ana.name == other.name
@@ -90,11 +90,11 @@ def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -
         with people.attending(back, is_page=True):
             assert people.as_shown(ana) == back  # as long as they are there, in whatever they do
             assert people.as_shown(other) == other
-    script = Person("operator", Role.OPERATOR, BEARER)
+    script = User("operator", Role.OPERATOR, BEARER)
     assert people.as_shown(script) == script
 
 
 def test_a_script_keeps_the_name_of_its_role() -> None:
-    with pytest.raises(RefusalError) as refused:
-        People().rename(Person("operator", Role.OPERATOR, BEARER), "Ana")
-    assert refused.value.because is Because.NOT_NOW
+    with pytest.raises(RequestRejectedError) as refused:
+        ActiveUsers().rename(User("operator", Role.OPERATOR, BEARER), "Ana")
+    assert refused.value.because is ErrorCode.NOT_NOW

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.workers import Limits, Offload, WorkerDiedError, WorkLimitError
+from backend.workers import Offload, WorkerDiedError, WorkLimitError, WorkLimits
 
 TIMEOUT_S = 60.0
 
@@ -214,7 +214,7 @@ def abort() -> None:
     os.abort()
 
 
-def limited(session: Callable[[Offload], Awaitable[None]], limits: Limits) -> list[str]:
+def limited(session: Callable[[Offload], Awaitable[None]], limits: WorkLimits) -> list[str]:
     deaths: list[str] = []
 
     async def whole() -> None:
@@ -238,7 +238,7 @@ def test_work_beyond_its_time_is_ended_with_its_process_and_not_done_again() -> 
         await until(lambda: not is_there(first))
         assert await offload.run(os.getpid) != first
 
-    assert limited(session, Limits(limit_s=0.5, remedy="write less")) == []
+    assert limited(session, WorkLimits(limit_s=0.5, remedy="write less")) == []
 
 
 def test_loading_and_waiting_for_a_turn_do_not_count_as_time_of_the_work() -> None:
@@ -246,7 +246,7 @@ def test_loading_and_waiting_for_a_turn_do_not_count_as_time_of_the_work() -> No
         offload.prepare(SlowToLoad(), "time")  # 0.2 s before the first work
         assert await asyncio.gather(*(offload.run(time.sleep, 0.2) for _ in range(8))) == [None] * 8
 
-    assert limited(session, Limits(limit_s=1.0)) == []
+    assert limited(session, WorkLimits(limit_s=1.0)) == []
 
 
 def test_memory_beyond_the_limit_is_refused_and_the_process_replaced() -> None:
@@ -258,7 +258,7 @@ def test_memory_beyond_the_limit_is_refused_and_the_process_replaced() -> None:
         assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("memory", 200.0, "MB")
         assert await offload.run(os.getpid) != first
 
-    assert limited(session, Limits(memory_bytes=200_000_000)) == []
+    assert limited(session, WorkLimits(memory_bytes=200_000_000)) == []
 
 
 def test_a_library_that_aborts_for_lack_of_memory_is_told_as_the_limit() -> None:
@@ -267,7 +267,7 @@ def test_a_library_that_aborts_for_lack_of_memory_is_told_as_the_limit() -> None
             await offload.run(abort)
         assert await offload.run(os.getpid) > 0
 
-    assert len(limited(session, Limits(memory_bytes=200_000_000))) == 1
+    assert len(limited(session, WorkLimits(memory_bytes=200_000_000))) == 1
 
 
 def test_a_refusal_by_a_limit_comes_from_one_process_to_another_as_it_is() -> None:

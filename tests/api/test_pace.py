@@ -5,16 +5,16 @@ import asyncio
 from starlette.types import Receive, Scope, Send
 
 from backend.api.export import openapi
-from backend.auth.authentication import BEARER, Person
+from backend.auth.authentication import BEARER, User
 from backend.schemas.state import Role
-from backend.server.connections import PASSES_BY, PLACE, Place, RequestTurns
+from backend.server.connections import PASSES_BY, PLACE, ConnectionSlot, RequestSchedulingMiddleware
 
 CROWD = 20
 
 
 def asked(path: str, role: Role | None = None) -> Scope:
-    place = Place("127.0.0.1", lambda: None)
-    place.holder = Person(role, role, BEARER) if role else None
+    place = ConnectionSlot("127.0.0.1", lambda: None)
+    place.holder = User(role, role, BEARER) if role else None
     return {"type": "http", "path": path, "state": {PLACE: place}}
 
 
@@ -24,7 +24,7 @@ class Answers:
     def __init__(self) -> None:
         self.begun: dict[str, int] = {}
         self.round = 0
-        self.pace = RequestTurns(self._answer)
+        self.pace = RequestSchedulingMiddleware(self._answer)
 
     async def to_all(self, *scopes: Scope) -> None:
         """Be asked by all in one round; return when all are over."""

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from backend.analysis.evaluation import Evaluation
-from backend.errors import OutOfRangeError, RefusalError
-from backend.execution.runner import Doing, Notify, NotReadyError, Order, Station, create_run
+from backend.errors import OutOfRangeError, RequestRejectedError
+from backend.execution.runner import ExperimentRig, NotReadyError, ProgressCallback, RunPhase, RunRequest, create_run
 from backend.realtime.commands import SetMode
 from backend.realtime.program import MODE_CODE, Mode
-from backend.realtime.supervisor import LoopAccess, LoopDiedError
+from backend.realtime.supervisor import LoopClient, LoopExitedError
 from backend.sample import INDEX, NAMES
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.state import TaskView
 from backend.services import jobs
 from backend.services.jobs import Pause, not_begun
-from backend.services.state import PresentState
+from backend.services.state import LiveState
 from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, Run
@@ -44,7 +44,7 @@ class FakeLoop:
 
     async def advance(self, _seconds: float) -> None:
         if self.advanced == len(self._modes):
-            raise LoopDiedError("the loop process was killed")
+            raise LoopExitedError("the loop process was killed")
         self.advanced += 1
         self._at_each(self.advanced)
 
@@ -58,7 +58,7 @@ class Present:
             run=7,
             elapsed_s=1.0,
             duration_s=9.0,
-            phase=Doing.PROGRAM,
+            phase=RunPhase.PROGRAM,
             part=None,
             number=1,
         )
@@ -66,7 +66,7 @@ class Present:
 
 def paused(following: int) -> tuple[Pause, Present]:
     present = Present()
-    pause = Pause(cast(PresentState, present), lambda: None)
+    pause = Pause(cast(LiveState, present), lambda: None)
     pause.begin(following)
     if following:
         pause.ask(True)
@@ -76,7 +76,7 @@ def paused(following: int) -> tuple[Pause, Present]:
 def wait(pause: Pause, loop: FakeLoop) -> int:
     """Wait for its end; how often it was shown."""
     shown: list[None] = []
-    asyncio.run(pause.over(cast(LoopAccess, loop), lambda: shown.append(None)))
+    asyncio.run(pause.over(cast(LoopClient, loop), lambda: shown.append(None)))
     return len(shown)
 
 
@@ -93,7 +93,7 @@ def test_where_none_is_wanted_the_next_run_begins_at_once() -> None:
     pause.ask(False)
     loop = FakeLoop()
     assert (wait(pause, loop), loop.advanced, pause.following) == (0, 0, 0)
-    with pytest.raises(RefusalError, match="no run of the same order follows"):
+    with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
         pause.ask(True)  # the last run is being prepared: what is shown is still the one before it
     assert not pause.wanted
 
@@ -116,7 +116,7 @@ def test_it_ends_the_order_where_the_motors_are_let_go(mode: Mode, why: str) -> 
 
 def test_a_loop_that_dies_ends_it() -> None:
     pause, _ = paused(1)
-    with pytest.raises(LoopDiedError, match="was killed"):
+    with pytest.raises(LoopExitedError, match="was killed"):
         wait(pause, FakeLoop(Mode.PRETENSION))
 
 
@@ -124,20 +124,20 @@ def test_none_is_accepted_once_no_run_will_follow() -> None:
     pause, present = paused(1)
     pause.begin(0)
     assert not pause.wanted
-    with pytest.raises(RefusalError, match="no run of the same order follows"):
+    with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
         pause.ask(True)
     present.task = None
-    with pytest.raises(RefusalError, match="nothing is under way"):
+    with pytest.raises(RequestRejectedError, match="nothing is under way"):
         pause.ask(True)
 
 
 def test_what_was_not_begun_is_counted() -> None:
-    assert not_begun(7, LoopDiedError("it died."), 2) == (
+    assert not_begun(7, LoopExitedError("it died."), 2) == (
         "The order ended after run 7: it died; 2 runs were not begun. Order them anew."
     )
 
 
-async def at_once(_station: Station, _plan: Any, _run: Run) -> Evaluation:
+async def at_once(_station: ExperimentRig, _plan: Any, _run: Run) -> Evaluation:
     return Evaluation(None, None, "nothing was played")
 
 
@@ -146,7 +146,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
     database = open_database(tmp_path)
     created: list[Run] = []
 
-    def second_refused(station: Station, order: Order) -> Run:
+    def second_refused(station: ExperimentRig, order: RunRequest) -> Run:
         if created:
             raise OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
         created.append(create_run(station, order))
@@ -157,10 +157,14 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
         await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
 
         async def died(_seconds: float) -> None:
-            raise LoopDiedError("the loop process was killed")
+            raise LoopExitedError("the loop process was killed")
 
         async def complete(
-            _station: Station, _order: Order, run: Run, _show: Notify, over: Callable[[], Awaitable[None]]
+            _station: ExperimentRig,
+            _order: RunRequest,
+            run: Run,
+            _show: ProgressCallback,
+            over: Callable[[], Awaitable[None]],
         ) -> Run:
             if dies:
                 parts.ordered_runs.pause.ask(True)

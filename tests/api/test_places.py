@@ -4,24 +4,24 @@ import logging
 
 import pytest
 
-from backend.auth.authentication import BEARER, Person
-from backend.logs import LINES, WINDOW_S, Limit
+from backend.auth.authentication import BEARER, User
+from backend.logs import LINES, WINDOW_S, RateLimit
 from backend.schemas.state import Role
-from backend.server.connections import BROWSER_PLACES, SOCKET_COSTS, Place, Places, Room
+from backend.server.connections import BROWSER_PLACES, SOCKET_COSTS, ConnectionBudget, ConnectionLimiter, ConnectionSlot
 
-OPERATOR = Person("operator", Role.OPERATOR, BEARER)
-VIEWER = Person("viewer", Role.VIEWER, BEARER)
+OPERATOR = User("operator", Role.OPERATOR, BEARER)
+VIEWER = User("viewer", Role.VIEWER, BEARER)
 
 
 class Crowd:
     """All places, and those who were sent away."""
 
-    def __init__(self, room: Room) -> None:
-        self.places = Places(room)
+    def __init__(self, room: ConnectionBudget) -> None:
+        self.places = ConnectionLimiter(room)
         self.gone: list[str] = []
 
-    def comes(self, name: str, address: str, is_answered: bool = False) -> Place:
-        place = Place(address, lambda: self.gone.append(name))
+    def comes(self, name: str, address: str, is_answered: bool = False) -> ConnectionSlot:
+        place = ConnectionSlot(address, lambda: self.gone.append(name))
         place.is_answered = lambda: is_answered
         self.places.enter(place)
         return place
@@ -29,7 +29,7 @@ class Crowd:
 
 @pytest.fixture
 def crowd() -> Crowd:
-    return Crowd(Room(guests=4, known=60))
+    return Crowd(ConnectionBudget(guests=4, known=60))
 
 
 def test_the_oldest_guest_gives_way(crowd: Crowd) -> None:
@@ -58,7 +58,7 @@ def test_who_waits_for_an_answer_gives_way_last(crowd: Crowd) -> None:
     for name in "abcd":
         crowd.comes(name, "10.0.0.1")
     assert crowd.gone == ["a"]
-    only_answered = Crowd(Room(guests=2, known=60))
+    only_answered = Crowd(ConnectionBudget(guests=2, known=60))
     for name in "abc":
         only_answered.comes(name, "10.0.0.1", is_answered=True)
     assert only_answered.gone == ["a"]
@@ -80,8 +80,8 @@ def test_who_is_recognised_stays(crowd: Crowd) -> None:
 
 
 def test_viewers_and_one_browser_have_a_part_only() -> None:
-    crowd = Crowd(Room(guests=4, known=400))
-    viewers = [Person(f"viewer {number}", Role.VIEWER, str(number)) for number in range(10)]
+    crowd = Crowd(ConnectionBudget(guests=4, known=400))
+    viewers = [User(f"viewer {number}", Role.VIEWER, str(number)) for number in range(10)]
     let_in = [
         viewer.session
         for viewer in viewers
@@ -106,12 +106,12 @@ def test_a_place_is_free_again_when_its_holder_leaves(crowd: Crowd) -> None:
 
 @pytest.mark.parametrize(("limit", "in_use"), [(64, 60), (128, 40), (1024, 60), (8192, 60)])
 def test_there_is_room_for_both_whatever_the_limit(limit: int, in_use: int) -> None:
-    room = Room.within(limit, in_use)
+    room = ConnectionBudget.within(limit, in_use)
     assert room.guests >= 4
     assert room.known >= 8
 
 
-def line(limit: Limit, number: int, line_number: int = 1, error: BaseException | None = None) -> str | None:
+def line(limit: RateLimit, number: int, line_number: int = 1, error: BaseException | None = None) -> str | None:
     info = (type(error), error, None) if error else None
     record = logging.LogRecord("asyncio", logging.ERROR, "here.py", line_number, "socket %d", (number,), info)
     return record.getMessage() if limit.filter(record) else None
@@ -119,7 +119,7 @@ def line(limit: Limit, number: int, line_number: int = 1, error: BaseException |
 
 def test_of_one_kind_of_line_few_are_written() -> None:
     now = [0.0]
-    limit = Limit(lambda: now[0])
+    limit = RateLimit(lambda: now[0])
     written = [text for number in range(1000) if (text := line(limit, number))]
     assert len(written) == LINES
     assert "left out" in written[-1]

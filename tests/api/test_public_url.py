@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 
 from backend.public_url import PublicUrl, read_networks, read_public_url
 from backend.server import deployment, security
-from backend.server.security import Guard
+from backend.server.security import HostOriginMiddleware
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from
 
@@ -45,7 +45,7 @@ def ask(
     """Return the answer to a request; names of headers have _ for -."""
 
     async def exchange() -> httpx.Response:
-        transport = httpx.ASGITransport(Guard(app, allowed, public), client=(peer, 4711))
+        transport = httpx.ASGITransport(HostOriginMiddleware(app, allowed, public), client=(peer, 4711))
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as client:
             named = {name.replace("_", "-"): value for name, value in headers.items()}
             return await client.request(method, path, headers=named)
@@ -181,7 +181,7 @@ def cookie_lines(public: PublicUrl | None, headers: dict[str, str], path: str = 
         await Response()(scope, receive, send)
 
     async def exchange() -> None:
-        transport = httpx.ASGITransport(Guard(route, (), public), client=(peer, 1))
+        transport = httpx.ASGITransport(HostOriginMiddleware(route, (), public), client=(peer, 1))
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as client:
             (await client.get(path, headers=headers)).raise_for_status()
 
@@ -264,7 +264,7 @@ COOKIES = "; ".join(f"other{number}={'x' * 3000}" for number in range(7))
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[tuple[str, int]]:
-    with served(Guard(app)) as answering:
+    with served(HostOriginMiddleware(app)) as answering:
         yield answering
 
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from backend.auth.authentication import Person
-from backend.auth.control_lease import LOOK_S, LOST_S, Control
-from backend.errors import OutOfRangeError, RefusalError
+from backend.auth.authentication import User
+from backend.auth.control_lease import LOOK_S, LOST_S, ControlLease
+from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
 from backend.realtime.program import Mode
 from backend.sample import INDEX
-from backend.schemas.state import Push, Role
+from backend.schemas.state import PushRequest, Role
 from backend.services.jobs import experiment_kinds
 from backend.storage import events
 from backend.storage.database import Database, open_database
@@ -21,7 +21,7 @@ from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
-ANA = Person("Ana", Role.OPERATOR, "a")
+ANA = User("Ana", Role.OPERATOR, "a")
 
 
 @pytest.fixture
@@ -47,10 +47,10 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     async def lost(parts: Parts) -> None:
         await in_run(parts)
         now = 100.0
-        control = Control(parts.actuator.operator_lost, parts.actuator.note_control, lambda: now)
+        control = ControlLease(parts.actuator.operator_lost, parts.actuator.note_control, lambda: now)
         control.let_go = parts.actuator.let_go
         control.take(ANA, is_page=True)
-        await parts.actuator.push(Push(F_push=6.0, duration_s=10.0), ANA.name)
+        await parts.actuator.push(PushRequest(F_push=6.0, duration_s=10.0), ANA.name)
         for _ in range(round((LOST_S + 3 * LOOK_S) / LOOK_S)):
             assert pushed_by(parts) in (0.0, 6.0)
             now += LOOK_S
@@ -90,18 +90,21 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
 
 def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:
     async def refused(parts: Parts) -> None:
-        with pytest.raises(RefusalError, match="in run and compliance; the mode is off"):
-            await parts.actuator.push(Push(F_push=5.0), OPERATOR.name)
+        with pytest.raises(RequestRejectedError, match="in run and compliance; the mode is off"):
+            await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
         await in_run(parts)
-        for push, quantity in ((Push(F_push=31.0), "F_push"), (Push(F_push=5.0, duration_s=11.0), "duration_s")):
+        for push, quantity in (
+            (PushRequest(F_push=31.0), "F_push"),
+            (PushRequest(F_push=5.0, duration_s=11.0), "duration_s"),
+        ):
             with pytest.raises(OutOfRangeError) as refused_value:
                 await parts.actuator.push(push, OPERATOR.name)
             assert refused_value.value.quantity == quantity
         assert parts.present.state().limits.F_push_max == 30.0
         for kind, words in ((PlantKind.REPLAY, "is the replay$"), (PlantKind.RIG, "is the rig: push it by hand$")):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
-            with pytest.raises(RefusalError, match=words):
-                await parts.actuator.push(Push(F_push=5.0), OPERATOR.name)
+            with pytest.raises(RequestRejectedError, match=words):
+                await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
         assert parts.present.state().limits.F_push_max == 0.0
         await parts.supervisor.advance(0.01)
         assert pushed_by(parts) == 0.0

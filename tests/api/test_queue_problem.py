@@ -6,7 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.experiment import ExperimentRequest
 from backend.services.queue import Queue, Start
 from backend.storage.database import Database, open_database
@@ -20,7 +20,7 @@ WITHOUT_BANK = ExperimentRequest(name="sequence", settings={"bank": 99})
 async def start(request: ExperimentRequest, _who: str) -> int:
     """Start everything but what asks for bank 99."""
     if request.settings:
-        raise RefusalError(Because.UNKNOWN, "there is no bank 99")
+        raise RequestRejectedError(ErrorCode.UNKNOWN, "there is no bank 99")
     return 5
 
 
@@ -88,7 +88,7 @@ def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -
         if request.settings:
             asked.set()
             await told.wait()
-            raise RefusalError(Because.UNKNOWN, "there is no bank 99")
+            raise RequestRejectedError(ErrorCode.UNKNOWN, "there is no bank 99")
         return 5
 
     async def session(queue: Queue) -> None:

@@ -17,7 +17,7 @@ from backend.server.connections import (
     SOCKETS_PER_S,
     Arrivals,
     Budget,
-    Reading,
+    ReadScheduler,
 )
 
 
@@ -57,7 +57,7 @@ def test_a_flood_and_one_request_take_turns() -> None:
     told: list[str] = []
 
     async def work(clock: list[float]) -> None:
-        reading = Reading()
+        reading = ReadScheduler()
         flood, request = Sender("flood", 1000, told, clock, 0.001), Sender("stop", 1, told, clock)
         reading.add(flood)
         reading.add(request)
@@ -74,7 +74,7 @@ def test_fifty_floods_leave_room_in_each_round_of_the_event_loop() -> None:
     rounds: list[int] = []
 
     async def work(clock: list[float]) -> None:
-        reading = Reading()
+        reading = ReadScheduler()
         for number in range(50):
             reading.add(Sender(str(number), 20, told, clock, 0.001))
         while len(told) < 1000:
@@ -93,7 +93,7 @@ def test_one_whose_bytes_cannot_be_parsed_is_closed_and_the_others_go_on() -> No
     broken: list[Sender] = []
 
     async def work(clock: list[float]) -> None:
-        reading = Reading()
+        reading = ReadScheduler()
         sender = Sender("broken", 5, told, clock)
 
         def fail() -> float | None:

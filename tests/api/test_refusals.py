@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from backend.api.middleware import values_in
-from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, Journal, Refusals
+from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, Refusals
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from backend.storage.events import EventKind
@@ -27,7 +27,7 @@ class Flood:
     """Refusals with windows that the test ends; ``windows_s`` are their lengths."""
 
     def __init__(self, database: Database) -> None:
-        self._database, self._journal = database, Journal(database)
+        self._database, self._journal = database, EventLog(database)
         self.windows_s: list[float] = []
         self._ends: list[Callable[[], None]] = []
         self.refusals = Refusals(self._journal, self._begin)

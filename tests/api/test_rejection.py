@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from backend.banks import tuning_settings
-from backend.errors import OutOfRangeError, RefusalError
-from backend.realtime.program import TouchForgotten
-from backend.realtime.supervisor import LoopDied
+from backend.errors import OutOfRangeError, RequestRejectedError
+from backend.realtime.program import BiasLost
+from backend.realtime.supervisor import LoopExited
 from backend.schemas.state import TouchOrder, TouchPoint
 from backend.schemas.tuning import TrialRequest, TuningRequest
 from backend.storage.database import Database, open_database
@@ -33,9 +33,9 @@ async def learned(parts: Parts) -> None:
 def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         retuning, touching = parts.actuator.retuning, parts.actuator.touching
-        with pytest.raises(RefusalError, match="learn it first"):
+        with pytest.raises(RequestRejectedError, match="learn it first"):
             await retuning.set(TuningRequest(k_ext=0.7), WHO)
-        with pytest.raises(RefusalError, match="learn it first"):
+        with pytest.raises(RequestRejectedError, match="learn it first"):
             await retuning.try_out(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
         assert parts.present.tuning.choice.k_ext == 0.0
         await learned(parts)
@@ -46,7 +46,7 @@ def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Da
         q = newest(parts, "q")
         await push(parts, 5.0, 1.5)
         assert abs(newest(parts, "q") - q) > 0.02  # it swings back out as it is let go
-        with pytest.raises(RefusalError, match="k_ext to 0"):
+        with pytest.raises(RequestRejectedError, match="k_ext to 0"):
             await touching.order(TouchOrder(forget=True), WHO)
         assert len(touching.view().learned) == 1
         assert (await retuning.set(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
@@ -60,15 +60,15 @@ def test_an_estimate_that_moves_by_itself_is_refused(database: Database) -> None
         await learned(parts)
         touching = parts.actuator.touching
         touching._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
-        with pytest.raises(RefusalError, match=r"moves by 0\.2 N"):
+        with pytest.raises(RequestRejectedError, match=r"moves by 0\.2 N"):
             await parts.actuator.retuning.set(TuningRequest(k_ext=0.5), WHO)
 
     stepped(database, load_parameters("lab"), operate)
 
 
-@pytest.mark.parametrize("how", [TouchForgotten(5), LoopDied("for a test")])
+@pytest.mark.parametrize("how", [BiasLost(5), LoopExited("for a test")])
 def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
-    database: Database, how: TouchForgotten | LoopDied
+    database: Database, how: BiasLost | LoopExited
 ) -> None:
     async def operate(parts: Parts) -> None:
         retuning = parts.actuator.retuning

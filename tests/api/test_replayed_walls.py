@@ -11,10 +11,10 @@ from backend.realtime.commands import RunEnded, RunProgram
 from backend.realtime.program import Law, Mode, Program, Segment
 from backend.recording.reader import read_samples
 from backend.scene.model import Pose, SceneMirror
-from backend.schemas.state import Wall, WallOrder
+from backend.schemas.state import WallOrder, WallView
 from backend.schemas.tuning import TuningRequest
-from backend.services.actuator import obstruct
-from backend.services.runs import Replay
+from backend.services.actuator import set_obstacle
+from backend.services.runs import ReplayView
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
@@ -47,7 +47,7 @@ class Drawn:
         self.pose = pose
 
 
-async def drawn_at(replay: Replay, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
+async def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
     """Return for each moment [s] the wall in the replay's 3D view, and whether it is drawn pressed."""
     mirror, stage, drawn = SceneMirror(LAB, replay.row, replay.wall), Drawn(), []
     for t in moments:
@@ -65,7 +65,7 @@ async def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> 
     F_wall, q = samples.columns["F_wall"], samples.columns["q"]
     # beside the ticks in which a program changes its wall: what these read of it is still the one before
     every = list(range(7, len(samples.t), 20))
-    drawn = await drawn_at(Replay(database), run, [float(samples.t[k]) for k in every])
+    drawn = await drawn_at(ReplayView(database), run, [float(samples.t[k]) for k in every])
     assert [wall for n, (wall, _) in enumerate(drawn) if n == 0 or drawn[n - 1][0] != wall] == walls
     pressed = 0
     for k, (wall, is_pressed) in zip(every, drawn, strict=True):
@@ -80,7 +80,7 @@ async def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> 
 
 
 def test_walls_put_up_in_flight(database: Database) -> None:
-    above, below = Wall(q_wall=0.3), Wall(q_wall=-0.2, side="below", k_wall=5000.0)
+    above, below = WallView(q_wall=0.3), WallView(q_wall=-0.2, side="below", k_wall=5000.0)
     runs: list[int] = []
 
     async def session(parts: Parts) -> None:
@@ -90,10 +90,10 @@ def test_walls_put_up_in_flight(database: Database) -> None:
         runs.append(run)
         await parts.supervisor.advance(0.1)
         for wall, q_ref in ((above, 0.4), (None, 0.0), (below, -0.3), (None, 0.0)):
-            await obstruct(parts.actuator, WallOrder(wall=wall), WHO)
+            await set_obstacle(parts.actuator, WallOrder(wall=wall), WHO)
             await parts.actuator.set_references(q_ref, 10.0, WHO)
             await parts.supervisor.advance(2.0)
-        await obstruct(parts.actuator, WallOrder(wall=above), WHO)
+        await set_obstacle(parts.actuator, WallOrder(wall=above), WHO)
         await parts.actuator.set_mode(Mode.PRETENSION, WHO)
         await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
         await parts.actuator.set_mode(Mode.COMPLIANCE, WHO)
@@ -106,7 +106,7 @@ def test_walls_put_up_in_flight(database: Database) -> None:
         up, down = Obstacle(1.0, 0.3, 20000.0, 1.0), Obstacle(-1.0, -0.2, 5000.0, 1.0)
         await agrees(database, runs[0], [None, up, None, down, None])
         # what stood when the run began stands in it from its first sample on
-        assert await drawn_at(Replay(database), runs[1], [0.0, 1.0]) == [(up, False), (up, False)]
+        assert await drawn_at(ReplayView(database), runs[1], [0.0, 1.0]) == [(up, False), (up, False)]
 
     stepped(database, LAB, session)
     asyncio.run(replayed())
@@ -140,7 +140,7 @@ def test_walls_of_a_program_and_a_run_that_keeps_none(database: Database) -> Non
 
     async def replayed() -> None:
         await agrees(database, runs[1], [None, first, None, second, None])
-        assert {wall for wall, _ in await drawn_at(Replay(database), runs[0], [0.0, 0.2, 0.4])} == {None}
+        assert {wall for wall, _ in await drawn_at(ReplayView(database), runs[0], [0.0, 0.2, 0.4])} == {None}
 
     stepped(database, LAB, session)
     asyncio.run(replayed())

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import pytest
 
-from backend.execution.runner import Doing
+from backend.execution.runner import RunPhase
 from backend.experiments.forecast import Expected
 from backend.experiments.library import experiment
 from backend.services.jobs import Ordered, run_progress
@@ -18,6 +18,6 @@ def test_an_experiment_that_is_data_is_named_by_its_title(name: str, kind: str, 
     plan = experiment(name).usual
     present: Any = SimpleNamespace(task=None)
     order = Ordered(plan, run=14, expected=Expected(before_s=2.0, program_s=30.0))
-    run_progress(present, order, cast(Any, SimpleNamespace(following=0, wanted=False)))(Doing.PRETENSION, 1.5)
+    run_progress(present, order, cast(Any, SimpleNamespace(following=0, wanted=False)))(RunPhase.PRETENSION, 1.5)
     task = present.task
     assert (task.kind, task.title, task.run, task.elapsed_s, task.duration_s) == (kind, title, 14, 1.5, 32.0)

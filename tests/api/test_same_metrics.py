@@ -11,7 +11,7 @@ import pytest
 
 from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
-from backend.tuning.gains import Lambdas, designed_point
+from backend.tuning.gains import TuningParameters, designed_point
 from plant.parameters import load_parameters
 
 SHORT: dict[str, dict[str, object]] = {
@@ -24,7 +24,7 @@ SHORT: dict[str, dict[str, object]] = {
 def bank_file() -> dict[str, object]:
     """Two entries, as the designed model has them at either stiffness."""
     parameters = load_parameters("ideal")
-    point = designed_point(parameters, Lambdas().lam_motor)
+    point = designed_point(parameters, TuningParameters().lam_motor)
     models = {name: getattr(point, name) for name in ("K_q", "T_q", "K_S", "T_S")}
     return {
         "format": "sinew-bank",

@@ -8,10 +8,10 @@ import httpx
 import pytest
 from fastapi import FastAPI, WebSocket
 
-from backend.server.security import MAX_BODY_BYTES, Guard
+from backend.server.security import MAX_BODY_BYTES, HostOriginMiddleware
 
 app = FastAPI()
-guarded = Guard(app, ["rig.lab"])
+guarded = HostOriginMiddleware(app, ["rig.lab"])
 
 
 @app.api_route("/api/thing", methods=["GET", "POST"])

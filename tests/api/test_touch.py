@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from backend.errors import OutOfRangeError, RefusalError
+from backend.errors import OutOfRangeError, RequestRejectedError
+from backend.realtime.commands import ApplyPush as PushCommand
 from backend.realtime.commands import Obstruct
-from backend.realtime.commands import Push as PushCommand
 from backend.realtime.program import Mode
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from backend.schemas.state import TouchOrder, TouchView
 from backend.storage import events, runs
@@ -66,7 +66,7 @@ def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> No
         both = (await touching.order(TouchOrder(learn=True), WHO)).learned
         assert [round(one.S) for one in both] == [10, 14]
         assert both[0] == point
-        with pytest.raises(RefusalError, match="less than 1 s ago"):
+        with pytest.raises(RequestRejectedError, match="less than 1 s ago"):
             await touching.order(TouchOrder(learn=True), WHO)
         await parts.supervisor.advance(1.1)
         again = (await touching.order(TouchOrder(learn=True), WHO)).learned
@@ -87,7 +87,7 @@ def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> No
 def test_nothing_is_learned_where_something_acts_or_moves(database: Database) -> None:
     async def refused(parts: Parts) -> None:
         async def why() -> str:
-            with pytest.raises(RefusalError) as told:
+            with pytest.raises(RequestRejectedError) as told:
                 await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=2.0), WHO)
             assert parts.present.state().touch.learned == []
             assert parts.present.state().touch.contact_N == 0.0
@@ -117,7 +117,7 @@ def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database:
     async def arm(parts: Parts) -> None:
         touching = parts.actuator.touching
         await at_rest(parts)
-        with pytest.raises(RefusalError, match="learn it at rest first"):
+        with pytest.raises(RequestRejectedError, match="learn it at rest first"):
             await touching.order(TouchOrder(contact_N=1.5), WHO)
         for contact_N in (0.5, 31.0, -1.0):
             with pytest.raises(OutOfRangeError) as refused:
@@ -125,7 +125,7 @@ def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database:
             assert refused.value.quantity == "contact_N"
         armed = await touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
         assert armed.contact_N == 1.5
-        with pytest.raises(RefusalError, match="learn it at rest first"):
+        with pytest.raises(RequestRejectedError, match="learn it at rest first"):
             await touching.order(TouchOrder(forget=True), WHO)
         assert parts.present.state().touch == armed
         assert (await touching.order(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0
@@ -147,7 +147,7 @@ def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
         assert state.touch.felt is not None
         assert 1.5 < state.touch.felt.F_ext_hat < 2.5
         assert state.touch.felt.contact_N == 1.5
-        with pytest.raises(RefusalError, match="gives way to a contact"):
+        with pytest.raises(RequestRejectedError, match="gives way to a contact"):
             await parts.actuator.set_references(0.0, 10.0, WHO)
         state = await parts.actuator.set_mode(Mode.RUN, WHO)
         assert state.touch.felt is None
@@ -181,7 +181,7 @@ def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Da
         await parts.supervisor.advance(2.0)
         await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
         parts.supervisor.dead = True
-        parts.actuator.touching._hear(LoopDied("killed"))
+        parts.actuator.touching._hear(LoopExited("killed"))
         assert parts.present.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)
 
     stepped(database, load_parameters("lab"), anew)

@@ -9,14 +9,14 @@ import httpx
 import numpy as np
 import pytest
 
-from backend.errors import RefusalError
-from backend.execution.runner import Doing
+from backend.errors import RequestRejectedError
+from backend.execution.runner import RunPhase
 from backend.faults import Fault
 from backend.realtime import commands
 from backend.realtime.program import Mode
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
-from backend.schemas.state import Push, SweepView, TaskView, TouchOrder
+from backend.schemas.state import PushRequest, SweepView, TaskView, TouchOrder
 from backend.services import contact
 from backend.storage import events
 from backend.storage.database import Database, open_database
@@ -66,7 +66,7 @@ def reference(parts: Parts) -> tuple[float, float | None]:
 
 def test_a_person_stops_it_and_S_is_put_back(database: Database) -> None:
     async def stop(parts: Parts) -> None:
-        with pytest.raises(RefusalError, match="nothing to stop"):
+        with pytest.raises(RequestRejectedError, match="nothing to stop"):
             await parts.actuator.touching.order(STOP, WHO)
         await learned_two(parts)
         told = await parts.actuator.touching.order(STOP, WHO)
@@ -94,7 +94,7 @@ def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: 
             parts.actuator.let_go()
 
         async def by_push() -> None:
-            await parts.actuator.push(Push(F_push=1.0, duration_s=0.3), WHO)
+            await parts.actuator.push(PushRequest(F_push=1.0, duration_s=0.3), WHO)
 
         async def by_stop() -> None:
             await parts.supervisor.send(commands.Stop())
@@ -130,7 +130,7 @@ def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: 
 def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(database: Database) -> None:
     async def refused(parts: Parts) -> None:
         async def why(order: TouchOrder = BEGIN) -> str:
-            with pytest.raises(RefusalError) as told:
+            with pytest.raises(RequestRejectedError) as told:
                 await parts.actuator.touching.order(order, WHO)
             return str(told.value)
 
@@ -138,14 +138,14 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
         await at_rest(parts)
         assert "ordered alone" in await why(TouchOrder(sweep="begin", learn=True))
         parts.present.task = TaskView(
-            kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=Doing.STARTING, part=None, number=1
+            kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=RunPhase.STARTING, part=None, number=1
         )
         assert "run 4, tracking, is under way" in await why()
         parts.present.task = None
         await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=2.0), WHO)
         assert "gives way to contacts" in await why()
         await parts.actuator.touching.order(TouchOrder(contact_N=0.0), WHO)
-        await parts.supervisor.send(commands.Push(1.0, 0.5))
+        await parts.supervisor.send(commands.ApplyPush(1.0, 0.5))
         await parts.supervisor.advance(0.1)
         assert "pushed" in await why()
         await parts.supervisor.advance(2.0)
@@ -235,7 +235,7 @@ def test_a_loop_that_dies_ends_it_and_nothing_is_put_back(database: Database) ->
     async def dies(parts: Parts) -> None:
         await learned_two(parts)
         parts.supervisor.dead = True
-        parts.actuator.touching._hear(LoopDied("killed"))
+        parts.actuator.touching._hear(LoopExited("killed"))
         sweep = sweep_of(parts)
         assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, "the control loop died")
         assert parts.present.state().touch.learned == []  # as in a new loop

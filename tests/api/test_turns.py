@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from backend.auth.control_lease import BUSY_S, GAP_S, WAITING, Turns
-from backend.errors import RefusalError
+from backend.auth.control_lease import BUSY_S, GAP_S, WAITING, CommandSequencer
+from backend.errors import RequestRejectedError
 
 
 class Skipping(selectors.DefaultSelector):
@@ -43,7 +43,7 @@ class Desk:
     """Commands that note when they begin and end."""
 
     def __init__(self) -> None:
-        self.turns = Turns()
+        self.turns = CommandSequencer()
         self.noted: list[str] = []
 
     async def command(self, number: int, arrives_s: float = 0.0, takes_s: float = 0.0) -> None:
@@ -53,7 +53,7 @@ class Desk:
                 self.noted.append(f"{number} begins")
                 await asyncio.sleep(takes_s)
                 self.noted.append(f"{number} ends")
-        except RefusalError as error:
+        except RequestRejectedError as error:
             self.noted.append(f"{number} {error.code}")
 
     def play(self, *commands: tuple[int, float, float]) -> list[str]:
@@ -91,7 +91,7 @@ def test_the_same_number_twice_is_obeyed_once() -> None:
 
 
 def test_a_command_that_fails_gives_its_turn_away() -> None:
-    turns = Turns()
+    turns = CommandSequencer()
 
     async def play() -> None:
         with pytest.raises(ValueError, match="broken"):

@@ -9,8 +9,8 @@ from fastapi import FastAPI, Request
 from starlette.responses import Response
 
 from backend.server import connections, security
-from backend.server.connections import Places
-from backend.server.security import MAX_BODY_BYTES, SHEETS, Guard, most_bytes
+from backend.server.connections import ConnectionLimiter
+from backend.server.security import MAX_BODY_BYTES, SHEETS, HostOriginMiddleware, most_bytes
 from tests.api.conftest import PATIENCE_S
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from, is_closed, many, seconds_until_refused
@@ -34,7 +34,7 @@ async def large() -> Response:
 
 @app.get("/guests")
 async def count(request: Request) -> int:
-    places: Places = getattr(request.state, connections.ALL_PLACES)
+    places: ConnectionLimiter = getattr(request.state, connections.ALL_PLACES)
     return places.guests
 
 
@@ -50,7 +50,7 @@ async def print_sheet(body: dict[str, int]) -> str:
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[tuple[str, int]]:
-    with served(Guard(app)) as address:
+    with served(HostOriginMiddleware(app)) as address:
         yield address
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice, default_choice
-from backend.errors import RefusalError
+from backend.banks.tuning_settings import TuningSettings, default_choice
+from backend.errors import RequestRejectedError
 from backend.schemas.tuning import TrialRequest, TuningRequest
 from backend.storage import banks, events
 from backend.storage.banks import Bank, BankEntry
@@ -44,26 +44,26 @@ def bank(database: Database) -> Bank:
         return banks.add(session, "walked", entries, WHO)
 
 
-def in_force(parts: Parts) -> TuningChoice:
+def in_force(parts: Parts) -> TuningSettings:
     """The tuning in force; what a loop that starts anew is given is the same."""
     assert parts.supervisor.setup.tuning == parts.present.tuning.command()
     return parts.present.tuning.choice
 
 
-def earlier(parts: Parts) -> TuningChoice | None:
+def earlier(parts: Parts) -> TuningSettings | None:
     """What the page shows as what undoing puts back."""
     shown = parts.present.state().earlier
     if shown is None:
         return None
     values = shown.model_dump()
-    return TuningChoice.of({**values, "bank": 0 if shown.bank is None else shown.bank.id})
+    return TuningSettings.of({**values, "bank": 0 if shown.bank is None else shown.bank.id})
 
 
 def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         retuning = parts.actuator.retuning
         assert earlier(parts) is None
-        with pytest.raises(RefusalError, match="nothing to undo"):
+        with pytest.raises(RequestRejectedError, match="nothing to undo"):
             await retuning.undo(WHO)
         await retuning.use_bank(bank, WHO)
         for change in CHANGES:
@@ -75,7 +75,7 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
             await retuning.set(change, WHO)  # the same again is no change
             assert earlier(parts) == before
             view = await retuning.undo(WHO)
-            assert TuningChoice.of({**view.model_dump(), "bank": bank.id}) == before
+            assert TuningSettings.of({**view.model_dump(), "bank": bank.id}) == before
             assert (in_force(parts), earlier(parts)) == (before, changed)
             assert parts.present.state().undone
             await retuning.undo(WHO)
@@ -103,7 +103,7 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
         assert in_force(parts).bank == bank.id
         await retuning.undo(WHO)
 
-    async def started_again(parts: Parts) -> tuple[TuningChoice, TuningChoice | None]:
+    async def started_again(parts: Parts) -> tuple[TuningSettings, TuningSettings | None]:
         return in_force(parts), earlier(parts)
 
     stepped(database, IDEAL, work)
@@ -118,7 +118,7 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
         for lam_q in (0.7, 0.8):
             await retuning.try_out(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
             assert earlier(parts) == DEFAULT
-            with pytest.raises(RefusalError, match="on trial"):
+            with pytest.raises(RequestRejectedError, match="on trial"):
                 await retuning.undo(WHO)
         await retuning.end_trial(True, WHO)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
@@ -136,8 +136,8 @@ def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         retuning = parts.actuator.retuning
         await retuning.set(TuningRequest(lam_q=0.6), WHO)
-        await retuning.lend(TuningChoice(lam_q=0.9, b=1.0), None, WHO)
-        with pytest.raises(RefusalError, match="its tuning is part of its record"):
+        await retuning.lend(TuningSettings(lam_q=0.9, b=1.0), None, WHO)
+        with pytest.raises(RequestRejectedError, match="its tuning is part of its record"):
             await retuning.undo(WHO)
         await asyncio.gather(retuning.give_back(), retuning.give_back())
         assert (in_force(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)

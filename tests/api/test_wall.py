@@ -8,12 +8,12 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.errors import OutOfRangeError, RefusalError
+from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.realtime.commands import RunProgram
 from backend.realtime.program import Law, Program, Segment
 from backend.sample import INDEX
-from backend.schemas.state import Wall, WallOrder
-from backend.services.actuator import obstruct
+from backend.schemas.state import WallOrder, WallView
+from backend.services.actuator import set_obstacle
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
@@ -25,7 +25,7 @@ from tests.api.test_push import in_run
 from tests.cli.test_report import sinew
 from tests.e2e.service import Service
 
-UP = WallOrder(wall=Wall(q_wall=0.05))
+UP = WallOrder(wall=WallView(q_wall=0.05))
 
 
 @pytest.fixture
@@ -45,17 +45,17 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -
     async def session(parts: Parts) -> None:
         await in_run(parts)
         assert parts.present.state().wall is None
-        assert await obstruct(parts.actuator, UP, "Ana") == UP
+        assert await set_obstacle(parts.actuator, UP, "Ana") == UP
         assert parts.present.wall == Obstacle(1.0, 0.05, 20000.0, 1.0)
         assert parts.present.state().wall == UP.wall
         await parts.actuator.set_references(0.08, 10.0, "Ana")
         await parts.supervisor.advance(1.5)
         assert pressed(parts) < -1.0
-        await obstruct(parts.actuator, WallOrder(wall=None), "Ana")
+        await set_obstacle(parts.actuator, WallOrder(wall=None), "Ana")
         await parts.supervisor.advance(0.2)
         assert (pressed(parts), parts.present.state().wall) == (0.0, None)
-        with pytest.raises(RefusalError, match=r"in a wall at 0\.05 rad: bring it below that first"):
-            await obstruct(parts.actuator, UP, "Ana")
+        with pytest.raises(RequestRejectedError, match=r"in a wall at 0\.05 rad: bring it below that first"):
+            await set_obstacle(parts.actuator, UP, "Ana")
         assert parts.present.wall is None
 
     stepped(database, load_parameters("ideal"), session)
@@ -68,8 +68,8 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -
 def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(database: Database) -> None:
     async def session(parts: Parts) -> None:
         await in_run(parts)
-        below = Wall(q_wall=-0.5, side="below", k_wall=1e4, c_wall=0.0)
-        await obstruct(parts.actuator, WallOrder(wall=below), "Ana")
+        below = WallView(q_wall=-0.5, side="below", k_wall=1e4, c_wall=0.0)
+        await set_obstacle(parts.actuator, WallOrder(wall=below), "Ana")
         walls = (Obstacle(1.0, 0.3, 2e4, 1.0),)
         segments = (Segment(0.2, 0.0, 10.0), Segment(0.3, 0.0, 10.0, wall=1))
         await parts.supervisor.send(RunProgram(Program(Law.CASCADE, segments, walls=walls)))
@@ -77,7 +77,7 @@ def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(dat
         for _ in range(80):
             await parts.supervisor.advance(0.01)
             seen.append(parts.present.state().wall)
-        above = Wall(q_wall=0.3)
+        above = WallView(q_wall=0.3)
         assert [wall for n, wall in enumerate(seen) if n == 0 or seen[n - 1] != wall] == [below, above, below]
 
     stepped(database, load_parameters("ideal"), session)
@@ -88,25 +88,27 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database: Database
         limits = parts.present.state().limits
         await in_run(parts)
         for k_wall, c_wall in ((limits.k_wall_min, 0.0), (limits.k_wall_max, limits.c_wall_max)):
-            await obstruct(parts.actuator, WallOrder(wall=Wall(q_wall=1.0, k_wall=k_wall, c_wall=c_wall)), "Ana")
+            await set_obstacle(
+                parts.actuator, WallOrder(wall=WallView(q_wall=1.0, k_wall=k_wall, c_wall=c_wall)), "Ana"
+            )
         for wall, quantity in (
-            (Wall(q_wall=2.0), "q_wall"),
-            (Wall(q_wall=0.5, k_wall=4e4), "k_wall"),
-            (Wall(q_wall=0.5, k_wall=1.0), "k_wall"),
-            (Wall(q_wall=0.5, k_wall=1.001 * limits.k_wall_max), "k_wall"),
-            (Wall(q_wall=0.5, c_wall=1.001 * limits.c_wall_max), "c_wall"),
-            (Wall(q_wall=0.5, c_wall=-1.0), "c_wall"),
+            (WallView(q_wall=2.0), "q_wall"),
+            (WallView(q_wall=0.5, k_wall=4e4), "k_wall"),
+            (WallView(q_wall=0.5, k_wall=1.0), "k_wall"),
+            (WallView(q_wall=0.5, k_wall=1.001 * limits.k_wall_max), "k_wall"),
+            (WallView(q_wall=0.5, c_wall=1.001 * limits.c_wall_max), "c_wall"),
+            (WallView(q_wall=0.5, c_wall=-1.0), "c_wall"),
         ):
             with pytest.raises(OutOfRangeError) as refused:
-                await obstruct(parts.actuator, WallOrder(wall=wall), "Ana")
+                await set_obstacle(parts.actuator, WallOrder(wall=wall), "Ana")
             assert refused.value.path == ("wall", quantity)
         for kind in (PlantKind.REPLAY, PlantKind.RIG):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
             offered = parts.present.state().limits
             assert (offered.k_wall_min, offered.k_wall_max, offered.c_wall_max) == (0.0, 0.0, 0.0)
             for order in (UP, WallOrder(wall=None)):
-                with pytest.raises(RefusalError, match=f"what is simulated, and what is driven is the {kind}"):
-                    await obstruct(parts.actuator, order, "Ana")
+                with pytest.raises(RequestRejectedError, match=f"what is simulated, and what is driven is the {kind}"):
+                    await set_obstacle(parts.actuator, order, "Ana")
 
     stepped(database, load_parameters("ideal"), session)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from backend.control import cascade
-from backend.tuning.simulation import Array, ClosedLoopInputs, Rig
+from backend.tuning.simulation import Array, ClosedLoopInputs, SimulatedRig
 from plant.dynamics import PlantState
 
 SOURCE = Path(__file__).with_name("twin.c")
@@ -46,7 +46,7 @@ class CTwin:
 
     def simulate(
         self,
-        rig: Rig,
+        rig: SimulatedRig,
         tuning: cascade.CascadeTuning,
         x: PlantState,
         controller: cascade.CascadeState,

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 from backend.tuning import simulation
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench import python_control
 from tests.bench.batch import run_batch
@@ -86,7 +86,7 @@ class BothWays:
 
     def __init__(self, twin: CTwin, parameters: PlantParameters) -> None:
         q_ref, S_ref = steps(TICKS)
-        tuning = cascade_tuning(parameters, Lambdas())
+        tuning = cascade_tuning(parameters, TuningParameters())
         rig = simulation.rig_of(parameters)
         x, controller = simulation.at_rest(rig, tuning, q_ref[0], S_ref[0])
         inputs = simulation.inputs_of(parameters, q_ref, S_ref)
@@ -113,7 +113,7 @@ def _against_twin(twin: CTwin, parameters: PlantParameters) -> tuple[float, str]
 def _against_python_control() -> Ratio:
     parameters = load_parameters("ideal")
     q_ref, S_ref = steps(PYTHON_CONTROL_TICKS)
-    tuning = cascade_tuning(parameters, Lambdas())
+    tuning = cascade_tuning(parameters, TuningParameters())
     rig = simulation.rig_of(parameters)
     run = partial(simulation.run, parameters, tuning, q_ref, S_ref)
     trajectory = run()
@@ -134,7 +134,7 @@ def _against_python_control() -> Ratio:
 
 def _over_cores() -> Ratio:
     parameters = load_parameters("lab")
-    tuning = cascade_tuning(parameters, Lambdas())
+    tuning = cascade_tuning(parameters, TuningParameters())
     q_ref, S_ref = steps(RUN_TICKS)
 
     def least_tension(seed: int) -> float:

@@ -9,18 +9,18 @@ from rich.table import Table
 
 from backend.analysis.step_metrics import Overall, tracking_metrics
 from backend.control import setpoint_player
-from backend.control.motion_types import Target
+from backend.control.motion_types import Setpoint
 from backend.experiments.library import ready_plan
-from backend.experiments.plans import ComposedPlan
+from backend.experiments.plans import ExperimentPlan
 from backend.realtime.motions import player_of
-from backend.tuning.gains import Lambdas, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.simulation import Array, Trajectory, run
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
 
-LAMBDAS = Lambdas()
-AS_QUICK = Lambdas(lam_q=0.39, lam_S=0.39)
+LAMBDAS = TuningParameters()
+AS_QUICK = TuningParameters(lam_q=0.39, lam_S=0.39)
 """With these the cascade rises as fast as the baselines with the defaults."""
 
 PUSH_N = 5.0
@@ -107,12 +107,12 @@ def pushed(play: Law, true: PlantParameters, known: PlantParameters) -> str:
     return "tripped" if trajectory.tripped_at >= 0 else f"{np.max(np.abs(trajectory.q)):.3f}"
 
 
-def references(plan: ComposedPlan) -> tuple[Array, Array]:
+def references(plan: ExperimentPlan) -> tuple[Array, Array]:
     """Return q_ref and S_ref (ticks,) of the whole program, from its first reference on."""
     segments = plan.program().segments
-    target = Target(segments[0].q_ref, segments[0].S_ref, 0.0)
+    target = Setpoint(segments[0].q_ref, segments[0].S_ref, 0.0)
     playing = player_of(segments, target)
-    targets: list[Target] = []
+    targets: list[Setpoint] = []
     while True:
         ended, target, playing = setpoint_player.play(playing, target)
         if ended:

@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import experiment
 from backend.experiments.plans import LoopSettings
@@ -37,7 +37,7 @@ def main(count: int, core: int) -> None:
 
 def _play(database: Database, parameters: PlantParameters) -> None:
     settings = LoopSettings()
-    order = Order(experiment("tracking").usual, settings, "bench")
+    order = RunRequest(experiment("tracking").usual, settings, "bench")
     with headless_station(database, parameters, settings) as station:
         outcome = asyncio.run(run_experiment(station, order))
     if outcome.run.end_state != EndState.COMPLETED or outcome.evaluation.result is None:

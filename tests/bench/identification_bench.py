@@ -19,7 +19,7 @@ from rich.table import Table
 
 from backend.identification.estimation import estimate
 from backend.identification.fitting import fit_arx
-from backend.identification.initialization import WHITE, Problem
+from backend.identification.initialization import WHITE, FitProblem
 from backend.identification.models import structure
 from backend.identification.records import Controller, IdentificationError, Record
 from tests.bench.table import Ratio, print_ratios
@@ -125,7 +125,7 @@ def default_estimate(case: Case, seed: int) -> tuple[Array, Array | None] | None
 def arx_estimate(case: Case, seed: int, low_pass: bool) -> tuple[Array, Array | None] | None:
     u, y, _ = case.signals(seed)
     try:
-        parameters, _ = fit_arx(Problem(Record(PERIOD_S, u, y), structure(case.name), WHITE), low_pass)
+        parameters, _ = fit_arx(FitProblem(Record(PERIOD_S, u, y), structure(case.name), WHITE), low_pass)
     except IdentificationError:
         return None
     return parameters / np.array(list(case.truth.values())) - 1.0, None

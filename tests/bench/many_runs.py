@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import text
 
-from backend.models.run import Criterion, Figure, Metrics
+from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.storage import results, runs, tags
 from backend.storage.database import Database
 from backend.storage.results import NewResult
@@ -81,15 +81,16 @@ class Made:
         )
 
     def result(self, run_id: int) -> NewResult:
-        first = Figure(
+        first = MeasuredFigure(
             "overshoot_q_percent", "%", "Overshoot of q", "", self.overshoot, "" if self.overshoot else "not seen"
         )
         others = [
-            Figure(f"figure_{n}", "1", f"Figure {n}", "", float(self.number % (n + 2))) for n in range(1, FIGURES)
+            MeasuredFigure(f"figure_{n}", "1", f"Figure {n}", "", float(self.number % (n + 2)))
+            for n in range(1, FIGURES)
         ]
         metrics = Metrics(complete=True, played_s=60.0, planned_s=60.0, figures=(first, *others))
         passed = None if self.overshoot is None else self.overshoot < 5.0
-        criterion = Criterion(
+        criterion = RunCriterion(
             "overshoot_q", "Overshoot of q", "<", 5.0, self.overshoot, "%", passed, "" if passed else "?"
         )
         return NewResult(run_id, metrics, (criterion,), "1.0.0")

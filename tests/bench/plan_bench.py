@@ -14,7 +14,7 @@ from backend.banks.builder import tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetReferences
 from backend.realtime.control_loop import Loop
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.preview import usual_budget
 from backend.tuning.simulation import run
 from plant.parameters import PlantParameters, load_parameters
@@ -22,7 +22,7 @@ from tests.bench.closed_loop_bench import HIGH, seconds
 from tests.bench.table import Ratio, print_ratios
 from tests.bench.tick_bench import loop_in_run, require_run
 
-LAMBDAS = Lambdas(lam_q=0.355, lam_S=0.345)
+LAMBDAS = TuningParameters(lam_q=0.355, lam_S=0.345)
 GOAL = 1.15
 COMPILED_US, LIVE_US = 1.0, 5.0
 TICKS, LIVE_TICKS, REPEATS = 20_000, 4_000, 25

@@ -11,13 +11,13 @@ import control
 import numpy as np
 
 from backend.control import cascade, pid
-from backend.tuning.simulation import Array, Rig
+from backend.tuning.simulation import Array, SimulatedRig
 from plant.dynamics import Motor, PlantState, Spring
 
 _PLANT_STATES = ["q", "q_dot", "theta_A", "omega_A", "tau_A", "theta_B", "omega_B", "tau_B"]
 
 
-def closed_loop(rig: Rig, tuning: cascade.CascadeTuning) -> control.InterconnectedSystem:
+def closed_loop(rig: SimulatedRig, tuning: cascade.CascadeTuning) -> control.InterconnectedSystem:
     """From (q_ref, S_ref) to (q, S)."""
     systems = [_plant(rig), _cascade(rig, tuning)]
     return control.interconnect(systems, inputs=["q_ref", "S_ref"], outputs=["q", "S"])
@@ -34,7 +34,7 @@ def response(system: control.InterconnectedSystem, t: Array, references: Array, 
     return np.asarray(control.input_output_response(system, t, references, start).outputs)
 
 
-def _plant(rig: Rig) -> control.NonlinearIOSystem:
+def _plant(rig: SimulatedRig) -> control.NonlinearIOSystem:
     joint, motor_A, motor_B, spring_A, spring_B = rig.plant
 
     def tension(spring: Spring, elongation: float) -> float:
@@ -68,7 +68,7 @@ def _plant(rig: Rig) -> control.NonlinearIOSystem:
     )
 
 
-def _cascade(rig: Rig, tuning: cascade.CascadeTuning) -> control.NonlinearIOSystem:
+def _cascade(rig: SimulatedRig, tuning: cascade.CascadeTuning) -> control.NonlinearIOSystem:
     d, u_max = tuning.decoupler, rig.u_max
     gains_q, gains_S = tuning.schedule.entries[0, 1:4], tuning.schedule.entries[0, 4:7]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from playwright.sync_api import Browser, expect
 from rich.console import Console
 
-from backend.services.runs import Asked, StoredRuns
+from backend.services.runs import RunQuery, StoredRuns
 from backend.storage.database import open_database
 from tests.bench.many_runs import make_runs
 from tests.bench.table import Ratio, print_ratios
@@ -69,7 +69,7 @@ def _searched(stored: StoredRuns, where: str) -> Ratio:
     took = []
     for _ in range(REPETITIONS):
         begun = time.perf_counter()
-        found = stored.found(Asked(where=(where,), limit=50))
+        found = stored.found(RunQuery(where=(where,), limit=50))
         took.append(time.perf_counter() - begun)
     return Ratio.at_most(f"search {where or 'for all'} [s]", statistics.median(took), SEARCH_S, f"{found.total} runs")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database, open_database
@@ -43,7 +43,7 @@ def bench(console: Console, runs: int = RUNS) -> bool:
 
 def _took_s(database: Database, runs: int, jobs: int) -> float:
     text = STUDY.format(runs=runs)
-    study = Studies(database).begin(text, "bench", load_parameters("lab"), TuningChoice().document()).id
+    study = Studies(database).begin(text, "bench", load_parameters("lab"), TuningSettings().document()).id
     begun = time.perf_counter()
     run_study(database, study, local(jobs))
     took_s = time.perf_counter() - begun

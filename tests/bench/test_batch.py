@@ -6,7 +6,7 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import run
 from plant.parameters import load_parameters
 from tests.bench.batch import run_batch
@@ -14,7 +14,7 @@ from tests.bench.batch import run_batch
 
 def test_results_do_not_depend_on_the_number_of_workers() -> None:
     parameters = load_parameters("lab")
-    tuning = cascade_tuning(parameters, Lambdas())
+    tuning = cascade_tuning(parameters, TuningParameters())
     q_ref, S_ref = np.repeat([0.0, 0.5], 200), np.full(400, 10.0)
 
     def mean_force(seed: int) -> float:

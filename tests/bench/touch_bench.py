@@ -10,7 +10,7 @@ from rich.console import Console
 
 from backend.control import step
 from backend.realtime.control_loop import Loop
-from backend.realtime.program import SetTouch
+from backend.realtime.program import ConfigureContactDetection
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.compiled import STRICT
@@ -22,7 +22,9 @@ from tests.bench.tick_bench import loop_in_run, require_run
 TICKS, LIVE_TICKS, PIECES = 5_000, 1_000, 101
 """Of a piece, and pieces of each loop: short ones in turns, so that whatever else the machine does meets both alike."""
 
-LEARNED = SetTouch(bias=tuple((S, 0.1 * S) for S in (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0)), contact_N=30.0)
+LEARNED = ConfigureContactDetection(
+    bias=tuple((S, 0.1 * S) for S in (8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0)), contact_N=30.0
+)
 
 
 def bench(console: Console) -> bool:
@@ -56,10 +58,10 @@ def _numb_loop(parameters: PlantParameters, ring: Ring) -> Loop:
         return math.nan
 
     strict: Any = numba.njit(**STRICT)
-    its_look, its_run = cast(Any, step.look), cast(Any, step.run_batch)
+    its_look, its_run = cast(Any, step.detect_faults), cast(Any, step.run_batch)
     with patch.object(step, "_feel", strict(feel_nothing)):
         look = strict(its_look.py_func)
-        with patch.object(step, "look", look), patch.object(step, "look", look):
+        with patch.object(step, "detect_faults", look), patch.object(step, "detect_faults", look):
             run = numba.njit(nogil=True, **STRICT)(its_run.py_func)
             with patch.object(step, "run_batch", run):
                 loop = loop_in_run(parameters, ring)

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from backend.banks import tuning_settings
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.storage import events, runs
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
@@ -61,7 +61,7 @@ def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[
 def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command, tmp_path: Path) -> None:
     parameters, order = load_parameters("ideal"), ["experiment", "sequence", "--params", "ideal", "--data"]
     with closing(open_database(tmp_path)) as database:
-        tuning_settings.store_tuning(database, TuningChoice(lam_q=0.7, b=0.5), parameters, "A. Operator")
+        tuning_settings.store_tuning(database, TuningSettings(lam_q=0.7, b=0.5), parameters, "A. Operator")
     segments = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
     ended = command(*order, str(tmp_path), "--set", f"segments={segments}", "--set", "b=1", "--set", "bank=0")
     assert ended.returncode == 0, ended.stderr
@@ -74,9 +74,9 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
         with database.reading() as session:
             used = runs.find(session, limit=1)[0].settings["loop"]
         kept = tuning_settings.newest_tuning(database, parameters)
-    assert TuningChoice.of(used) == TuningChoice(lam_q=0.7, b=1.0)
+    assert TuningSettings.of(used) == TuningSettings(lam_q=0.7, b=1.0)
     assert kept is not None
-    assert kept.choice == TuningChoice(lam_q=0.7, b=0.5)  # of an experiment nothing stays
+    assert kept.choice == TuningSettings(lam_q=0.7, b=0.5)  # of an experiment nothing stays
 
 
 def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(

@@ -14,7 +14,7 @@ import pytest
 
 from backend.exports.base import of_run
 from backend.exports.formats import DataFormat, write_file
-from backend.models.run import Criterion, Figure, Metrics
+from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.plain_text import as_line
 from backend.reports.build import write_files
 from backend.schemas.comparison import ComparisonAsked, DifferencesAsked
@@ -24,7 +24,7 @@ from backend.storage.banks import BankEntry
 from backend.storage.database import open_database
 from backend.storage.results import NewResult
 from backend.storage.runs import RunKind
-from backend.units import Angles
+from backend.units import AngleUnit
 from tests.cli.conftest import Command
 from tests.exports.stored import NEW, noise, recorded
 
@@ -72,8 +72,8 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[int], i
                 NEW, kind=RunKind.EXPERIMENT, settings=settings, who=EVIL, note=EVIL, bank_id=bank.id, plant=EVIL[:40]
             )
             run = recorded(session, new, noise(1_200))
-            figure = Figure(SYMBOL, SYMBOL, EVIL, EVIL, value, EVIL)
-            criterion = Criterion(SYMBOL, EVIL, "<", 1.0, value, SYMBOL, True, EVIL)
+            figure = MeasuredFigure(SYMBOL, SYMBOL, EVIL, EVIL, value, EVIL)
+            criterion = RunCriterion(SYMBOL, EVIL, "<", 1.0, value, SYMBOL, True, EVIL)
             measured = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(figure,), problem=EVIL)
             results.add(session, NewResult(run, measured, (criterion,), EVIL[:40]))
             made.append(run)
@@ -160,7 +160,7 @@ def test_a_report_has_nothing_that_turns_the_text_around(
 ) -> None:
     folder, made, _ = stored
     database = open_database(folder)
-    write_files(database, made[0], tmp_path, Angles.DEGREES)
+    write_files(database, made[0], tmp_path, AngleUnit.DEGREES)
     database.close()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     title = re.search(r"<h1[^>]*>(.*?)</h1>", page, re.DOTALL)

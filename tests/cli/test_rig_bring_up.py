@@ -19,13 +19,13 @@ from backend.cli import main
 from backend.cli.experiments import current_user
 from backend.cli.rig import GivenUpError, Terminal
 from backend.commissioning import steps as standing
-from backend.commissioning.session import Person, session
-from backend.commissioning.steps import STEPS, Finding, StepId
+from backend.commissioning.session import Prompt, session
+from backend.commissioning.steps import STEPS, StepFinding, StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
-from backend.storage.commissioning import StepResult
+from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.interface import PlantChoice, PlantKind
@@ -48,10 +48,10 @@ def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
     with closing(open_database(data)) as database:
         for step in steps:
             found = as_said if step in (StepId.TARE, StepId.CALIBRATE) else ()
-            standing.keep(database, step, wiring, Finding(True, "well", (), found), "Ada")
+            standing.keep(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
 
 
-def kept(data: Path) -> dict[str, StepResult]:
+def kept(data: Path) -> dict[str, StoredStepResult]:
     with closing(open_database(data)) as database:
         return standing.newest(database)
 
@@ -178,7 +178,7 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
 
     async def given_up() -> tuple[Supervisor, float, float]:
         with closing(open_database(tmp_path)) as database:
-            person = Person("Ada", confirmed, lambda _phase: None)
+            person = Prompt("Ada", confirmed, lambda _phase: None)
             async with session(database, setup, parameters, person) as at_rig:
                 supervisor = at_rig.supervisor
                 await at_rig.play(StepId.ZERO, {})

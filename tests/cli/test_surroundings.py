@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.cli.options import settings_with
+from backend.cli.options import load_settings
 from backend.storage import runs
 from backend.storage.database import FILE_NAME, Database, open_database
 from plant.parameters import ParameterError, load_parameters
@@ -44,8 +44,8 @@ def test_numba_told_to_compile_nothing_is_refused_in_a_line(words: tuple[str, ..
 def test_a_tilde_that_no_shell_has_replaced_is_the_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("SINEW_DATA", "~/x")
-    assert settings_with().data == tmp_path / "x"
-    assert settings_with(data=Path("~/y")).data == tmp_path / "y"
+    assert load_settings().data == tmp_path / "x"
+    assert load_settings(data=Path("~/y")).data == tmp_path / "y"
 
 
 @pytest.mark.parametrize("name", ["what?mode=ro", "50%20", "a#b", "a b&c=d", "[ü]", "sqlite:", "?", "file:x"])

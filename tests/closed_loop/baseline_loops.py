@@ -5,7 +5,7 @@ from backend.control.decoupler import Decoupler
 from backend.tuning.simulation import (
     Array,
     ClosedLoopInputs,
-    Rig,
+    SimulatedRig,
     Trajectory,
     empty_arrays,
     fill_delay_line,
@@ -24,7 +24,7 @@ from plant.simulator import DELAY_SLOTS, actuate, exceeded, sense
 
 @compiled_run
 def _single_loop(
-    rig: Rig,
+    rig: SimulatedRig,
     tuning: baselines.SingleLoopTuning,
     x: PlantState,
     controller: baselines.SingleLoopState,
@@ -47,7 +47,7 @@ def _single_loop(
 # numba compiles per function, not per law handed in: a law as an argument would be compiled anew in every process.
 @compiled_run
 def _feedback_linearization(
-    rig: Rig,
+    rig: SimulatedRig,
     tuning: baselines.FeedbackLinearizationTuning,
     x: PlantState,
     controller: baselines.FeedbackLinearizationState,
@@ -101,7 +101,7 @@ def run_feedback_linearization(
 
 def _at_rest(
     parameters: PlantParameters, d: Decoupler, q_ref: float, S_ref: float
-) -> tuple[Rig, PlantState, float, float, Measurement]:
+) -> tuple[SimulatedRig, PlantState, float, float, Measurement]:
     rig = rig_of(parameters)
     x, u_A, u_B = rest_state(rig, *decoupler.motor_positions(d, q_ref, S_ref))
     return rig, x, u_A, u_B, Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)

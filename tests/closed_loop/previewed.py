@@ -1,6 +1,6 @@
 """A tuning as previewed, and as the whole loop runs it on the simulator: figures of both, and how far they differ.
 
-What is measured comes from the samples of ``Headless``: pretension, modes, encoders, references and pushes as an
+What is measured comes from the samples of ``SimulatedLoop``: pretension, modes, encoders, references and pushes as an
 operator commands them. Nothing of the preview's own simulation is in it.
 """
 
@@ -11,14 +11,14 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from backend.realtime.commands import Accepted, Command, Push, SetMode, SetReferences
+from backend.realtime.commands import Accepted, ApplyPush, Command, SetMode, SetReferences
 from backend.realtime.gains import tuning_for
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import Mode
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from backend.tuning.gains import Lambdas, PointModel, designed_point, motor_loops
-from backend.tuning.preview import Previewer, Steps
+from backend.tuning.gains import PointModel, TuningParameters, designed_point, motor_loops
+from backend.tuning.preview import Steps, TuningPreviewer
 from backend.tuning.simulation import BAND, NEAR_RAD, PUSH_N, Array
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
@@ -51,7 +51,7 @@ class Case:
 
     name: str
     u_plan: float
-    lambdas: Lambdas
+    lambdas: TuningParameters
     points: tuple[PointModel, ...]
     interpolate: bool
     q: tuple[float, float]
@@ -69,7 +69,7 @@ def cases(seed: int, count: int) -> Iterator[Case]:
         points = bank(parameters) if random.random() < 0.5 else ()
         b = float(random.choice([0.0, 0.0, 0.5, 1.0]))
         if (name, bool(points), b) not in ranges:
-            ranges[name, bool(points), b] = Previewer(parameters, points, b=b).safe_range()
+            ranges[name, bool(points), b] = TuningPreviewer(parameters, points, b=b).safe_range()
         lam_q, lam_S = (
             float(np.exp(random.uniform(np.log(low), np.log(3.0)))) for low in ranges[name, bool(points), b]
         )
@@ -82,7 +82,7 @@ def cases(seed: int, count: int) -> Iterator[Case]:
         yield Case(
             name,
             float(random.uniform(4.0, 9.0)) if planned else 0.0,
-            Lambdas(lam_q, lam_S, b=b),
+            TuningParameters(lam_q, lam_S, b=b),
             points,
             bool(random.random() < 0.5),
             (q[0], q[1]),
@@ -108,7 +108,7 @@ class Bench:
         self._read = 0
         parameters = load_parameters(case.name)
         tuning = tuning_for(parameters, case.lambdas, case.points, None, case.interpolate, case.u_plan)
-        self._loop = Headless(Simulator(parameters, seed=1), parameters, tuning, self._keep)
+        self._loop = SimulatedLoop(Simulator(parameters, seed=1), parameters, tuning, self._keep)
         self.send(SetMode(Mode.PRETENSION))
         for _ in range(300):
             self.advance(0.1)
@@ -137,7 +137,7 @@ class Bench:
         """Hold a push [N] and return the joint [rad]."""
         q = []
         while seconds > 0.0:
-            self.send(Push(F_push, min(2.0 * _PUSHED_S, seconds)))
+            self.send(ApplyPush(F_push, min(2.0 * _PUSHED_S, seconds)))
             q.append(self.advance(min(_PUSHED_S, seconds))["q"])
             seconds -= _PUSHED_S
         return np.concatenate(q)
@@ -158,7 +158,7 @@ def _finished(work: Coroutine[Any, Any, _T]) -> _T:
 def differences(case: Case) -> dict[str, float]:
     """How far each previewed figure is off, 1 being what is allowed, by name."""
     parameters, lambdas = load_parameters(case.name), case.lambdas
-    previewer = Previewer(parameters, case.points, b=lambdas.b)
+    previewer = TuningPreviewer(parameters, case.points, b=lambdas.b)
     previewer.require_safe(lambdas, case.u_plan)
     q0, S0 = case.q[0], case.S[0]
     preview = previewer.preview(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from backend.control.decoupler import bounds_for
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.preview import plan_range
 from backend.tuning.simulation import Trajectory, run
 from plant.parameters import PlantParameters
@@ -13,7 +13,7 @@ def random_moves(parameters: PlantParameters, seed: int, moves: int) -> Trajecto
     """Play so many moves from rest by one tuning; the same seed gives the same ones."""
     random = np.random.default_rng(seed)
     bounds = bounds_for(parameters)
-    lambdas = Lambdas(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
+    lambdas = TuningParameters(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
     budget = random.uniform(*plan_range(parameters)) if random.random() < 0.8 else 0.0
     q, S = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0)
     legs = [(q, S, 1000)]

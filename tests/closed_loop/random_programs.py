@@ -9,7 +9,7 @@ import numpy as np
 from backend.control import cascade, decoupler
 from backend.control.decoupler import bounds_for
 from backend.tuning import simulation
-from backend.tuning.gains import Lambdas, PointModel, cascade_tuning, designed_point
+from backend.tuning.gains import PointModel, TuningParameters, cascade_tuning, designed_point
 from backend.tuning.preview import plan_range
 from plant.parameters import PlantParameters
 
@@ -29,7 +29,7 @@ def random_program(plant: PlantParameters, seed: int) -> Played:
     points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
 
     def tuning() -> cascade.CascadeTuning:
-        lambdas = Lambdas(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
+        lambdas = TuningParameters(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
         bank: list[PointModel] = points if random.random() < 0.5 else []
         budget = random.uniform(*plan_range(plant)) if random.random() < 0.8 else 0.0
         return cascade_tuning(plant, lambdas, bank, interpolate=bool(random.random() < 0.5), u_plan=budget)

@@ -11,7 +11,7 @@ import pytest
 from backend.control import cascade
 from backend.control.trajectory import SMOOTHED, TrajectoryState
 from backend.tuning import simulation
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.preview import usual_budget
 from backend.tuning.simulation import Array, Trajectory, run
 from plant.dynamics import PlantState
@@ -20,7 +20,7 @@ from tests.closed_loop.quality import HIGH
 from tests.closed_loop.random_programs import random_program
 
 SETS = ("ideal", "lab", "lab-stick")
-LAMBDAS = Lambdas(lam_q=0.355, lam_S=0.345)
+LAMBDAS = TuningParameters(lam_q=0.355, lam_S=0.345)
 COUNT = 2.0 * math.pi / 4000.0
 AT = 1000
 
@@ -75,9 +75,9 @@ def test_stiffness_alone_and_both_at_once(name: str) -> None:
 
 
 @pytest.mark.parametrize("tau_e", [0.001, 0.002, 0.003])
-@pytest.mark.parametrize("lambdas", [LAMBDAS, Lambdas()], ids=["fast", "default"])
+@pytest.mark.parametrize("lambdas", [LAMBDAS, TuningParameters()], ids=["fast", "default"])
 @pytest.mark.parametrize("S", [(8.0, 10.0), (8.0, 14.0), (14.0, 8.0)])
-def test_the_electrical_lag_makes_no_overshoot(tau_e: float, lambdas: Lambdas, S: tuple[float, float]) -> None:
+def test_the_electrical_lag_makes_no_overshoot(tau_e: float, lambdas: TuningParameters, S: tuple[float, float]) -> None:
     """The plan's model has it; without it S overshoots by 0.6 to 2.1 % of the step from 8 to 10 N·m/rad."""
     ideal = load_parameters("ideal")
     plant = replace(ideal, motor=replace(ideal.motor, tau_e=tau_e))
@@ -226,7 +226,9 @@ def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tupl
 def test_no_change_of_gains_shows_under_a_plan(changed: dict[str, float], at: int) -> None:
     ideal = load_parameters("ideal")
     without, with_change, *_ = without_and_with(
-        cascade_tuning(ideal, Lambdas(), u_plan=8.5), cascade_tuning(ideal, Lambdas(**changed), u_plan=8.5), at
+        cascade_tuning(ideal, TuningParameters(), u_plan=8.5),
+        cascade_tuning(ideal, TuningParameters(**changed), u_plan=8.5),
+        at,
     )
     assert np.max(np.abs(with_change - without)) < 1e-3
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import Envelope
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import Trajectory, run
 from plant.parameters import PlantParameters, load_parameters
 
@@ -24,7 +24,7 @@ class Push:
     ramp_s: float
 
     def play(self, parameters: PlantParameters, envelope: Envelope | None = None) -> Trajectory:
-        tuning = cascade_tuning(parameters, Lambdas())
+        tuning = cascade_tuning(parameters, TuningParameters())
         tuning = tuning if envelope is None else tuning._replace(envelope=envelope)
         t = 1e-3 * np.arange(TICKS)
         F_push = np.interp(t, [1.0, 1.0 + self.ramp_s, 8.0, 8.0 + self.ramp_s], [0.0, self.force_N, self.force_N, 0.0])

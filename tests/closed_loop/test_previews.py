@@ -14,7 +14,7 @@ from itertools import pairwise
 import pytest
 
 from backend.realtime.commands import SetReferences
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from tests.closed_loop.previewed import Bench, Case, cases, differences
 
 CASES = 8
@@ -37,7 +37,7 @@ def test_a_step_takes_as_long_as_lambda_says(name: str) -> None:
     for size in (0.2, 1.0):
         reached = []
         for lam in (0.5, 0.7, 1.0):
-            bench = Bench(Case(name, 0.0, Lambdas(lam_q=lam), (), False, (0.0, size), (10.0, 10.0), 0.0))
+            bench = Bench(Case(name, 0.0, TuningParameters(lam_q=lam), (), False, (0.0, size), (10.0, 10.0), 0.0))
             bench.send(SetReferences(0.0, 10.0))
             bench.advance(6.0)
             bench.send(SetReferences(size, 10.0))

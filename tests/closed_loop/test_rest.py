@@ -9,8 +9,8 @@ import pytest
 
 from backend.control import cascade, decoupler
 from backend.control.pid import beyond
-from backend.control.trajectory import References
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.control.trajectory import LoopReferences
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.preview import usual_budget
 from backend.tuning.simulation import at_rest, rig_of
 from plant.interface import Measurement
@@ -18,7 +18,7 @@ from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop import true_states
 from tests.closed_loop.true_states import TrueStates
 
-LAMBDAS = Lambdas(lam_q=0.355, lam_S=0.345)
+LAMBDAS = TuningParameters(lam_q=0.355, lam_S=0.345)
 COUNT, MOTOR_COUNT = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
 HOLD_S = 20
 WAYS = (
@@ -127,7 +127,7 @@ def test_rest_does_not_change_the_approach_in_lambda() -> None:
     without_friction = replace(plant, motor=replace(plant.motor, c0=0.0, c1=0.0))
     for degrees in (1.0, 5.0, 20.0):
         for known in (plant, without_friction):
-            tuning = cascade_tuning(known, Lambdas(lam_q=lam))
+            tuning = cascade_tuning(known, TuningParameters(lam_q=lam))
             restless = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
             q_ref = np.repeat([0.0, math.radians(degrees)], (1000, 6000))
             t_90 = []
@@ -179,7 +179,7 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
     m = Measurement(0.3 + off, theta_A + beside, theta_B - beside, 17.0, 17.0, 10.0, 0.0, 0.0)
     integrals = []
     for k in range(1600):
-        _, law = cascade.step(tuning, law, References(0.3 + rate * 1e-3 * k, 10.0), position_loop, m)
+        _, law = cascade.step(tuning, law, LoopReferences(0.3 + rate * 1e-3 * k, 10.0), position_loop, m)
         integrals.append(law.motors.A.integral)
     assert (np.ptp(integrals[1500:]) < 1e-9) == rests
 

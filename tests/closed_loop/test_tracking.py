@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import run
 from plant.parameters import Asymmetry, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
@@ -17,8 +17,8 @@ from tests.closed_loop.quality import HIGH, STEPS, assess, references
     ("name", "overshoot", "stiffness", "tension"),
     [("ideal", 1.0, 0.1, 5.0), ("lab", 2.0, 0.3, 4.0), ("lab-stick", 2.0, 0.3, 4.0)],
 )
-@pytest.mark.parametrize("lambdas", [Lambdas(lam_q=0.5, lam_S=0.5), Lambdas()])
-def test_tracking(name: str, lambdas: Lambdas, overshoot: float, stiffness: float, tension: float) -> None:
+@pytest.mark.parametrize("lambdas", [TuningParameters(lam_q=0.5, lam_S=0.5), TuningParameters()])
+def test_tracking(name: str, lambdas: TuningParameters, overshoot: float, stiffness: float, tension: float) -> None:
     parameters = load_parameters(name)
     q_ref, S_ref = references(STEPS)
     trajectory = run(parameters, cascade_tuning(parameters, lambdas), q_ref, S_ref)
@@ -33,7 +33,7 @@ def test_naive_cascade_reproduces_the_figures_of_the_method_page() -> None:
     """Without governor, λ = 0.5 touches 10 V harmlessly: 1.9 s to 90 % of a 2π/3 step, no overshoot."""
     parameters = load_parameters("ideal")
     q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0)))
-    tuning = cascade_tuning(parameters, Lambdas(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
+    tuning = cascade_tuning(parameters, TuningParameters(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
     trajectory = run(parameters, tuning, q_ref, S_ref)
     reached = int(np.argmax(trajectory.q > -HIGH + 0.9 * 2.0 * HIGH)) - 1000
     assert reached == pytest.approx(1900, abs=30)
@@ -47,7 +47,7 @@ def test_swapping_sides_and_negating_q_mirrors_the_run(targets: list[tuple[float
     parameters = replace(load_parameters("lab"), sensors=load_parameters("ideal").sensors)
     parameters = replace(parameters, asymmetry=Asymmetry(1.03, 0.97, 0.98, 1.02))
     mirrored = replace(parameters, asymmetry=Asymmetry(0.97, 1.03, 1.02, 0.98))
-    tuning = cascade_tuning(parameters, Lambdas())
+    tuning = cascade_tuning(parameters, TuningParameters())
     q_ref, S_ref = references(tuple((q, S, 1.0) for q, S in targets))
     run_A, run_B = run(parameters, tuning, q_ref, S_ref), run(mirrored, tuning, -q_ref, S_ref)
     for mine, other in (("q", "q"), ("theta_A", "theta_B"), ("F_A", "F_B"), ("u_A", "u_B")):

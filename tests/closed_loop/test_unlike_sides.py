@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import run
 from plant.parameters import PlantParameters, load_parameters
 
@@ -26,7 +26,7 @@ def unlike_sides() -> PlantParameters:
 
 def test_steps_of_position_and_stiffness() -> None:
     parameters = unlike_sides()
-    tuning = cascade_tuning(parameters, Lambdas())
+    tuning = cascade_tuning(parameters, TuningParameters())
     q_ref = np.repeat([0.0, np.pi / 3, -np.pi / 3, -np.pi / 3, -np.pi / 3], HOLD)
     S_ref = np.repeat([10.0, 10.0, 10.0, 13.0, 9.0], HOLD)
     trajectory = run(parameters, tuning, q_ref, S_ref)

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from backend.control import cascade
-from backend.control.trajectory import References
+from backend.control.trajectory import LoopReferences
 from backend.tuning.simulation import (
     Array,
     ClosedLoopInputs,
-    Rig,
+    SimulatedRig,
     at_rest,
     empty_arrays,
     fill_delay_line,
@@ -37,7 +37,7 @@ class TrueStates(NamedTuple):
 
 @compiled_run
 def _simulate(
-    rig: Rig,
+    rig: SimulatedRig,
     tuning: cascade.CascadeTuning,
     x: PlantState,
     law: cascade.CascadeState,
@@ -49,7 +49,7 @@ def _simulate(
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, law = cascade.step(tuning, law, r, True, m)
         row = out[k]
         row[0], row[1], row[2], row[3], row[4], row[5] = x.q, m.S_true, x.theta_A, x.theta_B, y.u_A, y.u_B

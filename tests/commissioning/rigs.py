@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from backend.banks.builder import tuning_command
-from backend.commissioning.session import perform, values_of
-from backend.commissioning.steps import Finding, StepId, Work
+from backend.commissioning.session import run_step, values_of
+from backend.commissioning.steps import ProcedureContext, StepFinding, StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SwitchDrives
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import MODES, Mode
 from backend.sample import INDEX
 from plant.parameters import load_parameters
@@ -38,7 +38,7 @@ class BroughtUpRig:
     def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:
         self.simulator = Simulator(PARAMETERS, 0)
         self.rig = VirtualRig(declared, self.simulator, None, true, load_cells_measured=True)
-        self.loop = Headless(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
+        self.loop = SimulatedLoop(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
         self.declared = declared
         self.asked: list[str] = []
         self.meanwhile: Callable[[str], Awaitable[None]] | None = None
@@ -58,9 +58,9 @@ class BroughtUpRig:
         if self.meanwhile is not None:
             await self.meanwhile(words)
 
-    async def do(self, step: StepId, cells: str = "AB", **values: float) -> Finding:
+    async def do(self, step: StepId, cells: str = "AB", **values: float) -> StepFinding:
         """Play one step; ``cells`` are those to calibrate."""
-        work = Work(
+        work = ProcedureContext(
             self.loop,
             self.declared,
             PARAMETERS,
@@ -71,13 +71,13 @@ class BroughtUpRig:
             phase=self.in_phase,
             cells=cells,
         )
-        return await perform(step, work)
+        return await run_step(step, work)
 
 
-def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[Finding]:
+def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[StepFinding]:
     """Play steps in turn, as fast as they go, and let go of the rig."""
 
-    async def all_of_them() -> list[Finding]:
+    async def all_of_them() -> list[StepFinding]:
         return [await rig.do(step, "AB", **(values if step is StepId.CALIBRATE else {})) for step in steps]
 
     try:

@@ -11,9 +11,9 @@ from backend.realtime.commands import Accepted, Command, Refused
 from backend.realtime.gains import tuning_for
 from backend.realtime.ipc import Setup
 from backend.realtime.program import SetTuning
-from backend.realtime.supervisor import LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.storage.database import open_database
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import SIMULATOR, PlantChoice, PlantKind
 from plant.parameters import load_parameters
 
@@ -22,7 +22,7 @@ RIG, VIRTUAL = PlantChoice(PlantKind.RIG), PlantChoice(PlantKind.VIRTUAL_CARD)
 
 @pytest.fixture(scope="module")
 def tuning() -> SetTuning:
-    return tuning_for(load_parameters("ideal"), Lambdas())
+    return tuning_for(load_parameters("ideal"), TuningParameters())
 
 
 def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobody_is(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_without_a_loop_the_drives_can_be_switched_off_and_not_on(tmp_path: Path
         asyncio.run(switch_drives(supervisor, kept, False, "Ada"))
         assert supervisor.setup.drives_off
         assert KeptHands(database, RIG).left is not None
-        with pytest.raises(LoopDiedError):
+        with pytest.raises(LoopExitedError):
             asyncio.run(switch_drives(supervisor, kept, True, "Ada"))
         assert KeptHands(database, RIG).left is not None
         supervisor.ring.close()

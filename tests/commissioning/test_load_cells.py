@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from backend.commissioning.session import values_of
-from backend.commissioning.steps import WEIGHT_MAX_N, Finding, StepId
+from backend.commissioning.steps import WEIGHT_MAX_N, StepFinding, StepId
 from backend.errors import OutOfRangeError
 from backend.realtime.commands import Inject
 from plant.interface import Breakage, Broken, Sensor
@@ -41,7 +41,7 @@ def test_a_load_cell_that_cannot_be_calibrated_is_refused_in_words(case: str) ->
 
 @pytest.mark.parametrize("step", [StepId.TARE, StepId.CALIBRATE])
 def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
-    async def session() -> Finding:
+    async def session() -> StepFinding:
         rig = BroughtUpRig()
 
         async def broken(_words: str) -> None:

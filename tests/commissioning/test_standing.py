@@ -12,11 +12,11 @@ import plant
 from backend.banks.builder import tuning_command
 from backend.banks.tuning_settings import default_choice
 from backend.commissioning import steps
-from backend.commissioning.session import BlockedError, KeptHands, Person, Session
-from backend.commissioning.steps import STEP, STEPS, Figure, Finding, StepId, StepState, blocked_by
+from backend.commissioning.session import BlockedError, KeptHands, Prompt, Session
+from backend.commissioning.steps import STEP, STEPS, MeasuredNumber, StepFinding, StepId, StepState, blocked_by
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
-from backend.storage.commissioning import StepResult
+from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
 from plant.calibration import BroughtUp, CellCalibration, calibrated, fingerprint
 from plant.factory import make_plant
@@ -27,8 +27,8 @@ from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.commissioning.rigs import PARAMETERS, WIRING, with_entries
 
-PASSED = Finding(True, "well", (Figure("joint", 0.1, "rad"), Figure("nothing", None, "N")))
-FAILED = Finding(False, "not well")
+PASSED = StepFinding(True, "well", (MeasuredNumber("joint", 0.1, "rad"), MeasuredNumber("nothing", None, "N")))
+FAILED = StepFinding(False, "not well")
 
 
 def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     cell = CellCalibration("A", 10.7, 0.31, "calibrated")
     other = with_entries(motor_A={"gain": -1.0})
     assert steps.in_effect(database, WIRING).calibrations == ()
-    steps.keep(database, StepId.CALIBRATE, WIRING, Finding(True, "well", (), (cell,)), "Ada")
+    steps.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), (cell,)), "Ada")
     steps.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
     found = steps.in_effect(database, WIRING)
     assert found.directions_proven
@@ -79,7 +79,7 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     assert zero.figures[1] == {"words": "nothing", "value": None, "unit": "N"}
     database.close()
 
-    def state(stored: StepResult | None = zero, wiring: str = wired, started: datetime = begun) -> StepState:
+    def state(stored: StoredStepResult | None = zero, wiring: str = wired, started: datetime = begun) -> StepState:
         return steps.standing(step, stored, wiring, started).state
 
     assert state() is StepState.CURRENT
@@ -99,7 +99,7 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
         steps.keep(database, step, homed, PASSED, "Ada")
     begun = datetime.now(UTC)
 
-    def states() -> dict[StepId, steps.Standing]:
+    def states() -> dict[StepId, steps.StepStatus]:
         return steps.states(steps.kept(database), homed, begun)
 
     # The loop has been started since: homing needs no zero, pretension does.
@@ -123,8 +123,8 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}
     begun, wired, step = datetime.now(UTC), fingerprint(WIRING), STEP[StepId.CALIBRATE]
 
-    def calibrated_one(tendon: str) -> tuple[StepResult, StepState, str]:
-        kept = steps.keep(database, step.id, WIRING, Finding(True, "well", (), (cells[tendon],)), "Ada")
+    def calibrated_one(tendon: str) -> tuple[StoredStepResult, StepState, str]:
+        kept = steps.keep(database, step.id, WIRING, StepFinding(True, "well", (), (cells[tendon],)), "Ada")
         newest = steps.newest(database)[step.id]
         return kept, *steps.standing(step, newest, wired, begun)[:2]
 
@@ -142,16 +142,16 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("step", [step.id for step in STEPS if step.needs])
 def test_a_step_waits_for_those_before_it(step: StepId) -> None:
-    never = dict.fromkeys(StepId, steps.Standing(StepState.NEVER, ""))
-    done = dict.fromkeys(StepId, steps.Standing(StepState.CURRENT, ""))
+    never = dict.fromkeys(StepId, steps.StepStatus(StepState.NEVER, ""))
+    done = dict.fromkeys(StepId, steps.StepStatus(StepState.CURRENT, ""))
     assert all(STEP[need].title in blocked_by(STEP[step], never) for need in STEP[step].needs)
     assert blocked_by(STEP[step], done) == ""
-    untested = done | {StepId.WIRING_TEST: steps.Standing(StepState.FAILED, "")}
+    untested = done | {StepId.WIRING_TEST: steps.StepStatus(StepState.FAILED, "")}
     assert blocked_by(STEP[step], untested) == "first: Wiring test"
 
 
 CELLS = tuple(CellCalibration(tendon, 10.7, 0.31, "measured") for tendon in "AB")
-MEASURED = Finding(True, "well", (), CELLS)
+MEASURED = StepFinding(True, "well", (), CELLS)
 TABLE = ((-1.0, -10.0), (9.0, 90.0))
 
 
@@ -159,17 +159,17 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     database = open_database(tmp_path)
     begun = datetime.now(UTC)
 
-    def standings() -> dict[StepId, steps.Standing]:
+    def standings() -> dict[StepId, steps.StepStatus]:
         return steps.states(steps.kept(database), WIRING, begun)
 
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
         steps.keep(database, step, WIRING, PASSED, "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
     steps.keep(database, StepId.TARE, WIRING, MEASURED, "Ada")
-    steps.keep(database, StepId.CALIBRATE, WIRING, Finding(True, "well", (), CELLS[:1]), "Ada")
+    steps.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
     assert not steps.in_effect(database, WIRING).load_cells_measured
-    steps.keep(database, StepId.CALIBRATE, WIRING, Finding(True, "well", (), CELLS[1:]), "Ada")
+    steps.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == ""
     assert steps.in_effect(database, WIRING).load_cells_measured
     assert not steps.in_effect(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
@@ -250,7 +250,7 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     tuning = tuning_command(PARAMETERS, default_choice(PARAMETERS).choice, None)
     known = steps.in_effect(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
-    person = Person("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
+    person = Prompt("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
     hands = KeptHands(database, supervisor.setup.plant)
     at_rig = Session(database, supervisor, PARAMETERS, person, load_wiring(str(file)), hands)
     at_rig.require_free(StepId.WIRING_TEST)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from backend.commissioning.procedures import DRIVEN_MIN_V, TURNED_BACK_RAD, let_go, near_pretension, peaks, uncut
-from backend.commissioning.steps import Finding, Rows, StepId
+from backend.commissioning.steps import Rows, StepFinding, StepId
 from backend.faults import FAULT_CODE, Fault
-from backend.realtime.commands import Accepted, ByHand, Refused, SetMode, Stop, TryModule
+from backend.realtime.commands import Accepted, Refused, SetMode, SimulateManualInput, Stop, TryModule
 from backend.realtime.program import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import Breakage, Broken, MotorCommand, Sensor
-from plant.manual_input import Hand
+from plant.manual_input import ManualInput
 from tests.commissioning.rigs import BroughtUpRig, played
 
 NAN = math.nan
@@ -62,7 +62,7 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
 
     rig.meanwhile = press
 
-    async def work() -> tuple[Finding, Mode]:
+    async def work() -> tuple[StepFinding, Mode]:
         finding = await rig.do(StepId.SAFETY_MODULE)
         await rig.loop.advance(0.01)
         return finding, rig.mode
@@ -93,7 +93,7 @@ def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool]
 
     rig.rig.write = watched  # type: ignore[method-assign]  # when it trips is in no sample
 
-    async def work() -> tuple[Finding, Rows]:
+    async def work() -> tuple[StepFinding, Rows]:
         first = rig.loop.ring.count
         finding = await rig.do(StepId.SAFETY_MODULE)
         await rig.loop.advance(0.01)
@@ -125,7 +125,7 @@ def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
         await rig.loop.send(SetMode(Mode.PRETENSION))
         await rig.loop.advance(12.0)
         assert isinstance(await rig.loop.send(TryModule()), Accepted)
-        await rig.loop.send(ByHand(Hand(F_limit=5.0)))
+        await rig.loop.send(SimulateManualInput(ManualInput(F_limit=5.0)))
         await rig.loop.advance(0.1)
         assert rig.mode is Mode.PRETENSION
         assert rig.rig.card_state().safety_tripped

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from backend.faults import Fault
 from backend.realtime.commands import (
     Accepted,
+    ApplyPush,
     Command,
     Event,
     Inject,
     Obstruct,
-    Push,
     Reset,
     RunProgram,
     SetMode,
@@ -24,16 +24,26 @@ from backend.realtime.commands import (
 )
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import Excitation, Law, Mode, Program, Segment, Shape, TensionLeg, Touch, VoltageStep
+from backend.realtime.program import (
+    ContactDetection,
+    Excitation,
+    Law,
+    Mode,
+    Program,
+    Segment,
+    Shape,
+    TensionLeg,
+    VoltageStep,
+)
 from backend.realtime.ring_buffer import Ring
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle
 from plant.interface import ON_SENSORS, Breakage, Broken, Sensor
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 
 LAB = load_parameters("lab")
-TUNING = tuning_for(LAB, Lambdas())
+TUNING = tuning_for(LAB, TuningParameters())
 WOUND_UP = 5900
 """Ticks after which both tendons hold the pretension."""
 
@@ -61,7 +71,7 @@ FELT = (
     Segment(1.5, 0.0, 11.0, wall=1), Segment(0.5, 0.25, 11.0, shape=Shape.RAMP, touch=1), Segment(0.3, 0.25, 11.0),
     Segment(0.3, 0.0, 11.0, shape=Shape.RAMP, touch=2), Segment(0.2, 0.0, 11.0),
 )  # fmt: skip
-RETUNINGS = (tuning_for(LAB, Lambdas(0.8, 0.6)), tuning_for(LAB, Lambdas(0.6, 0.9), u_plan=8.5))
+RETUNINGS = (tuning_for(LAB, TuningParameters(0.8, 0.6)), tuning_for(LAB, TuningParameters(0.6, 0.9), u_plan=8.5))
 STEPS = (VoltageStep(0.0, 3.0, 0.4, 4.0), VoltageStep(-1.0, 5.0, 0.3, 2.0))
 EXCITATION = Excitation(amplitude_rad=0.2, chip_s=0.05, levels="+-++-", periods=2)
 PROGRAMS = {
@@ -70,7 +80,10 @@ PROGRAMS = {
     "cascade with other tunings": Program(Law.CASCADE, RETUNED, tunings=RETUNINGS),
     "walls on the way": Program(Law.CASCADE, WALLED, walls=(Obstacle(1.0, 0.1, 2e4, 1.0), None)),
     "contacts of its own": Program(
-        Law.CASCADE, FELT, walls=(Obstacle(1.0, 0.1, 2e4, 1.0),), touches=(Touch(1.0, learns=True), Touch())
+        Law.CASCADE,
+        FELT,
+        walls=(Obstacle(1.0, 0.1, 2e4, 1.0),),
+        touches=(ContactDetection(1.0, learns=True), ContactDetection()),
     ),
     "single loop": Program(Law.SINGLE_LOOP, SEGMENTS),
     "feedback linearization": Program(Law.FEEDBACK_LINEARIZATION, SEGMENTS),
@@ -88,7 +101,7 @@ SCRIPTS: dict[str, Script] = {
         6800: SetReferences(-0.4, 9.0),
         7300: SetMode(Mode.COMPLIANCE, run=4),
     },
-    "a push by hand": RUN | {6000: Push(8.0, 0.3), 6900: Push(5.0, 2.0), 7200: SetMode(Mode.PRETENSION)},
+    "a push by hand": RUN | {6000: ApplyPush(8.0, 0.3), 6900: ApplyPush(5.0, 2.0), 7200: SetMode(Mode.PRETENSION)},
     "a wall by hand": RUN
     | {6000: Obstruct(Obstacle(1.0, 0.2, 1e4, 0.0)), 6100: SetReferences(0.25, 9.0), 7300: Obstruct(None)},
     "a soft stop": RUN | {6000: SetReferences(0.8, 12.0), 6200: SetMode(Mode.STOPPING), 7100: SetMode(Mode.PRETENSION)},

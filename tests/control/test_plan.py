@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from backend.control import decoupler, trajectory
 from backend.control.decoupler import decoupler_for
-from backend.control.trajectory import References, soonest_stand
+from backend.control.trajectory import LoopReferences, soonest_stand
 from backend.tuning.gains import knowledge
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -84,7 +84,7 @@ def standing(q: float, stiffness: float) -> trajectory.TrajectoryState:
 def step(
     state: trajectory.TrajectoryState, q_ref: float, S_ref: float, budget: float = BUDGET
 ) -> tuple[trajectory.Driven, trajectory.TrajectoryState]:
-    return trajectory.step(D, MODEL, budget, state, trajectory.now(D, state), References(q_ref, S_ref))
+    return trajectory.step(D, MODEL, budget, state, trajectory.now(D, state), LoopReferences(q_ref, S_ref))
 
 
 @pytest.mark.parametrize(("q", "stiffness"), [(1.0, 10.0), (0.0, 14.0), (-0.8, 13.0), (0.02, 10.0)])
@@ -142,7 +142,7 @@ def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_wer
     w_d: float, w_c: float, far_d: float, far_c: float, U: float
 ) -> None:
     """Each goal is ahead, no farther than the target; at one of less than that, its share of the voltage stops it."""
-    d, c = trajectory.Axis(1.0, w_d), trajectory.Axis(8.0, w_c)
+    d, c = trajectory.AxisMotion(1.0, w_d), trajectory.AxisMotion(8.0, w_c)
     sent = [trajectory.Goal(a.theta + math.copysign(far, a.omega), 0.0) for a, far in ((d, far_d), (c, far_c))]
     goal_d, goal_c, share = soonest_stand(K, T, U, d, c, sent[0], sent[1])
     assert 0.0 <= share <= 1.0
@@ -158,10 +158,10 @@ def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_wer
 
 
 def test_an_axis_on_a_goal_that_moves_is_stopped_before_its_end_where_that_is_known_and_ahead() -> None:
-    c, far = trajectory.Axis(8.0, 10.0), trajectory.braking_distance(K * 6.0, T, 10.0)
+    c, far = trajectory.AxisMotion(8.0, 10.0), trajectory.braking_distance(K * 6.0, T, 10.0)
     for end, bound in ((8.0 + far, True), (math.nan, False), (7.0, False)):
         sent = trajectory.Goal(0.0, 10.0), trajectory.Goal(8.0 + 0.5 * far, 10.0, end)
-        _, goal, share = soonest_stand(K, T, 8.5, trajectory.Axis(0.0, 10.0), c, *sent)
+        _, goal, share = soonest_stand(K, T, 8.5, trajectory.AxisMotion(0.0, 10.0), c, *sent)
         assert (goal.theta <= 8.0 + far + 1e-9) == bound
         assert share == pytest.approx(1.0 - 6.0 / (trajectory.BRAKING * 8.5) if bound else 0.5, abs=1e-6)
 

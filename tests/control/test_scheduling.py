@@ -5,7 +5,7 @@ import pytest
 
 from backend.control.decoupler import HYSTERESIS, Schedule, gains_at, select
 from backend.tuning import simulation
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from plant.parameters import load_parameters
 
 NOMINAL = np.array([8.24, 10.55, 12.43, 14.06])
@@ -21,7 +21,7 @@ def test_begins_at_the_nearest_entry() -> None:
 @pytest.mark.parametrize("S", [9.3, 9.5, 11.4, 11.6, 13.2, 13.3])
 def test_a_cascade_that_takes_over_begins_at_the_nearest_entry(S: float) -> None:
     parameters = load_parameters("ideal")
-    tuning = cascade_tuning(parameters, Lambdas())._replace(schedule=Schedule(ENTRIES, interpolate=False))
+    tuning = cascade_tuning(parameters, TuningParameters())._replace(schedule=Schedule(ENTRIES, interpolate=False))
     _, state = simulation.at_rest(simulation.rig_of(parameters), tuning, 0.0, S)
     assert state.active == np.argmin(np.abs(NOMINAL - S))
 

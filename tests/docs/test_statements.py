@@ -14,7 +14,7 @@ from backend.control import fault_detection, motion_primitives, motion_types
 from backend.control.step import KINDS, Resting
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.realtime import commands, control_loop, heartbeat, process, supervisor, timing  # noqa: F401  # with what it plays
-from backend.realtime.motions import Interpreted
+from backend.realtime.motions import PythonMotion
 from backend.recording import flight
 from backend.schemas.state import TimingView
 from plant import safety_card
@@ -72,7 +72,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
 
 def test_docstrings_say_what_the_code_does() -> None:
     assert "back to PRETENSION when it has ended" in said(commands.RunProgram)
-    assert set(re.findall(r"``(\w+)``", said(motion_types.Decision))) <= set(motion_types.Decision._fields)
+    assert set(re.findall(r"``(\w+)``", said(motion_types.ControlOutput))) <= set(motion_types.ControlOutput._fields)
     window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
     for name in ("rate_Hz", "lateness_p50_ms", "lateness_p99_ms"):
         assert window in (TimingView.model_fields[name].description or ""), name
@@ -104,13 +104,13 @@ def test_motions_live_in_the_files_that_the_architecture_names() -> None:
     sentence = re.search(r"Each mode has a motion: a state and a pure step \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in compiled}
-    interpreted = {found.__module__ for found in _interpreted(Interpreted)} - {Interpreted.__module__}
+    interpreted = {found.__module__ for found in _interpreted(PythonMotion)} - {PythonMotion.__module__}
     sentence = re.search(r"The interpreter steps the motions of the commissioning \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in interpreted}
 
 
-def _interpreted(kind: type[Interpreted]) -> Iterator[type[Interpreted]]:
+def _interpreted(kind: type[PythonMotion]) -> Iterator[type[PythonMotion]]:
     for found in kind.__subclasses__():
         yield found
         yield from _interpreted(found)

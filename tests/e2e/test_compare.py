@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from backend.banks.tuning_settings import default_choice
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import experiment
 from backend.experiments.plans import split_values
@@ -68,7 +68,7 @@ def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> 
     values = {**default_choice(lab).choice.document(), "segments": json.dumps(segments), "lam_q": lam_q}
     plan, settings = split_values(kind.settings, kind.make, values)
     with headless_station(database, lab, settings) as station:
-        outcome = asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     assert outcome.run.end_state == "completed"
 
 

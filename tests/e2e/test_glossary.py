@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect
 
 from backend.faults import EXPLAINED, Fault
-from backend.glossary.glossary import Kind, glossary
+from backend.glossary.glossary import TermKind, glossary
 from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import covered
@@ -178,7 +178,7 @@ def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
     expect(page.get_by_role("heading", level=1, name="Glossary")).to_be_visible()
     expect(page.get_by_role("status", name="Found")).to_have_text(f"{len(ENTRIES)} entries")
     faults = page.get_by_role("region", name="Faults", exact=True)
-    listed = sum(entry.kind is Kind.FAULT for entry in ENTRIES.values())
+    listed = sum(entry.kind is TermKind.FAULT for entry in ENTRIES.values())
     expect(faults.get_by_role("listitem")).to_have_count(listed)
     page.get_by_role("textbox", name="Look up").fill("card watchdog drives")
     expect(page.get_by_role("main")).to_contain_text(EXPLAINED[Fault.WATCHDOG].message)

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 import plant
-from backend.commissioning.steps import Finding, StepId, keep
+from backend.commissioning.steps import StepFinding, StepId, keep
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
@@ -34,7 +34,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     with closing(open_database(folder)) as database:
         for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION):
-            keep(database, step, wiring, Finding(True, "well", (), cells), "Ada")
+            keep(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
     with running_service(folder, plant=("rig", "--virtual-card", "--wiring", str(file))) as running:
         yield running
 

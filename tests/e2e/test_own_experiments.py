@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Response, expect
 
 from backend.banks.tuning_settings import default_choice
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import entry_of, text_of
 from backend.experiments.parser import read
@@ -102,7 +102,7 @@ def by_command(folder: Path) -> dict[str, float | None]:
     lab = load_parameters("lab")
     settings = LoopSettings(**default_choice(lab).choice.document())
     with headless_station(database, lab, settings) as station:
-        result = asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator"))).evaluation.result
+        result = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator"))).evaluation.result
     database.close()
     assert result is not None
     return {one.name: one.value for one in result.metrics.figures}

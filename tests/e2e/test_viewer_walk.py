@@ -30,7 +30,9 @@ MOST = 80
 LEFT_ALONE = re.compile(r"STOP|Sign out")
 """STOP does change the state, and is a viewer's to press; who signs out walks no further."""
 
-OWN = re.compile(r"/api/(preferences|session/name|experiments/(dry-run|check)|studies/check|(runs|flights)/\d+/replay)$")
+OWN = re.compile(
+    r"/api/(preferences|session/name|experiments/(dry-run|check)|studies/check|(runs|flights)/\d+/replay)$"
+)
 """What changes nothing that others see: preferences and name are a person's own, the others only answer or show."""
 
 BARE = ("system/developer",)

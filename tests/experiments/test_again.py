@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from backend.analysis.evaluation import Evaluation, NotEvaluableError, evaluate_again
-from backend.execution.runner import Order, create_run, run_experiment
+from backend.execution.runner import RunRequest, create_run, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
@@ -26,7 +26,7 @@ SETTINGS = LoopSettings(seed=3)
 def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
     database = open_database(tmp_path)
     with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
-        outcome = asyncio.run(run_experiment(station, Order(plan, SETTINGS, "Ana")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
     first = outcome.evaluation
     again = evaluate_again(database, outcome.run.id)
     assert first.result is not None
@@ -49,8 +49,8 @@ def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_pa
     with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
         object.__setattr__(station, "compute", compute)
         plan = ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
-        outcome = asyncio.run(run_experiment(station, Order(plan, SETTINGS, "Ana")))
-        running = create_run(station, Order(plan, SETTINGS, "Ana"))
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
+        running = create_run(station, RunRequest(plan, SETTINGS, "Ana"))
     assert (outcome.run.end_state, outcome.evaluation.result) == (EndState.COMPLETED, None)
     with database.reading() as session:
         assert runs.get(session, outcome.run.id).evaluation_problem == "MemoryError: no more of it"

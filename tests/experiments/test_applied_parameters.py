@@ -14,7 +14,7 @@ from backend.models.identification import (
     MOTOR_MODELS,
     MOTOR_QUALITIES,
     Fitted,
-    MotorModel,
+    IdentifiedMotor,
     MotorModels,
     MotorQualities,
     MotorQuality,
@@ -46,7 +46,7 @@ def motors(A: tuple[float, float], B: tuple[float, float]) -> NewIdentification:
     models, nothing = [], Pair(0.01, 0.01)
     for K_m, T_m in (A, B):
         known = Fitted(K_m, T_m, 0.07)
-        models.append(MotorModel(known, Fitted(0.001, 0.001, 0.001), True, (), Pair(K_m, T_m), nothing, nothing))
+        models.append(IdentifiedMotor(known, Fitted(0.001, 0.001, 0.001), True, (), Pair(K_m, T_m), nothing, nothing))
     quality = MotorQuality(rms_counts=1.0, grade=Grade.USABLE, verdict="usable", refused=(), steps=())
     return NewIdentification(
         kind="motor",

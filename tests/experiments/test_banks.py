@@ -22,10 +22,10 @@ from backend.banks.builder import (
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.parameters import PlantParameters, load_parameters
 
-LAMBDAS = Lambdas()
+LAMBDAS = TuningParameters()
 
 
 def entry(S: float, tension_N: float | None = None, **model: float) -> BankEntry:

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.analysis.context import InForce, kept_tuning, points_in
+from backend.analysis.context import EvaluationContext, kept_tuning, points_in
 from backend.analysis.frequency_metrics import BodeFigures, bode_figures, bode_lines
 from backend.analysis.step_metrics import NoSamplesError
-from backend.banks.tuning_settings import TuningChoice
-from backend.execution.simulation import Played, play_in_memory
+from backend.banks.tuning_settings import TuningSettings
+from backend.execution.simulation import SimulatedRun, play_in_memory
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.faults import Limit
-from backend.models.run import LAMBDA, TIME_OPTIMAL, KeptLoop
+from backend.models.run import LAMBDA, TIME_OPTIMAL, StoredLoopSettings
 from backend.storage.banks import Bank, BankEntry
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -27,20 +27,20 @@ MULTISINE = "{do: multisine, q_amplitude: 0.1, period_s: 4, lines: 8, periods: 3
 SMALL = {"period_s": 8.0, "lines": 10, "q_amplitude": 0.05, "S_amplitude": 0.3}
 
 
-def made(*parts: str, tuning: TuningChoice | None = None) -> InForce:
-    return InForce(IDEAL, plan_of(with_parts(*parts)), tuning or TuningChoice())
+def made(*parts: str, tuning: TuningSettings | None = None) -> EvaluationContext:
+    return EvaluationContext(IDEAL, plan_of(with_parts(*parts)), tuning or TuningSettings())
 
 
-def seen(in_force: InForce, **lags: float) -> dict[str, Any]:
+def seen(in_force: EvaluationContext, **lags: float) -> dict[str, Any]:
     columns = columns_of(in_force.plan.program(), **lags)
     return columns | {"limits": np.zeros_like(columns["q"])}
 
 
-def figures(in_force: InForce, columns: dict[str, Any]) -> BodeFigures:
+def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeFigures:
     return bode_figures(columns, in_force.plan.program(), in_force)
 
 
-def played(parameters: str, **tuning: Any) -> Played:
+def played(parameters: str, **tuning: Any) -> SimulatedRun:
     plan = ready_plan("frequency_response", **SMALL)
     return play_in_memory(load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank"))
 
@@ -171,7 +171,7 @@ def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> No
 
 def test_a_plan_on_its_way_is_no_limit_and_one_that_is_asked_for_too_much_predicts_nothing() -> None:
     for amplitude, words in ((0.02, ""), (1.0, "the excitation asks the plan for")):
-        in_force = made(LEAD_IN, MULTISINE.replace("0.1", str(amplitude)), tuning=TuningChoice(motion=TIME_OPTIMAL))
+        in_force = made(LEAD_IN, MULTISINE.replace("0.1", str(amplitude)), tuning=TuningSettings(motion=TIME_OPTIMAL))
         columns = seen(in_force)
         columns["limits"][:] = float(Limit.GOVERNOR)
         told = figures(in_force, columns)
@@ -202,7 +202,7 @@ def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
 
 def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_has_none() -> None:
     tuned = made(LEAD_IN, "{do: tuning, lam_q: 1.0}", MULTISINE)
-    plain = made(LEAD_IN, MULTISINE, tuning=TuningChoice(lam_q=1.0))
+    plain = made(LEAD_IN, MULTISINE, tuning=TuningSettings(lam_q=1.0))
     slow, same = (bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
     assert slow.expected is not None
     assert same.expected is not None
@@ -211,7 +211,7 @@ def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_h
     assert bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (
         "a bank was in use that the run did not begin with"
     )
-    lost = made(LEAD_IN, MULTISINE, tuning=TuningChoice(bank=3))
+    lost = made(LEAD_IN, MULTISINE, tuning=TuningSettings(bank=3))
     told = figures(lost, seen(lost))
     assert told.reasons["gain_off_q_dB"] == "the bank that was in use is not stored with the run, or cannot be read"
     assert told.bandwidth_q_Hz is not None
@@ -220,7 +220,9 @@ def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_h
 def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result() -> None:
     broken = Bank(3, "old", 1, "", "A. Operator", datetime.now(UTC), (BankEntry(10.0, {"version": 99}),))
     assert points_in(broken) == ()
-    assert kept_tuning(KeptLoop(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningChoice(lam_q=0.6, lam_motor=0.0258)
+    assert kept_tuning(StoredLoopSettings(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningSettings(
+        lam_q=0.6, lam_motor=0.0258
+    )
 
 
 def test_what_was_not_played_to_its_end_is_not_measured() -> None:

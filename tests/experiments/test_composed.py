@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.context import InForce
+from backend.analysis.context import EvaluationContext
 from backend.analysis.evaluation import (
     FIGURES,
     composed_result,
@@ -16,12 +16,12 @@ from backend.analysis.evaluation import (
     require_measurable,
 )
 from backend.analysis.step_metrics import NoSamplesError
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.experiments.parser import ExperimentError
-from backend.experiments.plans import ComposedPlan
+from backend.experiments.plans import ExperimentPlan
 from backend.experiments.schema import Bound, Experiment, Measure
-from backend.models.run import Figure, Metrics
-from backend.tuning.gains import Lambdas
+from backend.models.run import MeasuredFigure, Metrics
+from backend.tuning.gains import TuningParameters
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
 
@@ -30,12 +30,12 @@ STEPS = "{do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1.0}", "{do: step, q_re
 PUSHES = "{do: push, F_push: 4.0, duration_s: 0.5}", "{do: hold, duration_s: 1.5}"
 
 
-def plan(*parts: str, measures: tuple[Measure, ...], criteria: tuple[Bound, ...] = ()) -> ComposedPlan:
+def plan(*parts: str, measures: tuple[Measure, ...], criteria: tuple[Bound, ...] = ()) -> ExperimentPlan:
     made = plan_of(with_parts(*parts))
     return replace(made, experiment=replace(made.experiment, measures=measures, criteria=criteria))
 
 
-def columns(played: ComposedPlan) -> dict[str, Any]:
+def columns(played: ExperimentPlan) -> dict[str, Any]:
     """A joint and motors that are where they should be, but for a push, which moves the joint by 0.05 rad."""
     segments = played.program().segments
     ticks = [round(one.duration_s * 1000) for one in segments]
@@ -52,7 +52,7 @@ def columns(played: ComposedPlan) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def outline(made: ComposedPlan, played_s: float | None = None) -> Metrics:
+def outline(made: ExperimentPlan, played_s: float | None = None) -> Metrics:
     planned_s = made.program().duration_s
     played_s = planned_s if played_s is None else played_s
     return Metrics(
@@ -60,10 +60,12 @@ def outline(made: ComposedPlan, played_s: float | None = None) -> Metrics:
     )
 
 
-def result(made: ComposedPlan, missed: int = 0, played_s: float | None = None) -> tuple[dict[str, Figure], Any]:
+def result(
+    made: ExperimentPlan, missed: int = 0, played_s: float | None = None
+) -> tuple[dict[str, MeasuredFigure], Any]:
     told = outline(made, played_s)
     seen = {name: column[: round(told.played_s * 1000)] for name, column in columns(made).items()}
-    metrics, criteria = composed_result(seen, InForce(LAB, made, TuningChoice()), told, missed)
+    metrics, criteria = composed_result(seen, EvaluationContext(LAB, made, TuningSettings()), told, missed)
     return {item.name: item for item in metrics.figures}, {item.name: item for item in criteria}
 
 
@@ -124,12 +126,14 @@ def test_nothing_passes_that_was_not_seen_whole_and_what_fails_still_does() -> N
     assert [item.passed for item in whole.values()] == [True, False]
 
 
-FIGURE = Figure("min_tension_N", "N", "Smallest tension", "of both", 5.0)
+FIGURE = MeasuredFigure("min_tension_N", "N", "Smallest tension", "of both", 5.0)
 
 
-def judged(bound: Bound, figure: Figure = FIGURE, parameters: str = "lab", lambdas: Lambdas | None = None) -> Any:
+def judged(
+    bound: Bound, figure: MeasuredFigure = FIGURE, parameters: str = "lab", lambdas: TuningParameters | None = None
+) -> Any:
     made = plan(*STEPS, measures=(Measure.STEPS,), criteria=(bound,))
-    known = known_to_bounds({"depth": 0.5}, load_parameters(parameters), lambdas or Lambdas())
+    known = known_to_bounds({"depth": 0.5}, load_parameters(parameters), lambdas or TuningParameters())
     (criterion,) = criteria_of(made.experiment, [figure], known)
     return criterion
 
@@ -151,7 +155,7 @@ def judged(bound: Bound, figure: Figure = FIGURE, parameters: str = "lab", lambd
 def test_a_bound_speaks_of_settings_plant_and_tuning(
     bound: dict[str, Any], relation: str, limit: float, passed: bool
 ) -> None:
-    lambdas = Lambdas(lam_q=0.7, lam_S=0.9, lam_motor=0.05)
+    lambdas = TuningParameters(lam_q=0.7, lam_S=0.9, lam_motor=0.05)
     criterion = judged(Bound(figure="min_tension_N", **bound), lambdas=lambdas)
     assert (criterion.relation, criterion.bound, criterion.passed) == (relation, pytest.approx(limit), passed)
 

@@ -9,20 +9,20 @@ import pytest
 
 from backend.analysis.context import kept_tuning
 from backend.banks.builder import NamedEntry, require_consistent
-from backend.banks.tuning_settings import TuningChoice, default_choice
+from backend.banks.tuning_settings import TuningSettings, default_choice
 from backend.errors import OutOfRangeError
 from backend.execution.simulation import headless_station
 from backend.experiments.plans import LoopSettings
-from backend.models.run import KeptLoop
+from backend.models.run import StoredLoopSettings
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database
 from backend.tuning.gains import PointModel
-from backend.tuning.preview import Previewer
+from backend.tuning.preview import TuningPreviewer
 from backend.tuning.robustness import LAM_MOTOR_MIN
 from plant.parameters import PlantParameters, load_parameters
 from tests.experiments.parameter_files import quick_motors, weak_motors
 
-METHOD = TuningChoice()
+METHOD = TuningSettings()
 """The method's λ and motion; what a stored document without them means."""
 POINT = PointModel(10.55, 0.05, 0.342, 0.7209, 0.342)
 
@@ -56,13 +56,22 @@ def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
     ],
 )
 def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any], motion: str, budget: float) -> None:
-    for choice in (TuningChoice.of(stored), kept_tuning(KeptLoop(**stored)), TuningChoice().with_parts(stored)):
+    for choice in (
+        TuningSettings.of(stored),
+        kept_tuning(StoredLoopSettings(**stored)),
+        TuningSettings().with_parts(stored),
+    ):
         assert (choice.motion, choice.budget) == (motion, budget)
 
 
 def test_a_stored_loop_knows_the_limit_that_it_ran_with() -> None:
-    assert KeptLoop(motion="time-optimal", u_plan=3.0).budget == KeptLoop(u_plan=3.0).budget == 3.0
-    assert KeptLoop(motion="lambda", u_plan=3.0).budget == KeptLoop(u_plan=0.0).budget == KeptLoop().budget == 0.0
+    assert StoredLoopSettings(motion="time-optimal", u_plan=3.0).budget == StoredLoopSettings(u_plan=3.0).budget == 3.0
+    assert (
+        StoredLoopSettings(motion="lambda", u_plan=3.0).budget
+        == StoredLoopSettings(u_plan=0.0).budget
+        == StoredLoopSettings().budget
+        == 0.0
+    )
 
 
 def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:
@@ -101,8 +110,8 @@ def test_the_models_of_a_bank_decide_too() -> None:
     ideal, points = load_parameters("ideal"), (replace(POINT, T_q=0.9),)
     default = default_choice(ideal, points)
     with pytest.raises(OutOfRangeError, match="λ_q"):
-        Previewer(ideal, points).require_safe(METHOD.lambdas)
-    Previewer(ideal, points).require_safe(default.choice.lambdas)
+        TuningPreviewer(ideal, points).require_safe(METHOD.lambdas)
+    TuningPreviewer(ideal, points).require_safe(default.choice.lambdas)
     assert default.choice.lam_q > 0.8
 
 

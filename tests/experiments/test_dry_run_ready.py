@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.execution.runner import Doing, Order
+from backend.execution.runner import RunPhase, RunRequest
 from backend.execution.simulation import dry_run, get_ready, progress_in
 from backend.experiments.library import ready_plan
 from backend.experiments.parser import ExperimentError, read
@@ -25,7 +25,7 @@ def loaded_by_a_dry_run(folder: Path, ready: bool) -> int:
     if ready:
         get_ready(parameters, settings)
     before = len(compiled._KNOWN)
-    order = Order(ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
+    order = RunRequest(ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
     played = dry_run(parameters, order, (), ("q",), 10, folder)
     assert played.run.end_state == EndState.COMPLETED
     return len(compiled._KNOWN) - before
@@ -52,11 +52,11 @@ def test_a_bank_on_the_way_is_the_one_of_that_number(tmp_path: Path) -> None:
     model = ENTRY.write(EntryModel(K_q=made.K_q, T_q=made.T_q, K_S=made.K_S, T_S=made.T_S, tension_N=20.0))
     now = datetime.now(UTC)
     used = [Bank(number, f"bank {number}", 1, "", "A. Operator", now, (BankEntry(10.0, model),)) for number in (7, 4)]
-    order = Order(plan, LoopSettings(bank=7), "A. Operator")
-    assert progress_in(tmp_path) == (Doing.STARTING, 0.0)
+    order = RunRequest(plan, LoopSettings(bank=7), "A. Operator")
+    assert progress_in(tmp_path) == (RunPhase.STARTING, 0.0)
     played = dry_run(lab, order, used, ("q",), 10, tmp_path)
     assert played.run.end_state == "completed"
-    assert progress_in(tmp_path) == (Doing.EVALUATION, 0.0)
+    assert progress_in(tmp_path) == (RunPhase.EVALUATION, 0.0)
     with pytest.raises(ExperimentError, match="line 9") as refused:
         dry_run(lab, order, used[:1], ("q",), 10, tmp_path / "without")
     assert "4" in str(refused.value)

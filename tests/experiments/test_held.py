@@ -7,7 +7,7 @@ import pytest
 
 from backend.analysis.disturbance_metrics import hold_figures, hold_windows, holds_seen
 from backend.analysis.step_metrics import NoSamplesError
-from backend.experiments.plans import ComposedPlan
+from backend.experiments.plans import ExperimentPlan
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
@@ -19,7 +19,7 @@ HOLD = "{do: hold, duration_s: 3.0}"
 BACK = "{do: step, q_ref: 0.0, duration_s: 2.0}"
 
 
-def columns(plan: ComposedPlan) -> dict[str, Any]:
+def columns(plan: ExperimentPlan) -> dict[str, Any]:
     """An actuator that is where its references are, on whole counts."""
     segments = plan.program().segments
     q_ref, S_ref = (

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.execution.runner import Order, Outcome, Station, run_experiment
+from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.forecast import expected, start_from
 from backend.experiments.library import ready_plan
@@ -24,14 +24,14 @@ PLAN = ready_plan("compliance", profile="steps", hold_s=0.5, F_push=10.0)
 
 
 @pytest.fixture
-def station(tmp_path: Path) -> Iterator[Station]:
+def station(tmp_path: Path) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path)
     with headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
         yield made
     database.close()
 
 
-async def brought_off_centre(station: Station) -> None:
+async def brought_off_centre(station: ExperimentRig) -> None:
     assert isinstance(await station.loop.send(SetMode(Mode.PRETENSION)), Accepted)
     for _ in range(200):
         await station.loop.advance(0.1)
@@ -41,13 +41,15 @@ async def brought_off_centre(station: Station) -> None:
     await station.loop.advance(3.0)
 
 
-def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_long_as_told(station: Station) -> None:
-    async def work() -> tuple[Outcome, float, float]:
+def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_long_as_told(
+    station: ExperimentRig,
+) -> None:
+    async def work() -> tuple[RunResult, float, float]:
         await brought_off_centre(station)
         start = start_from(station.loop.ring.newest())
         assert start.q == pytest.approx(math.radians(15.0), abs=0.02)
         told_s, began = expected(PLAN, station.parameters, start).duration_s, station.loop.ring.count
-        outcome = await run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator"))
+        outcome = await run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator"))
         return outcome, told_s, (station.loop.ring.count - began) / 1000.0
 
     outcome, told_s, took_s = asyncio.run(work())

@@ -15,9 +15,9 @@ from backend.control.disturbance_observer import POLE
 from backend.experiments.library import ready_plan
 from backend.realtime.commands import Accepted, RunProgram
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import Law, Mode, Program, Segment, Touch
+from backend.realtime.program import ContactDetection, Law, Mode, Program, Segment
 from backend.sample import NAMES
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
@@ -46,7 +46,7 @@ def impacts(name: str = "lab") -> Driven:
     """The experiment as it is ready-made, with the plan's budget from the start."""
     parameters = load_parameters(name)
     plant = Simulator(parameters)
-    bench = BenchTop(parameters, tuning_for(parameters, Lambdas(), u_plan=8.5), plant)
+    bench = BenchTop(parameters, tuning_for(parameters, TuningParameters(), u_plan=8.5), plant)
     bench.wind_up()
     laid = PROGRAM
     segments = tuple(replace(segment, tuning=0) for segment in laid.segments)
@@ -152,7 +152,7 @@ def test_a_hit_is_felt_when_the_observers_poles_let_expect_it_and_given_way_to_i
 
 
 def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
-    program = Program(Law.CASCADE, (Segment(2.0, 0.0, 8.0, touch=1),), touches=(Touch(1.5),))
+    program = Program(Law.CASCADE, (Segment(2.0, 0.0, 8.0, touch=1),), touches=(ContactDetection(1.5),))
     seen = columns((8.0, 0.3, 4.0), (8.0, 0.3, 5.0))
     seen |= {"F_ext_hat": np.where(seen["t"] > 1.5, seen["F_wall"], 0.0), "limits": np.zeros_like(seen["t"])}
     one, other = hits_of(seen, program)
@@ -166,7 +166,7 @@ def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
 
 def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing() -> None:
     segments = (Segment(1.0, 0.0, 8.0), Segment(1.0, 0.0, 12.0, touch=1))
-    program = Program(Law.CASCADE, segments, touches=(Touch(1.5),))
+    program = Program(Law.CASCADE, segments, touches=(ContactDetection(1.5),))
     seen = columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0))
     felt = np.where(np.abs(seen["F_wall"]) > 1.5, 64.0, 0.0)
     figures = impact_figures(seen | {"F_ext_hat": seen["F_wall"], "limits": felt}, program)

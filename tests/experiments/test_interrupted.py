@@ -7,7 +7,7 @@ from itertools import cycle
 
 import pytest
 
-from backend.execution.runner import Doing, Order, Station, run_experiment
+from backend.execution.runner import ExperimentRig, RunPhase, RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments import library
 from backend.experiments.library import ready_plan
@@ -15,7 +15,7 @@ from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Command, Inject, Stop
 from backend.reports.build import build_report
-from backend.reports.model import Source, load_source, to_html
+from backend.reports.model import RunData, load_source, to_html
 from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
 from plant.interface import Breakage, Broken
@@ -52,20 +52,20 @@ TOO_EARLY = {
 class Interruption:
     """Sends a command once so much of the program has been played; counts as told of the run's progress."""
 
-    station: Station
+    station: ExperimentRig
     command: Command
     after_s: float
     sent: "asyncio.Task[object] | None" = None
 
-    def __call__(self, doing: Doing, elapsed_s: float) -> None:
-        if doing is Doing.PROGRAM and elapsed_s > self.after_s and self.sent is None:
+    def __call__(self, doing: RunPhase, elapsed_s: float) -> None:
+        if doing is RunPhase.PROGRAM and elapsed_s > self.after_s and self.sent is None:
             self.sent = asyncio.get_running_loop().create_task(self.station.loop.send(self.command))
 
 
-def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Command, after_s: float) -> Source:
+def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Command, after_s: float) -> RunData:
     database = open_database(tmp_path_factory.mktemp("interrupted"))
     with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
-        order = Order(ready_plan(name), LoopSettings(), "A. Operator")
+        order = RunRequest(ready_plan(name), LoopSettings(), "A. Operator")
         outcome = asyncio.run(run_experiment(station, order, Interruption(station, command, after_s)))
     source = load_source(database, outcome.run.id)
     database.close()

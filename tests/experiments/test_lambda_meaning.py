@@ -2,9 +2,9 @@
 
 import pytest
 
-from backend.execution.simulation import Played, play_in_memory
+from backend.execution.simulation import SimulatedRun, play_in_memory
 from backend.experiments.library import experiment
-from backend.experiments.plans import ComposedPlan, LoopSettings
+from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.models.run import LAMBDA, MOTIONS, TIME_OPTIMAL, StepFigures
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
@@ -22,14 +22,14 @@ SMALL_STEPS = (
 )
 
 
-def play(name: str, plan: object, settings: LoopSettings) -> Played:
-    assert isinstance(plan, ComposedPlan)
+def play(name: str, plan: object, settings: LoopSettings) -> SimulatedRun:
+    assert isinstance(plan, ExperimentPlan)
     played = play_in_memory(load_parameters(name), plan, settings, lambda _: pytest.fail("no bank is used"))
     assert played.end_state == "completed"
     return played
 
 
-def steps_of(played: Played) -> tuple[StepFigures, ...]:
+def steps_of(played: SimulatedRun) -> tuple[StepFigures, ...]:
     assert played.metrics.steps is not None
     return played.metrics.steps
 
@@ -50,7 +50,7 @@ def test_lambda_from_half_a_second_to_one_doubles_the_time_of_a_small_step(name:
 def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> None:
     """Whatever motion is active: the experiment names its own."""
     plan = experiment("lambda_sweep").make({})
-    assert isinstance(plan, ComposedPlan)
+    assert isinstance(plan, ExperimentPlan)
     played = play(name, plan, LoopSettings(motion=TIME_OPTIMAL))
     lambdas = [float(change["lam_q"]) for change in plan.laid.changes]
     assert lambdas == pytest.approx([0.9, (0.9 * 0.5) ** 0.5, 0.5])

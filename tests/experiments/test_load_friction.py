@@ -8,7 +8,7 @@ import numpy as np
 from backend.analysis.identification import document_of, load_friction_of
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.recording.reader import Columns
-from backend.reports.model import Paragraph, Source
+from backend.reports.model import Paragraph, RunData
 from backend.reports.sections import identifications_section
 from backend.storage.runs import EndState, Run
 from tests.identification.test_load_friction import C0, C1, computed
@@ -54,14 +54,14 @@ def test_runs_of_another_rig_and_runs_that_ended_early_are_left_out() -> None:
 
 def test_the_report_of_a_series_tells_the_friction_or_why_it_is_not_measured() -> None:
     made = [
-        Source(run, None, columns, None, replace(identification(), run_id=run.id))
+        RunData(run, None, columns, None, replace(identification(), run_id=run.id))
         for run, columns in (played(3, 12.0), played(4, 31.0))
     ]
     assert _told(made) == [load_friction_of([(one.run, one.columns) for one in made]).sentence]
     assert "not measured" in _told(made[:1])[0]
 
 
-def _told(made: list[Source]) -> list[str]:
+def _told(made: list[RunData]) -> list[str]:
     (section,) = identifications_section(made)
     words = (block.text for block in section.blocks if isinstance(block, Paragraph))
     return [text.partition(". Motor B")[0] for text in words if "friction" in text and "Motor B" in text]

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from backend.analysis.evaluation import known_to_bounds
-from backend.analysis.step_metrics import NoSamplesError, Step, step_metrics, steps_of, tracking_metrics
+from backend.analysis.step_metrics import NoSamplesError, ReferenceStep, step_metrics, steps_of, tracking_metrics
 from backend.experiments.library import ready_plan
-from backend.experiments.plans import ComposedPlan
+from backend.experiments.plans import ExperimentPlan
 from backend.models.run import Phase
 from backend.realtime.program import Law, Program, Segment, Shape
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.parameters import load_parameters
 from tests.experiments.judging import tracking_criteria
 
@@ -33,8 +33,8 @@ def second_order(t: Array, zeta: float, omega: float) -> Array:
     return 1 - np.exp(-zeta * omega * t) * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t))
 
 
-def step(before: float = 0.0, after: float = 1.0, end_s: float = 8.0) -> Step:
-    return Step("q", "position", 0.0, end_s, before, after, alone=True)
+def step(before: float = 0.0, after: float = 1.0, end_s: float = 8.0) -> ReferenceStep:
+    return ReferenceStep("q", "position", 0.0, end_s, before, after, alone=True)
 
 
 @pytest.mark.parametrize("lam", [0.25, 0.5, 0.9])
@@ -116,7 +116,9 @@ def test_what_never_happened_has_no_figure() -> None:
     assert result.settling_s is None
 
 
-def tracked(plan: ComposedPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coupling: float = 0.0) -> dict[str, Array]:
+def tracked(
+    plan: ExperimentPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coupling: float = 0.0
+) -> dict[str, Array]:
     """Samples of a loop that is exactly 1/(λs+1)² in both signals, plus a deviation of S proportional to dq/dt."""
     program = plan.program()
     t = np.arange(round(program.duration_s / T_s), dtype=float) * T_s
@@ -245,4 +247,6 @@ def test_criteria_judge_each_figure_against_its_own_bound() -> None:
     assert (ideal["deviation_S"], ideal["min_tension"], ideal["overshoot_q"]) == (False, False, True)
     assert (lab["deviation_S"], lab["min_tension"], lab["overshoot_q"]) == (True, True, True)
     ours = replace(load_parameters("lab"), name="our_rig")
-    assert known_to_bounds({}, ours, Lambdas())["ideal"] is False  # any other is judged as a real bench, like lab
+    assert (
+        known_to_bounds({}, ours, TuningParameters())["ideal"] is False
+    )  # any other is judged as a real bench, like lab

@@ -13,7 +13,7 @@ from backend.identification.motor import judge_motor
 from backend.models.identification import grade_of
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.model import Source
+from backend.reports.model import RunData
 from backend.schemas.run import ChecklistState
 from backend.services import lineage
 from backend.storage import runs
@@ -60,7 +60,7 @@ def outcome(found: Identification) -> tuple[str, str]:
     assert tracked.result is not None
     run = replace(tracked.run, kind="motor_identification")
     result = replace(tracked.result, metrics=Metrics(complete=True, played_s=1.0, planned_s=1.0), criteria=())
-    report = build_report(Source(run, result, tracked.columns, None, found))
+    report = build_report(RunData(run, result, tracked.columns, None, found))
     return report.outcome, report.verdict
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from backend.analysis.disturbance_metrics import compliance_figures
-from backend.analysis.step_metrics import Step, TrackingMetrics, judge, step_metrics, tracking_metrics
+from backend.analysis.step_metrics import ReferenceStep, TrackingMetrics, judge, step_metrics, tracking_metrics
 from backend.experiments.library import ready_plan
-from backend.experiments.plans import ComposedPlan
-from backend.models.run import Criterion
+from backend.experiments.plans import ExperimentPlan
+from backend.models.run import RunCriterion
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
 from tests.experiments.test_compliance import R_J, pushed
 from tests.experiments.test_metrics import T_s, double_lag, step, tracked
@@ -17,11 +17,11 @@ from tests.experiments.test_metrics import T_s, double_lag, step, tracked
 SHORT_HOLDS = ready_plan("tracking", q_duration_s=1.5, S_duration_s=2.0)
 
 
-def measured(plan: ComposedPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
+def measured(plan: ExperimentPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
     return tracking_metrics(tracked(plan, lam_q=lam_q, lam_S=lam_S), plan.program(), plan.phases())
 
 
-def by_name(criteria: tuple[Criterion, ...]) -> dict[str, Criterion]:
+def by_name(criteria: tuple[RunCriterion, ...]) -> dict[str, RunCriterion]:
     return {item.name: item for item in criteria}
 
 
@@ -42,7 +42,7 @@ def test_a_step_that_begins_on_its_way_has_no_figure_of_its_own() -> None:
     t = np.arange(0, 8, T_s)
     begins_at = 0.18
     y = 8.0 + 2.0 * (begins_at + (1 - begins_at) * double_lag(t, 0.42))
-    result = step_metrics(t, y, Step("S", "stiffness", 0.0, 8.0, 8.0, 10.0, alone=True))
+    result = step_metrics(t, y, ReferenceStep("S", "stiffness", 0.0, 8.0, 8.0, 10.0, alone=True))
     assert (result.rise_s, result.reach_s, result.settling_s, result.overshoot_percent) == (None, None, None, None)
     for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent"):
         assert result.reasons[name] == "it began at 18 % of its way: the motion before was not over"

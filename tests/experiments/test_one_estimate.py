@@ -19,7 +19,7 @@ from backend.models.identification import ChannelName
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.identification_report import again_command
-from backend.reports.model import Code, Paragraph, Report, Source
+from backend.reports.model import Code, Paragraph, Report, RunData
 from backend.storage.identifications import Identification
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -95,7 +95,7 @@ def report_of(found: Identification, record: dict[str, np.ndarray]) -> Report:
         tracked.run, kind="actuator_identification", settings={**tracked.run.settings, "plan": {"tension_N": 20.0}}
     )
     result = replace(tracked.result, metrics=Metrics(complete=True, played_s=1.0, planned_s=1.0), criteria=())
-    return build_report(Source(run, result, record, None, found))
+    return build_report(RunData(run, result, record, None, found))
 
 
 def words_of(report: Report) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control import setpoint_player
-from backend.control.motion_types import Target
+from backend.control.motion_types import Setpoint
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import POINTS, ActuatorIdentificationPlan, profile
 from backend.realtime.motions import player_of
@@ -29,7 +29,7 @@ MIXED = Program(
 
 def played(program: Program, q_ref: float, S_ref: float) -> np.ndarray:
     """Every tick as the loop plays it: (ticks, 2)."""
-    last = Target(q_ref, S_ref, 0.0)
+    last = Setpoint(q_ref, S_ref, 0.0)
     now = player_of(program.segments, last)
     rows: list[tuple[float, float]] = []
     while True:

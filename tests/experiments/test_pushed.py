@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.context import InForce
+from backend.analysis.context import EvaluationContext
 from backend.analysis.disturbance_metrics import push_figures, push_windows, pushes_seen
 from backend.analysis.step_metrics import NoSamplesError
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.execution.simulation import play_in_memory
-from backend.experiments.plans import ComposedPlan, LoopSettings
+from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.models.run import MOTIONS, TIME_OPTIMAL
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import INPUTS, OUTPUTS, sampled_loop
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -28,11 +28,11 @@ IMPULSE = "{do: push, F_push: 10.0, duration_s: 0.01}"
 PUSHED = with_parts(HELD, STEP, REST, *RAMP, REST, IMPULSE, REST, more="measures: [pushes]\n")
 
 
-def of(plan: ComposedPlan, tuning: TuningChoice | None = None) -> InForce:
-    return InForce(IDEAL, plan, tuning or TuningChoice())
+def of(plan: ExperimentPlan, tuning: TuningSettings | None = None) -> EvaluationContext:
+    return EvaluationContext(IDEAL, plan, tuning or TuningSettings())
 
 
-def columns(plan: ComposedPlan, q: Any = 0.0) -> dict[str, Any]:
+def columns(plan: ExperimentPlan, q: Any = 0.0) -> dict[str, Any]:
     """Samples as they are recorded: a push stands in the sample after the tick that it acted in."""
     segments = plan.program().segments
     force: list[float] = []
@@ -70,16 +70,16 @@ def test_force_impulse_and_static_deviation_are_those_of_the_push() -> None:
 def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> None:
     plan, lam_q = plan_of(PUSHED), 0.6
     seen = columns(plan)
-    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, Lambdas(lam_q=lam_q)), 10.0).closed
+    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam_q)), 10.0).closed
     w = np.zeros((seen["q"].size, len(INPUTS)))
     w[:-1, INPUTS.tau_ext] = R_J * seen["F_push"][1:]
     seen["q"] = 1.1 * loop.played(w)[:, OUTPUTS.q]
-    step, ramp, impulse = pushes_seen(seen, plan.program(), of(plan, TuningChoice(lam_q=lam_q)))
+    step, ramp, impulse = pushes_seen(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
     # the answers of earlier pushes have nearly died down
     assert [one.off_percent for one in (step, ramp, impulse)] == pytest.approx([10.0, 10.0, 10.0], abs=1.0)
     assert step.peak_q > 1.1 * step.static  # it swings beyond
     assert ramp.peak_q < 1.1 * ramp.static
-    figures = push_figures(seen, plan.program(), of(plan, TuningChoice(lam_q=lam_q)))
+    figures = push_figures(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
     assert figures.pushed_off_percent == pytest.approx(10.0, abs=1.0)
     assert figures.pushed_peak_q == max(step.peak_q, impulse.peak_q)
     assert figures.pushed_static_ratio == step.peak_q / step.static
@@ -100,7 +100,7 @@ def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_w
     played = play_in_memory(IDEAL, plan_of(text), settings, lambda _: pytest.fail("no bank"))
     assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
-    choice = TuningChoice(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
+    choice = TuningSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
     pushes = pushes_seen(columns(plan), plan.program(), of(plan, choice))
     left = [float(abs(one.expected[900])) for one in pushes if one.expected is not None]
     assert len(left) == 2

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from backend.analysis.evaluation import evaluate_again
-from backend.banks.tuning_settings import TuningChoice
-from backend.execution.runner import Order, Outcome, Station, run_experiment
+from backend.banks.tuning_settings import TuningSettings
+from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
 from backend.execution.simulation import dry_run, headless_station
 from backend.experiments import parser
 from backend.experiments.library import NAMES, experiment, kept_values, ready_made, ready_plan, stored_plan, text_of
-from backend.experiments.plans import ComposedPlan, LoopSettings
+from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.experiments.schema import schema
 from backend.recording.reader import recorded_columns
 from backend.services.library import OwnExperiments
@@ -23,19 +23,19 @@ from plant.parameters import load_parameters
 
 
 @pytest.fixture(scope="module")
-def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path_factory.mktemp("ready-made"))
     with headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
         yield made
     database.close()
 
 
-def played(station: Station, plan: ComposedPlan) -> Outcome:
-    return asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))
+def played(station: ExperimentRig, plan: ExperimentPlan) -> RunResult:
+    return asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Station, name: str) -> None:
+def test_it_completes_on_the_simulator_and_its_criteria_hold(station: ExperimentRig, name: str) -> None:
     outcome = played(station, ready_plan(name))
     assert outcome.run.end_state == "completed"
     result = outcome.evaluation.result
@@ -50,7 +50,7 @@ def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Station, n
 @pytest.mark.parametrize("name", NAMES)
 def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path, name: str) -> None:
     """What the page plays dry, and what ``sinew experiment`` plays, each in an installation of its own."""
-    lab, order = load_parameters("lab"), Order(ready_plan(name), LoopSettings(), "A. Operator")
+    lab, order = load_parameters("lab"), RunRequest(ready_plan(name), LoopSettings(), "A. Operator")
     dry = dry_run(lab, order, (), ("q",), 10, tmp_path / "dry").result
     database = open_database(tmp_path / "command")
     with headless_station(database, lab, LoopSettings()) as station:
@@ -74,7 +74,7 @@ def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
     database = open_database(tmp_path)
     own = OwnExperiments(database)
     copied = text_of(name).replace(f"name: {name}\n", "name: mine\n", 1)
-    kept = own.keep(copied, "A. Operator", load_parameters("lab"), TuningChoice())
+    kept = own.keep(copied, "A. Operator", load_parameters("lab"), TuningSettings())
     assert (kept.name, kept.version) == ("mine", 1)
     mine, theirs = own.entry("mine"), experiment(name)
     assert mine.usual.program() == theirs.usual.program()
@@ -88,7 +88,7 @@ def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path
     first = text_of("step_battery").replace("name: step_battery\n", "name: mine\n", 1)
     second = first.replace("default: 5 * pi / 18", "default: 0.7")
     for written, version in ((first, 1), (second, 2), (second, 2), (first, 3)):
-        assert own.keep(written, "A. Operator", lab, TuningChoice()).version == version
+        assert own.keep(written, "A. Operator", lab, TuningSettings()).version == version
     assert own.written("mine@1").text == own.written("mine").text == first
     assert own.written("mine@2").text == second
     assert [entry.name for entry in own.all()][-1] == "mine@3"
@@ -106,7 +106,7 @@ def test_the_schema_knows_every_motion_and_nothing_else() -> None:
     assert all(one.get("additionalProperties") is False for one in motions.values() if "properties" in one)
 
 
-def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(station: Station) -> None:
+def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(station: ExperimentRig) -> None:
     plan = ready_plan("lambda_sweep", lam_first=0.8, lam_last=0.6, count=2, hold_s=5.0)
     outcome = played(station, plan)
     columns, _ = recorded_columns(station.database, outcome.run.id)
@@ -121,7 +121,7 @@ def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(stat
     assert set(after["lam_q"]) == {0.5}
 
 
-def test_a_step_is_faster_under_a_smaller_lambda(station: Station) -> None:
+def test_a_step_is_faster_under_a_smaller_lambda(station: ExperimentRig) -> None:
     outcome = played(station, ready_plan("lambda_sweep", lam_first=1.0, lam_last=0.5, count=2))
     result = outcome.evaluation.result
     assert result is not None

@@ -15,7 +15,7 @@ from backend.analysis.frequency_metrics import (
     responses,
 )
 from backend.analysis.step_metrics import NoSamplesError, excitations
-from backend.control.motion_types import Target
+from backend.control.motion_types import Setpoint
 from backend.control.setpoint_player import play
 from backend.realtime.motions import player_of
 from backend.realtime.program import Program
@@ -30,7 +30,7 @@ LAG_S = 0.4
 
 def references(program: Program) -> tuple[Array, Array]:
     """What the loop's own player gives, tick by tick."""
-    player, target = player_of(program.segments, Target(0.0, 10.0, 0.0)), Target(0.0, 10.0, 0.0)
+    player, target = player_of(program.segments, Setpoint(0.0, 10.0, 0.0)), Setpoint(0.0, 10.0, 0.0)
     rows = []
     done = False
     while not done:

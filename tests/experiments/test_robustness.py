@@ -13,14 +13,14 @@ from scipy.signal import lsim
 
 from backend.analysis.disturbance_metrics import BACK_SHARE, RobustnessColumns, robustness_figures
 from backend.analysis.step_metrics import NoSamplesError, load_steps
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import experiments, ready_plan
-from backend.experiments.plans import ComposedPlan, LoopSettings
+from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Refused, RunProgram
 from backend.realtime.program import Law, Mode, Program, Segment, Shape
 from backend.reports.build import build_report
-from backend.reports.model import Report, Source, Table, load_source
+from backend.reports.model import Report, RunData, Table, load_source
 from backend.storage.database import open_database
 from backend.tuning.gains import motor_loops
 from plant.interface import T_s
@@ -42,17 +42,17 @@ def ideal() -> PlantParameters:
 
 
 @pytest.fixture(scope="module")
-def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Source]:
+def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunData]:
     """Ordered, played, judged and stored as from the command line."""
     database = open_database(tmp_path_factory.mktemp("robustness"))
     with headless_station(database, ideal, LoopSettings()) as station:
-        outcome = asyncio.run(run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator")))
     yield load_source(database, outcome.run.id)
     database.close()
 
 
 @pytest.fixture(scope="module")
-def columns(source: Source) -> RobustnessColumns:
+def columns(source: RunData) -> RobustnessColumns:
     return source.columns
 
 
@@ -131,7 +131,7 @@ def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_pat
     plan = ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
         with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
-            outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))
+            outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
         source = load_source(database, outcome.run.id)
     assert source.result is not None
     back = source.result.criteria[0]
@@ -155,7 +155,7 @@ def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Robustn
         robustness_figures(early, STEPS, 0.0)
 
 
-def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> None:
+def test_the_report_says_what_was_measured_and_by_which_load(source: RunData) -> None:
     assert source.result is not None
     figures = robustness_figures(source.columns, STEPS, 0.0)
     stored = {item.name: item.value for item in source.result.metrics.figures}
@@ -252,6 +252,6 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
 
 def test_it_is_offered_with_the_papers_load() -> None:
     offered = experiments()["robustness"].usual
-    assert isinstance(offered, ComposedPlan)
+    assert isinstance(offered, ExperimentPlan)
     r_m = load_parameters("lab").geometry.r_m
     assert offered.values["load_Nm"] == pytest.approx(50.0 * r_m)

@@ -10,7 +10,15 @@ import pytest
 from backend.analysis.step_metrics import tracking_metrics
 from backend.banks.builder import BankError, build_bank, points_of, tuning_command
 from backend.errors import OutOfRangeError
-from backend.execution.runner import Doing, NotReadyError, Order, Outcome, Station, create_run, run_experiment
+from backend.execution.runner import (
+    ExperimentRig,
+    NotReadyError,
+    RunPhase,
+    RunRequest,
+    RunResult,
+    create_run,
+    run_experiment,
+)
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
@@ -32,22 +40,24 @@ def parameters() -> str:
 
 
 @pytest.fixture
-def station(parameters: str, tmp_path: Path) -> Iterator[Station]:
+def station(parameters: str, tmp_path: Path) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path)
     with headless_station(database, load_parameters(parameters), SETTINGS) as made:
         yield made
     database.close()
 
 
-def perform(station: Station, plan: Plan, during: Callable[[Doing, float], Awaitable[None]] | None = None) -> Outcome:
-    async def work() -> Outcome:
+def perform(
+    station: ExperimentRig, plan: Plan, during: Callable[[RunPhase, float], Awaitable[None]] | None = None
+) -> RunResult:
+    async def work() -> RunResult:
         waiting: list[asyncio.Task[None]] = []
 
-        def notify(doing: Doing, elapsed_s: float) -> None:
+        def notify(doing: RunPhase, elapsed_s: float) -> None:
             if during is not None:
                 waiting.append(asyncio.ensure_future(during(doing, elapsed_s)))
 
-        outcome = await run_experiment(station, Order(plan, SETTINGS, "A. Operator", "a note"), notify)
+        outcome = await run_experiment(station, RunRequest(plan, SETTINGS, "A. Operator", "a note"), notify)
         await asyncio.gather(*waiting)
         return outcome
 
@@ -55,7 +65,7 @@ def perform(station: Station, plan: Plan, during: Callable[[Doing, float], Await
 
 
 @pytest.mark.parametrize("parameters", ["lab"])
-def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station) -> None:
+def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: ExperimentRig) -> None:
     outcome = perform(station, HASTY)
     run, result = outcome.run, outcome.evaluation.result
     assert (run.end_state, run.end_detail, run.who, run.note) == ("completed", "", "A. Operator", "a note")
@@ -91,7 +101,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
     ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.2, 4)]
 )
 def test_tracking_keeps_what_it_promises(
-    station: Station, overshoot: float, deviation_S: float, tension: float
+    station: ExperimentRig, overshoot: float, deviation_S: float, tension: float
 ) -> None:
     plan = ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)
     outcome = perform(station, plan)
@@ -121,13 +131,13 @@ def test_tracking_keeps_what_it_promises(
     ],
 )
 def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
-    station: Station, command: Stop, end_state: str, detail: str
+    station: ExperimentRig, command: Stop, end_state: str, detail: str
 ) -> None:
     sent = False
 
-    async def interfere(doing: Doing, elapsed_s: float) -> None:
+    async def interfere(doing: RunPhase, elapsed_s: float) -> None:
         nonlocal sent
-        if doing is Doing.PROGRAM and elapsed_s >= 2.0 and not sent:
+        if doing is RunPhase.PROGRAM and elapsed_s >= 2.0 and not sent:
             sent = True
             await station.loop.send(command)
 
@@ -146,13 +156,13 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
     assert columns["t"].size == round(result.metrics.played_s * 1000)
 
     with pytest.raises(NotReadyError, match="reset"):
-        create_run(station, Order(HASTY, LoopSettings(), "A. Operator"))
+        create_run(station, RunRequest(HASTY, LoopSettings(), "A. Operator"))
     assert isinstance(asyncio.run(station.loop.send(Reset())), Accepted)
     asyncio.run(station.loop.advance(0.01))
-    assert create_run(station, Order(HASTY, LoopSettings(), "A. Operator")).id > outcome.run.id
+    assert create_run(station, RunRequest(HASTY, LoopSettings(), "A. Operator")).id > outcome.run.id
 
 
-def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Station) -> None:
+def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: ExperimentRig) -> None:
     outcome = perform(station, ActuatorIdentificationPlan(tension_N=20.0))
     found = outcome.evaluation.identification
     assert found is not None, outcome.evaluation.problem
@@ -180,7 +190,7 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Stat
 
 
 @pytest.mark.parametrize("parameters", ["lab"])
-def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is_out(station: Station) -> None:
+def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is_out(station: ExperimentRig) -> None:
     outcome = perform(station, ready_plan("compliance", pushes=2, hold_s=1.0))
     result = outcome.evaluation.result
     assert result is not None
@@ -193,10 +203,10 @@ def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is
     assert all(item.passed for item in result.criteria)
 
 
-def test_an_identification_that_ends_early_gives_no_model(station: Station) -> None:
+def test_an_identification_that_ends_early_gives_no_model(station: ExperimentRig) -> None:
 
-    async def stop(doing: Doing, elapsed_s: float) -> None:
-        if doing is Doing.PROGRAM and elapsed_s >= 3.0:
+    async def stop(doing: RunPhase, elapsed_s: float) -> None:
+        if doing is RunPhase.PROGRAM and elapsed_s >= 3.0:
             await station.loop.send(Stop())
 
     outcome = perform(station, ActuatorIdentificationPlan(), stop)

@@ -10,15 +10,15 @@ import pytest
 
 from backend.banks import tuning_settings
 from backend.banks.builder import tuning_command
-from backend.banks.tuning_settings import TuningChoice, changes_told
+from backend.banks.tuning_settings import TuningSettings, changes_told
 from backend.experiments.plans import LoopSettings, SequencePlan, split_values
 from backend.models.settings import describe, from_values
 from backend.schemas.state import TrialView
 from backend.schemas.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import settings
 from backend.storage.database import open_database
-from backend.tuning.gains import Lambdas
-from backend.tuning.preview import STEP_Q, Previewer
+from backend.tuning.gains import TuningParameters
+from backend.tuning.preview import STEP_Q, TuningPreviewer
 from plant.parameters import load_parameters
 
 OTHER: dict[str, Any] = {
@@ -36,13 +36,13 @@ OTHER: dict[str, Any] = {
 
 
 def test_every_part_is_tried_here() -> None:
-    assert list(OTHER) == [field.name for field in fields(TuningChoice)]
-    assert all(value != getattr(TuningChoice(), name) for name, value in OTHER.items())
-    assert {field.name for field in fields(Lambdas)} <= set(OTHER)
+    assert list(OTHER) == [field.name for field in fields(TuningSettings)]
+    assert all(value != getattr(TuningSettings(), name) for name, value in OTHER.items())
+    assert {field.name for field in fields(TuningParameters)} <= set(OTHER)
 
 
 def test_what_is_told_of_a_change_says_all_of_it() -> None:
-    before, after = TuningChoice(), TuningChoice(**OTHER)
+    before, after = TuningSettings(), TuningSettings(**OTHER)
     assert changes_told(", ".join(after.differences(before))) == OTHER
     assert changes_told(", ".join(before.differences(after))) == before.document()
     for text in ("the same tuning again", "trial kept", "λ_q 0.5 s", "by the program: λ_q 0.5 s, λ_S 0.4 s"):
@@ -51,15 +51,15 @@ def test_what_is_told_of_a_change_says_all_of_it() -> None:
 
 @pytest.mark.parametrize("name", OTHER)
 def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Path) -> None:
-    before = TuningChoice()
+    before = TuningSettings()
     after = replace(before, **{name: OTHER[name]})
     assert after != before
     assert len(after.differences(before)) == 1
     assert before.differences(before) == []
     assert changes_told(f"for the run: {after.differences(before)[0]}") == {name: OTHER[name]}
-    assert TuningChoice.of(after.document()) == after
+    assert TuningSettings.of(after.document()) == after
     assert LoopSettings(**after.document(), seed=4).tuning == after
-    assert TuningChoice.of(asdict(LoopSettings(**after.document(), seed=4))) == after
+    assert TuningSettings.of(asdict(LoopSettings(**after.document(), seed=4))) == after
     _, ordered = split_values(describe(SequencePlan), partial(from_values, SequencePlan), {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
@@ -82,7 +82,7 @@ def test_every_body_of_the_interface_has_every_part(schema: type[TuningParts]) -
 def test_b_reaches_the_gains_of_the_loop() -> None:
     """Table 2 with a weighed reference: k_r = b k_p, all else as without."""
     ideal = load_parameters("ideal")
-    plain, weighed = (tuning_command(ideal, TuningChoice(b=b), None).entries[0] for b in (0.0, 0.7))
+    plain, weighed = (tuning_command(ideal, TuningSettings(b=b), None).entries[0] for b in (0.0, 0.7))
     assert (plain.k_r_q, plain.k_r_S) == (0.0, 0.0)
     assert (weighed.k_r_q, weighed.k_r_S) == pytest.approx((0.7 * plain.k_p_q, 0.7 * plain.k_p_S), rel=1e-12)
     assert replace(weighed, k_r_q=0.0, k_r_S=0.0) == plain
@@ -92,13 +92,13 @@ def test_b_reaches_the_gains_of_the_loop() -> None:
 def test_the_offered_range_leaves_voltage_with_b_too(lam_motor: float) -> None:
     """A reference that is felt at once takes more voltage: the range that was found without it would clip."""
     lab = load_parameters("lab")
-    previewer = Previewer(lab, lam_motor=lam_motor, b=1.0)
+    previewer = TuningPreviewer(lab, lam_motor=lam_motor, b=1.0)
     lam_q, _ = previewer.safe_range()
-    lambdas, point = Lambdas(lam_q=lam_q, lam_motor=lam_motor, b=1.0), previewer.points[0]
+    lambdas, point = TuningParameters(lam_q=lam_q, lam_motor=lam_motor, b=1.0), previewer.points[0]
     held = (point.S_nominal, point.S_nominal)
     peak_V = previewer._peak_voltage(lambdas, point, (-STEP_Q, STEP_Q), held, lam_q)
     assert peak_V < lab.motor.u_max
-    assert peak_V > Previewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).step_q.peak_voltage
+    assert peak_V > TuningPreviewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).step_q.peak_voltage
     assert np.isfinite(peak_V)
 
 
@@ -115,5 +115,5 @@ def test_a_document_from_before_b_was_kept_says_what_it_lacks(tmp_path: Path) ->
     kept = tuning_settings.newest_tuning(database, parameters)
     database.close()
     assert kept is not None
-    assert kept.choice == TuningChoice(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)
+    assert kept.choice == TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)
     assert kept.lacks == ("b",)

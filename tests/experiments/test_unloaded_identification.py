@@ -8,7 +8,7 @@ import pytest
 
 from backend.analysis.identification import from_table, identify_motors, side_steps
 from backend.errors import OutOfRangeError
-from backend.execution.runner import Doing, Order, Station, run_experiment
+from backend.execution.runner import ExperimentRig, RunPhase, RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.prediction import predict_motor, predict_spring
@@ -33,18 +33,18 @@ def lab() -> PlantParameters:
 
 
 @pytest.fixture(scope="module")
-def station(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+def station(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path_factory.mktemp("unloaded"))
     with headless_station(database, lab, LoopSettings(seed=2)) as made:
         yield made
     database.close()
 
 
-def order(plan: MotorIdentificationPlan | SpringIdentificationPlan) -> Order:
-    return Order(plan, LoopSettings(seed=2), "A. Operator")
+def order(plan: MotorIdentificationPlan | SpringIdentificationPlan) -> RunRequest:
+    return RunRequest(plan, LoopSettings(seed=2), "A. Operator")
 
 
-def test_voltage_steps_give_back_the_simulated_motors(station: Station, lab: PlantParameters) -> None:
+def test_voltage_steps_give_back_the_simulated_motors(station: ExperimentRig, lab: PlantParameters) -> None:
     outcome = asyncio.run(run_experiment(station, order(MOTOR)))
     found, result = outcome.evaluation.identification, outcome.evaluation.result
     assert found is not None, outcome.evaluation.problem
@@ -76,7 +76,7 @@ def test_voltage_steps_give_back_the_simulated_motors(station: Station, lab: Pla
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_a_sweep_gives_back_the_simulated_springs(station: Station, lab: PlantParameters) -> None:
+def test_a_sweep_gives_back_the_simulated_springs(station: ExperimentRig, lab: PlantParameters) -> None:
     outcome = asyncio.run(run_experiment(station, order(SPRING)))
     found, result = outcome.evaluation.identification, outcome.evaluation.result
     assert found is not None, outcome.evaluation.problem
@@ -100,14 +100,14 @@ def test_a_sweep_gives_back_the_simulated_springs(station: Station, lab: PlantPa
     assert predict_spring(SPRING, lab).good
 
 
-def test_a_run_that_ends_early_keeps_its_data_and_gives_no_model(station: Station) -> None:
+def test_a_run_that_ends_early_keeps_its_data_and_gives_no_model(station: ExperimentRig) -> None:
     async def perform() -> str:
         stopped = False
         waiting = []
 
-        def notify(doing: Doing, elapsed_s: float) -> None:
+        def notify(doing: RunPhase, elapsed_s: float) -> None:
             nonlocal stopped
-            if doing is Doing.PROGRAM and elapsed_s > 1.0 and not stopped:
+            if doing is RunPhase.PROGRAM and elapsed_s > 1.0 and not stopped:
                 stopped = True
                 waiting.append(asyncio.ensure_future(station.loop.send(Stop(hard=False))))
 
@@ -174,6 +174,6 @@ def test_a_measured_table_is_identified_with_its_digest() -> None:
             from_table("bench.csv", bad, "A. Operator", "0.1.0")
 
 
-def _stored(station: Station) -> list[identifications.Identification]:
+def _stored(station: ExperimentRig) -> list[identifications.Identification]:
     with station.database.reading() as session:
         return identifications.find(session)

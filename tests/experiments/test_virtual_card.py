@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.execution.runner import Order, Outcome, Station, run_experiment
+from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, Plan, SpringIdentificationPlan
@@ -35,15 +35,15 @@ PLANS: dict[str, Plan] = {
 
 def performed(
     folder: Path, plan: Plan, plant: PlantChoice, held_s: float = 0.0, loop: LoopSettings | None = None
-) -> tuple[Outcome, dict[str, np.ndarray]]:
+) -> tuple[RunResult, dict[str, np.ndarray]]:
     """Return what a plan came to on a plant, and its samples; ``held_s`` [s] after winding up began, 0 for at once."""
     settings, database = loop or LoopSettings(), open_database(folder)
 
-    async def played(station: Station) -> Outcome:
+    async def played(station: ExperimentRig) -> RunResult:
         if held_s > 0.0:
             await station.loop.send(SetMode(Mode.PRETENSION))
             await station.loop.advance(held_s)
-        return await run_experiment(station, Order(plan, settings, "Ana"))
+        return await run_experiment(station, RunRequest(plan, settings, "Ana"))
 
     with headless_station(database, PARAMETERS, settings, plant) as station:
         outcome = asyncio.run(played(station))
@@ -53,7 +53,7 @@ def performed(
     return outcome, columns
 
 
-def figures(outcome: Outcome) -> dict[str, tuple[float | None, str]]:
+def figures(outcome: RunResult) -> dict[str, tuple[float | None, str]]:
     assert outcome.evaluation.result is not None
     return {figure.name: (figure.value, figure.unit) for figure in outcome.evaluation.result.metrics.figures}
 

@@ -14,7 +14,7 @@ from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
 from backend.exports.importer import TakenIn, import_bundle
 from backend.models.document import digest_of
-from backend.reports.evidence import Evidence, read
+from backend.reports.evidence import ReportManifest, read
 from backend.reports.verification import Verified, stored_samples, verify
 from backend.services.downloads import bundle_pieces
 from backend.storage import banks, results, runs
@@ -54,7 +54,7 @@ def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, fil
         assert kept is not None
         page = kept.content.decode()
     said = read(page)
-    assert isinstance(said, Evidence)
+    assert isinstance(said, ReportManifest)
     columns, number = stored_samples(there, said)
     assert number == run
     assert verify(page, columns) == Verified((), ())

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
-from backend.foxglove.bridge import FAREWELL_S, HOST, MOST_CLIENTS, VENDORS, Door, Tickets
+from backend.foxglove.bridge import FAREWELL_S, HOST, MOST_CLIENTS, VENDORS, Gateway, MessageSlots
 
 Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
@@ -21,9 +21,9 @@ async def vendor(client: ServerConnection) -> None:
 
 
 @asynccontextmanager
-async def opened() -> AsyncIterator[tuple[Door, int]]:
+async def opened() -> AsyncIterator[tuple[Gateway, int]]:
     async with serve(vendor, HOST, 0, subprotocols=[VENDORS]) as server:
-        door = Door(next(iter(server.sockets)).getsockname()[1], Tickets())
+        door = Gateway(next(iter(server.sockets)).getsockname()[1], MessageSlots())
         async with door.open(0) as port:
             await door.let_in("old")
             yield door, port
@@ -40,7 +40,7 @@ async def silent(port: int) -> Stream:
     return reader, writer
 
 
-async def until_inside(door: Door, count: int) -> None:
+async def until_inside(door: Gateway, count: int) -> None:
     while len(door._inside) != count:
         await asyncio.sleep(0.01)
 

@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from backend.foxglove.bridge import OtherVersionError, Publisher, Tickets
+from backend.foxglove.bridge import MessageSlots, OtherVersionError, Publisher
 from backend.services.live_stream import layout
 
 
@@ -13,7 +13,7 @@ def frame(content: bytes) -> bytes:
 
 
 def test_a_ticket_is_turned_into_its_message_and_nothing_else_is() -> None:
-    tickets = Tickets(kept=3)
+    tickets = MessageSlots(kept=3)
     given = [tickets.ticket_for(words) for words in (b"one", b"two", b"three", b"four")]
     assert [tickets.redeemed(frame(ticket)) for ticket in given] == [None, *map(frame, (b"two", b"three", b"four"))]
     assert tickets.redeemed(frame(struct.pack("<Q", 9))) is None  # none was ever given
@@ -22,7 +22,7 @@ def test_a_ticket_is_turned_into_its_message_and_nothing_else_is() -> None:
 
 
 def test_a_service_of_another_version_is_refused() -> None:
-    publisher = Publisher("test", Tickets())
+    publisher = Publisher("test", MessageSlots())
     try:
         told = layout()
         publisher.hear(told.model_dump_json())

@@ -3,10 +3,10 @@
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from backend.errors import RefusedValueError
+from backend.errors import InvalidValueError
 from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
-from backend.glossary.glossary import FORMS, Kind, bounds, fields
+from backend.glossary.glossary import FORMS, TermKind, bounds, fields
 from backend.models.settings import describe
 from backend.schemas.base import UNITS
 from backend.schemas.experiment import SettingView
@@ -24,7 +24,7 @@ def test_every_field_of_an_order_says_what_its_request_says(form: str) -> None:
     declared = FORMS[form].model_fields
     assert set(told) == set(declared) - set(NAMED)
     for name, entry in told.items():
-        assert entry.kind is Kind.SETTING
+        assert entry.kind is TermKind.SETTING
         unit = UNITS.get(name, "1")
         assert entry.unit == ("" if unit == "1" else unit)
         assert declared[name].description in (entry.meaning, f"{entry.meaning} [{unit}]")
@@ -81,5 +81,5 @@ def test_settings_of_an_experiment_take_their_ends_and_nothing_beyond(name: str)
         assert view.maximum is not None
         assert [setting.parse(value) for value in (view.minimum, view.maximum)] == [view.minimum, view.maximum]
         for value in (view.minimum - 1, 2 * abs(view.maximum) + 1):
-            with pytest.raises(RefusedValueError):
+            with pytest.raises(InvalidValueError):
                 setting.parse(round(value) if setting.kind == "integer" else value)

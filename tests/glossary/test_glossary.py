@@ -12,7 +12,16 @@ from backend.analysis.step_metrics import Whole
 from backend.api.export import files
 from backend.commissioning.steps import StepState
 from backend.faults import EXPLAINED, Fault, Limit
-from backend.glossary.glossary import EQUATIONS, Entry, GlossaryError, Kind, faults, glossary, limits, notation
+from backend.glossary.glossary import (
+    EQUATIONS,
+    GlossaryError,
+    GlossaryTerm,
+    TermKind,
+    faults,
+    glossary,
+    limits,
+    notation,
+)
 from backend.identification.models import Grade
 from backend.models.run import Outcome
 from backend.realtime.program import Cause, HomingEnd, Mode
@@ -26,60 +35,60 @@ ROOT = Path(__file__).parents[2]
 ENTRIES = glossary()
 
 
-def of(kind: Kind) -> dict[str, Entry]:
+def of(kind: TermKind) -> dict[str, GlossaryTerm]:
     return {entry.name: entry for entry in ENTRIES.values() if entry.kind is kind}
 
 
 def test_every_signal_of_the_sample_has_its_meaning_and_unit() -> None:
-    explained = {name: (entry.term, entry.unit, entry.meaning) for name, entry in of(Kind.SIGNAL).items()}
+    explained = {name: (entry.term, entry.unit, entry.meaning) for name, entry in of(TermKind.SIGNAL).items()}
     assert explained == {one.name: (one.symbol, "" if one.unit == "1" else one.unit, one.meaning) for one in FIELDS}
 
 
 @pytest.mark.parametrize(
     ("kind", "members"),
     [
-        (Kind.OUTCOME, Outcome),
-        (Kind.GRADE, Grade),
-        (Kind.END, EndState),
-        (Kind.MODE, Mode),
-        (Kind.STEP, StepState),
-        (Kind.SETUP, ChecklistState),
-        (Kind.CAUSE, (*Cause, *HomingEnd)),
-        (Kind.CHAIN, get_args(ChainLinkView.model_fields["name"].annotation)),
-        (Kind.LIMIT, [str(limit.name) for limit in Limit]),
-        (Kind.FAULT, [fault for fault in Fault if fault is not Fault.NONE]),
-        (Kind.CRITERION, ["pass", "fail", "not_measured"]),
+        (TermKind.OUTCOME, Outcome),
+        (TermKind.GRADE, Grade),
+        (TermKind.END, EndState),
+        (TermKind.MODE, Mode),
+        (TermKind.STEP, StepState),
+        (TermKind.SETUP, ChecklistState),
+        (TermKind.CAUSE, (*Cause, *HomingEnd)),
+        (TermKind.CHAIN, get_args(ChainLinkView.model_fields["name"].annotation)),
+        (TermKind.LIMIT, [str(limit.name) for limit in Limit]),
+        (TermKind.FAULT, [fault for fault in Fault if fault is not Fault.NONE]),
+        (TermKind.CRITERION, ["pass", "fail", "not_measured"]),
     ],
 )
-def test_every_member_of_what_may_be_shown_has_an_entry(kind: Kind, members: list[StrEnum | str]) -> None:
+def test_every_member_of_what_may_be_shown_has_an_entry(kind: TermKind, members: list[StrEnum | str]) -> None:
     assert set(of(kind)) == {str(member) for member in members}
 
 
 def test_every_figure_of_a_result_is_explained_as_the_result_itself_does() -> None:
     for measured in FIGURES.values():
         for item in (one for one in vars(measured)["__dataclass_fields__"].values() if one.metadata):
-            entry = of(Kind.FIGURE)[item.name]
+            entry = of(TermKind.FIGURE)[item.name]
             said = {entry.meaning, *(text for _, text in entry.more)}
             assert item.metadata["definition"] in said, item.name
 
 
 def test_a_stored_figure_carries_a_definition_that_the_glossary_knows() -> None:
     stored = figure_documents(Whole(min_tension_N=1.0, max_tension_N=2.0, peak_voltage_V=3.0))
-    assert [one.definition for one in stored] == [of(Kind.FIGURE)[one.name].meaning for one in stored]
+    assert [one.definition for one in stored] == [of(TermKind.FIGURE)[one.name].meaning for one in stored]
 
 
 def test_equations_are_of_figures_that_there_are() -> None:
-    assert set(EQUATIONS) <= set(of(Kind.FIGURE))
-    assert all(of(Kind.FIGURE)[name].equation == text for name, text in EQUATIONS.items())
+    assert set(EQUATIONS) <= set(of(TermKind.FIGURE))
+    assert all(of(TermKind.FIGURE)[name].equation == text for name, text in EQUATIONS.items())
 
 
 def test_parameters_are_those_of_the_plant() -> None:
     names = {f"{section}.{name}" for section, kind in SECTIONS.items() for name in vars(kind)["__dataclass_fields__"]}
-    assert set(of(Kind.PARAMETER)) == names
+    assert set(of(TermKind.PARAMETER)) == names
 
 
 def test_faults_say_what_the_state_says_and_what_to_do() -> None:
-    for name, entry in of(Kind.FAULT).items():
+    for name, entry in of(TermKind.FAULT).items():
         assert entry.meaning == EXPLAINED[Fault(name)].message
         assert dict(entry.more)["Remedy"] == EXPLAINED[Fault(name)].remedy
         assert [heading for heading, _ in entry.more] == ["Cause", "Reaction", "Within", "Remedy"]

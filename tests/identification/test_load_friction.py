@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from backend.identification.friction import COLUMNS, LoadFriction, TensionRun, estimate_load_friction, with_error
+from backend.identification.friction import COLUMNS, LoadFrictionFit, TensionRun, estimate_load_friction, with_error
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.identification_page import default_plan
@@ -38,7 +38,7 @@ def of_simulator(parameters: PlantParameters, seed: int, tensions: tuple[float, 
     ]
 
 
-def measured(runs: list[TensionRun]) -> LoadFriction:
+def measured(runs: list[TensionRun]) -> LoadFrictionFit:
     found = estimate_load_friction(runs, R_M)
     assert found.estimate is not None, found.problem
     assert found.left_out == ()

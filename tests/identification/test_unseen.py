@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, lsim, tf2ss
 
-from backend.identification.estimation import Beside, held_out, predict
+from backend.identification.estimation import ModelComparison, held_out, predict
 from backend.identification.fitting import Method, fit
 from backend.identification.models import Model, structure
-from backend.identification.motor import VoltageStep, step_beside
+from backend.identification.motor import VoltageStepRecord, step_beside
 from backend.identification.records import IdentificationError, Record, Signal
 
 PERIOD_S = 1e-3
@@ -76,17 +76,17 @@ def test_a_step_of_a_motor_is_predicted_as_scipy_integrates_it() -> None:
     _, turn, _ = lsim(([K_m], [T_m, 1.0, 0.0]), np.full(t.size, drive), t)
     u = np.concatenate((np.zeros(50), np.full(t.size, voltage)))
     theta = np.concatenate((np.full(50, 0.7), 0.7 + turn))
-    found = step_beside(VoltageStep(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), K_m, T_m, u_c)
+    found = step_beside(VoltageStepRecord(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), K_m, T_m, u_c)
     assert (found.first, found.measured.size) == (50, t.size)
     assert found.predicted == pytest.approx(0.7 + turn, abs=1e-9)
-    slower = step_beside(VoltageStep(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), 0.9 * K_m, T_m, u_c)
+    slower = step_beside(VoltageStepRecord(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), 0.9 * K_m, T_m, u_c)
     left = 0.1 * (turn - np.mean(turn))
     assert slower.measured - slower.predicted == pytest.approx(left, abs=1e-9)
     assert slower.fit_percent == pytest.approx(90.0, abs=1e-6)
 
 
 def test_where_nothing_moved_there_is_nothing_to_explain() -> None:
-    stuck = Beside(0, np.full(50, 0.25), np.full(50, 0.26))
+    stuck = ModelComparison(0, np.full(50, 0.25), np.full(50, 0.26))
     assert stuck.rms == pytest.approx(0.01)
     with pytest.raises(IdentificationError, match="nothing moved"):
         _ = stuck.fit_percent

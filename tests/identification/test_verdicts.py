@@ -20,7 +20,7 @@ from backend.identification.models import (
     structure,
 )
 from backend.identification.records import NotConvergedError, Record, UnstableModelError
-from backend.identification.validation import Evidence, judge
+from backend.identification.validation import ValidationData, judge
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
 
 KINDS = ("binary", "levels", "sines")
@@ -158,7 +158,7 @@ def passed(value: bool = True) -> CorrelationTest:
     return CorrelationTest((1e-3,), (0.0,), (0.1,), value)
 
 
-GOOD = Evidence(
+GOOD = ValidationData(
     first_order=FirstOrder(1.0, 0.2, 1e-3, 2e-4),
     model=Model("third", {"K": 1.0, "T": 0.2, "a2": 1e-4, "a1": 1e-2}),
     std_errors={"K": 1e-3, "T": 2e-4, "a2": 1e-6, "a1": 1e-4},
@@ -192,8 +192,10 @@ def test_a_figure_that_could_not_be_had_grants_nothing(change: dict[str, Any]) -
     assert judge(replaced(change)).grade is Grade.UNUSABLE
 
 
-def replaced(change: dict[str, Any]) -> Evidence:
-    return Evidence(**{name: change.get(name, getattr(GOOD, name)) for name in Evidence.__dataclass_fields__})
+def replaced(change: dict[str, Any]) -> ValidationData:
+    return ValidationData(
+        **{name: change.get(name, getattr(GOOD, name)) for name in ValidationData.__dataclass_fields__}
+    )
 
 
 def test_what_makes_a_model_unusable_is_told_before_what_makes_it_doubtful() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.identification.motor import VoltageStep
+from backend.identification.motor import VoltageStepRecord
 from backend.identification.records import RecordError
 
 N = 400
@@ -14,7 +14,7 @@ PERIOD_S = 1e-3
 COUNT_RAD = 2.0 * np.pi / 8000
 U = np.where(np.arange(N) < 50, 0.0, 3.0)
 THETA = np.maximum(np.arange(N) - 50, 0) * PERIOD_S * 8.0
-GOOD = VoltageStep(PERIOD_S, U, THETA, 10.0, COUNT_RAD, np.full(N, 0.2))
+GOOD = VoltageStepRecord(PERIOD_S, U, THETA, 10.0, COUNT_RAD, np.full(N, 0.2))
 
 
 def with_nan(signal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import text
 
 from backend.storage.database import Database, open_database
-from backend.storage.orm import touch
+from backend.storage.orm import mark_for_reindex
 from plant.parameters import load_parameters
 
 AT = "2026-03-04 10:20:30.000000"
@@ -107,4 +107,6 @@ def put(database: Database, table: str, **values: Any) -> None:
     marks = ", ".join(f":{name}" for name in values)
     with database.session() as session:
         session.execute(text(f"INSERT INTO {table} ({names}) VALUES ({marks})"), values)
-        touch(session, *(values[key] for kind, key in (("run", "id"), ("result", "run_id")) if kind == table))
+        mark_for_reindex(
+            session, *(values[key] for kind, key in (("run", "id"), ("result", "run_id")) if kind == table)
+        )

@@ -2,13 +2,13 @@
 
 import pytest
 
-from backend.models.run import Criterion, Figure, Metrics, headline_of
+from backend.models.run import MeasuredFigure, Metrics, RunCriterion, headline_of
 
-PASSED = Criterion("settling_q_s", "Settling of q", "<", 2.0, 1.5, "s", True)
-FAILED = Criterion("overshoot_q_percent", "Overshoot of q", "<", 2.0, 3.5, "%", False)
-UNSEEN = Criterion("min_tension_N", "Smallest tension", ">", 1.0, None, "N", None, "the run ended early")
-GAP = Figure("rise_q_s", "s", "Rise of q", "10 to 90 %", None, "no step")
-PEAK = Figure("peak_voltage_V", "V", "Peak voltage", "largest |u|", 6.5)
+PASSED = RunCriterion("settling_q_s", "Settling of q", "<", 2.0, 1.5, "s", True)
+FAILED = RunCriterion("overshoot_q_percent", "Overshoot of q", "<", 2.0, 3.5, "%", False)
+UNSEEN = RunCriterion("min_tension_N", "Smallest tension", ">", 1.0, None, "N", None, "the run ended early")
+GAP = MeasuredFigure("rise_q_s", "s", "Rise of q", "10 to 90 %", None, "no step")
+PEAK = MeasuredFigure("peak_voltage_V", "V", "Peak voltage", "largest |u|", 6.5)
 
 
 @pytest.mark.parametrize(
@@ -22,8 +22,8 @@ PEAK = Figure("peak_voltage_V", "V", "Peak voltage", "largest |u|", 6.5)
     ],
 )
 def test_the_criterion_that_failed_comes_before_what_was_measured(
-    figures: tuple[Figure, ...] | None,
-    criteria: tuple[Criterion, ...],
+    figures: tuple[MeasuredFigure, ...] | None,
+    criteria: tuple[RunCriterion, ...],
     shown: tuple[str, float, str, float | None] | None,
 ) -> None:
     metrics = None if figures is None else Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=figures)

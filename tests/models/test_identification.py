@@ -12,7 +12,7 @@ import pytest
 from backend.analysis.identification import curves_of
 from backend.identification.validation import judged
 from backend.models import identification
-from backend.models.document import Edge, UnreadableDocumentError
+from backend.models.document import DocumentCodec, UnreadableDocumentError
 from backend.models.identification import ArxEstimate, FailedCandidate
 from backend.services.identifications import StoredIdentifications
 from backend.services.tuning_state import by_default
@@ -54,7 +54,7 @@ def stored(database: Database) -> StoredIdentifications:
         (identification.SPRING_QUALITIES, earlier.TABLE["quality"]),
     ],
 )
-def test_what_is_read_is_written_as_it_was_with_a_version(edge: Edge[Any], document: Any) -> None:
+def test_what_is_read_is_written_as_it_was_with_a_version(edge: DocumentCodec[Any], document: Any) -> None:
     written = edge.write(edge.read(document, "run 7"))
     assert written == {**document, "version": 1}
     assert list(written)[:-1] == list(document)

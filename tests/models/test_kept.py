@@ -10,11 +10,11 @@ import pytest
 
 from backend.banks import tuning_settings
 from backend.banks.builder import BankError, point_of
-from backend.banks.tuning_settings import KEPT, NAMES, SAVED, TuningChoice
+from backend.banks.tuning_settings import KEPT, NAMES, SAVED, TuningSettings
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import ENTRY, EntryModel
 from backend.services.banks import StoredBanks
-from backend.services.tuning_state import KeptTuning
+from backend.services.tuning_state import TuningStore
 from backend.storage import banks, settings
 from backend.storage.banks import BankEntry, name_of_entry
 from backend.storage.database import Database, open_database
@@ -22,7 +22,7 @@ from backend.workers import Offload
 from plant.parameters import load_parameters
 
 LAB = load_parameters("lab")
-OTHER = TuningChoice(lam_q=0.6, b=0.25)
+OTHER = TuningSettings(lam_q=0.6, b=0.25)
 BEFORE: dict[str, Any] = {**OTHER.document(), "parameters": tuning_settings.tuning_digest(LAB)}
 MODEL = {"K_q": 0.05, "T_q": 0.35, "K_S": 0.72, "T_S": 0.34, "tension_N": 20.0}
 
@@ -69,7 +69,7 @@ def test_a_kept_tuning_that_cannot_be_read_gives_way_to_the_defaults(
     database: Database, document: Any, said: str
 ) -> None:
     left(database, document)
-    tuning, told = KeptTuning(database).restore(LAB)
+    tuning, told = TuningStore(database).restore(LAB)
     assert told.startswith("defaults in force: ")
     assert said in told
     assert tuning.choice != OTHER
@@ -92,7 +92,7 @@ def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there
     with database.session() as session:
         banks.add(session, "good", [BankEntry(10.5, MODEL)], "Ana")
         banks.add(session, "newer", [BankEntry(8.0, {**MODEL, "version": 2})], "Ana")
-    tuning, _ = KeptTuning(database).restore(LAB)
+    tuning, _ = TuningStore(database).restore(LAB)
     with closing(Offload(lambda _cause: None)) as offload:
         newer, good = asyncio.run(StoredBanks(database, offload, lambda: tuning).banks())
     assert (good.name, len(good.entries), good.note) == ("good", 1, "")

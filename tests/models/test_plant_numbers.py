@@ -7,7 +7,7 @@ import pytest
 
 from backend.banks.builder import BankError, require_same_parameters
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import PLANT_NUMBERS, PlantNumber
+from backend.models.run import PLANT_NUMBERS, StoredPlantNumber
 from plant.parameters import SHIPPED, load_parameters
 
 
@@ -15,7 +15,9 @@ from plant.parameters import SHIPPED, load_parameters
 def test_they_are_those_of_the_plant(name: str) -> None:
     parameters = load_parameters(name)
     kept = PLANT_NUMBERS.read(json.loads(json.dumps(parameters.document())), "run 1")
-    assert kept["motor"]["u_max"] == PlantNumber(parameters.motor.u_max, "V", parameters.sources.get("motor.u_max", ""))
+    assert kept["motor"]["u_max"] == StoredPlantNumber(
+        parameters.motor.u_max, "V", parameters.sources.get("motor.u_max", "")
+    )
     assert kept["geometry"]["r_j"].value == parameters.geometry.r_j
     assert PLANT_NUMBERS.write(kept) == parameters.document()
 

@@ -13,7 +13,7 @@ from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS, OLDER
 from backend.reports.build import build_report, metrics_document
 from backend.reports.model import load_source
-from backend.services.runs import Asked, StoredRuns
+from backend.services.runs import RunQuery, StoredRuns
 from backend.storage import results
 from backend.storage.database import Database
 from backend.storage.results import NewResult
@@ -79,7 +79,7 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(
         load_source(database, 1)
     assert said in str(refused.value)
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = asyncio.run(stored.runs(Asked(limit=10)))
+    listed = asyncio.run(stored.runs(RunQuery(limit=10)))
     assert [run.id for run in listed.runs] == [1]
 
 

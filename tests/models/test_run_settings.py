@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.experiments.plans import LoopSettings
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import SETTINGS, KeptLoop
+from backend.models.run import SETTINGS, StoredLoopSettings
 from backend.services.identifications import StoredIdentifications
-from backend.services.runs import Asked, StoredRuns
+from backend.services.runs import RunQuery, StoredRuns
 from backend.services.tuning_state import by_default
 from backend.storage import runs
 from backend.storage.database import Database, open_database
@@ -43,9 +43,9 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 def test_a_kept_loop_has_every_part_of_a_tuning_and_the_seed() -> None:
-    assert [part.name for part in fields(KeptLoop)] == [part.name for part in fields(LoopSettings)]
-    kept = KeptLoop(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
-    assert TuningChoice.of(kept.known()) == TuningChoice(lam_q=0.6, bank=3)
+    assert [part.name for part in fields(StoredLoopSettings)] == [part.name for part in fields(LoopSettings)]
+    kept = StoredLoopSettings(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
+    assert TuningSettings.of(kept.known()) == TuningSettings(lam_q=0.6, bank=3)
     assert kept.known()["seed"] == 4
 
 
@@ -61,7 +61,7 @@ def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> 
     with database.reading() as session:
         told = runs.get(session, 2).set_to
     assert (told.mode, told.plan, told.declared) == ("run", None, None)
-    assert told.loop == KeptLoop(lam_q=0.5, lam_S=0.42, interpolate=False)
+    assert told.loop == StoredLoopSettings(lam_q=0.5, lam_S=0.42, interpolate=False)
     assert told.told() == {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
 
 
@@ -80,7 +80,7 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
     with database.reading() as session, pytest.raises(UnreadableDocumentError, match=said):
         assert runs.get(session, 3).set_to
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = asyncio.run(stored.runs(Asked(limit=10))).runs
+    listed = asyncio.run(stored.runs(RunQuery(limit=10))).runs
     assert [(run.id, len(run.settings)) for run in listed] == [
         (3, 0),
         (2, 3),

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from plant.compiled import Cell, compiled, keep
+from plant.compiled import StateBlock, compiled, keep
 
 
 class Inner(NamedTuple):
@@ -33,7 +33,7 @@ def outer(table: NDArray[np.float64]) -> Outer:
 
 
 @compiled
-def shifted(cell: Cell[Outer], by: float) -> float:
+def shifted(cell: StateBlock[Outer], by: float) -> float:
     """Change of each kind something: by a field, by the whole, and in the array."""
     was = cell.value
     keep(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
@@ -44,7 +44,7 @@ def shifted(cell: Cell[Outer], by: float) -> float:
 
 def test_what_is_put_is_what_is_got_and_fields_are_parts_of_it() -> None:
     value = outer(np.arange(6.0).reshape(2, 3))
-    cell = Cell(value)
+    cell = StateBlock(value)
     assert cell.get() == value
     part = cell.field("last")
     part.put(Inner(9.0, True, 3))
@@ -56,7 +56,7 @@ def test_what_is_put_is_what_is_got_and_fields_are_parts_of_it() -> None:
 @given(by=st.floats(-1e6, 1e6), n=st.integers(-(2**60), 2**60), on=st.booleans())
 def test_compiled_functions_read_and_write_the_same_numbers(by: float, n: int, on: bool) -> None:
     table = np.zeros((2, 3))
-    cell = Cell(outer(table)._replace(last=Inner(0.25, on, n)))
+    cell = StateBlock(outer(table)._replace(last=Inner(0.25, on, n)))
     assert shifted(cell, by) == 6.0
     now = cell.get()
     assert now.last == Inner(0.25 + by, not on, n + 1)
@@ -66,7 +66,7 @@ def test_compiled_functions_read_and_write_the_same_numbers(by: float, n: int, o
 
 
 def test_another_array_takes_the_place_of_the_one_before() -> None:
-    cell = Cell(outer(np.zeros((2, 3))))
+    cell = StateBlock(outer(np.zeros((2, 3))))
     larger = np.zeros((40, 3))
     cell.field("table").put(larger)
     shifted(cell, 4.0)
@@ -75,7 +75,7 @@ def test_another_array_takes_the_place_of_the_one_before() -> None:
 
 
 def test_a_copy_by_pickle_is_another_cell_and_its_fields_are_its_own() -> None:
-    cell = Cell(outer(np.zeros((2, 3))))
+    cell = StateBlock(outer(np.zeros((2, 3))))
     copy, part = pickle.loads(pickle.dumps((cell, cell.field("last"))))
     shifted(copy, 2.0)
     assert cell.get().last == outer(np.zeros((2, 3))).last
@@ -93,7 +93,7 @@ def test_a_copy_by_pickle_is_another_cell_and_its_fields_are_its_own() -> None:
 )
 def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -> None:
     value = outer(np.zeros((2, 3)))
-    cell = Cell(value)
+    cell = StateBlock(value)
     with pytest.raises(struct.error):
         cell.put(wrong)
     assert cell.get() == value
@@ -101,4 +101,4 @@ def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -
 
 def test_what_has_no_place_is_refused() -> None:
     with pytest.raises(TypeError, match="no place"):
-        Cell((1.0, "text"))
+        StateBlock((1.0, "text"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from plant.compiled import Specialised, compiled
+from plant.compiled import PrecompiledCall, compiled
 from plant.dynamics import AT_REST, PlantState
 from plant.interface import ZERO_VOLTS
 from plant.parameters import load_parameters
@@ -16,7 +16,7 @@ from plant.simulator import SafetyBounds, Simulator, actuate, exceeded
 
 LAB = load_parameters("lab")
 PLANT, BOUNDS = LAB.dynamics(), SafetyBounds(40.0, 1.5)
-is_exceeded = Specialised(exceeded, PLANT, BOUNDS, AT_REST)
+is_exceeded = PrecompiledCall(exceeded, PLANT, BOUNDS, AT_REST)
 
 
 def test_it_says_what_the_function_says() -> None:
@@ -58,7 +58,7 @@ WHOLE, BROKEN = (Weights(2, 3, 1), (4, 5), 2, 6), (Weights(2.5, 3.25, 1), (4.5, 
 
 @pytest.mark.parametrize("like", [WHOLE, BROKEN], ids=["made of whole numbers", "made of floats"])
 def test_where_a_float_is_declared_whole_numbers_and_floats_are_both_right(like: tuple[Weights, Any, int, Any]) -> None:
-    called = Specialised(weighted, *like)
+    called = PrecompiledCall(weighted, *like)
     mixed = (Weights(2, 3.25, 1), (4.5, 5), 2, 6)
     for given in (WHOLE, BROKEN, mixed):
         assert called(*given) == weighted.py_func(*given)  # type: ignore[attr-defined]  # of numba
@@ -87,7 +87,7 @@ def test_what_allocates_in_the_tick_does_not_compile() -> None:
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_of_a_tuple_of_any_length_each_part_is_a_float(count: int) -> None:
     whole: tuple[float, ...] = tuple(range(count))
-    called = Specialised(summed, whole)
+    called = PrecompiledCall(summed, whole)
     assert called(tuple(part + 0.5 for part in whole)) == sum(range(count)) + 0.5 * count
 
 
@@ -102,7 +102,7 @@ def test_of_a_tuple_of_any_length_each_part_is_a_float(count: int) -> None:
     ids=["broken", "whole", "in a tuple", "nan"],
 )
 def test_a_float_where_a_whole_number_is_declared_is_refused_and_not_cut_off(given: tuple[Any, Any, Any, Any]) -> None:
-    called = Specialised(weighted, *BROKEN)
+    called = PrecompiledCall(weighted, *BROKEN)
     with pytest.raises(TypeError, match="float"):
         called(*given)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from plant.conformance import CHECKS, LONG_TICKS, WARM_UP_TICKS, Check, Outcome, Subject, run_contract
+from plant.conformance import CHECKS, LONG_TICKS, WARM_UP_TICKS, Check, CheckOutcome, Subject, run_contract
 from plant.factory import make_plant
 from plant.interface import Measurement, MotorCommand, Plant, PlantChoice, PlantKind
 from plant.parameters import PlantParameters
@@ -55,7 +55,7 @@ def test_the_contract_holds(
         subject = replace(subject, answers=False, lasts=len(load_recording(choices[name].recording)))
     (finding,) = run_contract(subject, (check,))
     left_out = name == "replay" and check.name in NOT_FOR_A_RECORDING
-    assert finding.outcome is (Outcome.NOT_TRIED if left_out else Outcome.HOLDS), finding.seen
+    assert finding.outcome is (CheckOutcome.NOT_TRIED if left_out else CheckOutcome.HOLDS), finding.seen
 
 
 @pytest.mark.parametrize("kind", [Simulator, Replay, Rig])
@@ -174,7 +174,7 @@ def test_a_plant_that_breaks_a_promise_is_found(
 
     (check,) = (check for check in CHECKS if check.name == promise)
     (finding,) = run_contract(Subject(made, lab, voltage=0.5), (check,))
-    assert finding.outcome is Outcome.BROKEN
+    assert finding.outcome is CheckOutcome.BROKEN
     assert any(words in finding.seen for words in said.split("|")), finding.seen
 
 
@@ -197,7 +197,7 @@ def test_what_is_kept_of_each_tick_is_not_hidden_by_garbage_of_others(lab: Plant
         (finding,) = run_contract(Subject(lambda: Collecting(lab), lab), (check,))
     finally:
         gc.enable()
-    assert finding.outcome is Outcome.BROKEN, finding.seen
+    assert finding.outcome is CheckOutcome.BROKEN, finding.seen
 
 
 def test_without_a_voltage_nothing_is_driven(lab: PlantParameters) -> None:
@@ -209,6 +209,6 @@ def test_without_a_voltage_nothing_is_driven(lab: PlantParameters) -> None:
             super().write(command)
 
     findings = list(run_contract(Subject(lambda: Watched(lab), lab)))
-    assert {f.name for f in findings if f.outcome is Outcome.NOT_TRIED} == NOT_FOR_A_RECORDING
-    assert not [f for f in findings if f.outcome is Outcome.BROKEN]
+    assert {f.name for f in findings if f.outcome is CheckOutcome.NOT_TRIED} == NOT_FOR_A_RECORDING
+    assert not [f for f in findings if f.outcome is CheckOutcome.BROKEN]
     assert all(not abs(u) > 0.0 or u == float("inf") for command in written for u in command)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from backend.tuning.gains import Lambdas, feedback_linearization_tuning
+from backend.tuning.gains import TuningParameters, feedback_linearization_tuning
 from backend.tuning.simulation import rest_state, rig_of
 from plant.dynamics import SUBSTEPS, PlantState, advance, derivative
 from plant.interface import NO_LOAD, T_s
@@ -132,4 +132,4 @@ def test_what_the_controller_knows_has_no_friction_of_either_kind() -> None:
 
 
 def test_the_law_with_a_full_model_has_the_smoothed_friction_in_it() -> None:
-    assert feedback_linearization_tuning(STICK, Lambdas()).model == LAB.dynamics()
+    assert feedback_linearization_tuning(STICK, TuningParameters()).model == LAB.dynamics()

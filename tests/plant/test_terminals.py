@@ -11,7 +11,7 @@ from plant.interface import ZERO_VOLTS, Breakage, Broken, MotorCommand, PlantErr
 from plant.parameters import load_parameters
 from plant.safety_card import WATCHDOG_S
 from plant.simulator import Simulator
-from plant.terminals import Cell, converted, volts_of
+from plant.terminals import LoadCellScaling, converted, volts_of
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 
@@ -22,7 +22,7 @@ WIRING = load_wiring("pcie-6323")
 def test_a_bent_table_gives_the_volts_of_the_line_between_its_points() -> None:
     """Where the card gives the volts of its own table, against numpy's line through the same points."""
     F, V = (0.0, 5.0, 20.0, 60.0), (0.1, 1.0, 2.0, 9.0)
-    cell = Cell(math.nan, 0.0, np.column_stack((F, V)))
+    cell = LoadCellScaling(math.nan, 0.0, np.column_stack((F, V)))
     for force in np.linspace(0.0, 60.0, 241):
         assert volts_of(cell, float(force)) == pytest.approx(np.interp(force, F, V), rel=1e-12)
     assert volts_of(cell, 70.0) == pytest.approx(9.0 + 10.0 * 7.0 / 40.0)

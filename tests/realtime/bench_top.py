@@ -10,7 +10,7 @@ from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
 from backend.realtime.program import Mode, SetTuning
 from backend.sample import INDEX
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
@@ -37,7 +37,7 @@ class BenchTop:
         self.samples = Samples()
         self._plant_is_given = plant is not None
         self.plant = plant or Simulator(parameters)
-        self.loop = Loop(self.plant, parameters, self.samples, tuning or tuning_for(parameters, Lambdas()))
+        self.loop = Loop(self.plant, parameters, self.samples, tuning or tuning_for(parameters, TuningParameters()))
         self.events: list[Event] = []
 
     def send(self, command: Command) -> Accepted | Refused:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from backend.realtime.commands import Command, Refused, RunProgram, SetMode, SetReferences
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import Law, Mode, Program, Segment, SetTouch, SetTuning
+from backend.realtime.program import ConfigureContactDetection, Law, Mode, Program, Segment, SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from backend.tuning.gains import Lambdas, PointModel, designed_point
+from backend.tuning.gains import PointModel, TuningParameters, designed_point
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -52,7 +52,7 @@ class Session:
         self._points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
         self._ring = Ring.create(1 << 14)
         self._bias: list[tuple[float, float]] = []
-        self._lambdas, self._bank, self._interpolate = Lambdas(), list[PointModel](), False
+        self._lambdas, self._bank, self._interpolate = TuningParameters(), list[PointModel](), False
         self._tuning = tuning_for(plant, self._lambdas, u_plan=float(self._random.choice(budgets)))
         self._loop = Loop(Simulator(plant, seed=seed), plant, self._ring, self._tuning)
 
@@ -86,7 +86,7 @@ class Session:
         S, F = float(rows[:, INDEX["S"]].mean()), float(rows[:, INDEX["F_ext_hat"]].mean())
         F += float(np.interp(S, *np.array(self._bias).T)) if self._bias else 0.0
         self._bias = sorted([*(point for point in self._bias if abs(point[0] - S) > 0.1), (S, F)])
-        self.order(SetTouch(tuple(self._bias), 0.0))
+        self.order(ConfigureContactDetection(tuple(self._bias), 0.0))
 
     def _wait_for_rest(self) -> None:
         for _ in range(40):

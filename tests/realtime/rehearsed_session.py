@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from numba.core.dispatcher import Dispatcher
 
 from backend.realtime.commands import (
+    ApplyPush,
     Command,
     Home,
     Obstruct,
     ProveDirections,
-    Push,
     Refused,
     Reset,
     RunProgram,
@@ -23,10 +23,10 @@ from backend.realtime.commands import (
 )
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.process import rehearse
-from backend.realtime.program import Excitation, Law, Mode, Program, Segment, SetTouch, Shape
+from backend.realtime.process import warm_up
+from backend.realtime.program import ConfigureContactDetection, Excitation, Law, Mode, Program, Segment, Shape
 from backend.realtime.ring_buffer import Ring
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
@@ -69,9 +69,9 @@ def ask(loop: Loop, commands: Sequence[Command]) -> None:
 
 def main() -> None:
     lab = load_parameters("lab")
-    tuning = tuning_for(lab, Lambdas())
+    tuning = tuning_for(lab, TuningParameters())
     if "--unrehearsed" not in sys.argv:
-        rehearse(lab, tuning)
+        warm_up(lab, tuning)
     loop = Loop(Simulator(lab), lab, Ring.create(16), tuning)
     rig = VirtualRig(WIRING, Simulator(lab), None, WIRING, directions_proven=True, load_cells_measured=True)
     brought_up = Loop(rig, lab, Ring.create(16), tuning)
@@ -87,17 +87,17 @@ def main() -> None:
             SetMode(Mode.RUN),
             SetReferences(0.1, 11.0),
             dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
-            Push(2.0, 1.0),
+            ApplyPush(2.0, 1.0),
             Obstruct(WALL),
             SetReferences(0.3, 11.0),
             Obstruct(None),
             SetMode(Mode.COMPLIANCE),
-            SetTouch(((10.0, 0.1),), 2.0),
-            Push(6.0, 0.02),
+            ConfigureContactDetection(((10.0, 0.1),), 2.0),
+            ApplyPush(6.0, 0.02),
             SetMode(Mode.PRETENSION),
             RunProgram(Program(Law.COMPLIANCE, (PUSHED,))),
             SetMode(Mode.RUN),
-            SetTouch((), 0.0),
+            ConfigureContactDetection((), 0.0),
             Stop(hard=False),
             Reset(),
         ),

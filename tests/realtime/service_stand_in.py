@@ -10,13 +10,13 @@ from backend.realtime.ipc import Setup
 from backend.realtime.program import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import SIMULATOR
 from plant.parameters import load_parameters
 
 
 async def serve() -> None:
-    tuning = tuning_for(load_parameters("ideal"), Lambdas())
+    tuning = tuning_for(load_parameters("ideal"), TuningParameters())
     supervisor = Supervisor(Setup(plant=SIMULATOR, parameters="ideal", seed=0, tuning=tuning))
     await supervisor.start()
     await supervisor.send(SetMode(Mode.PRETENSION))

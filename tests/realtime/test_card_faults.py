@@ -14,17 +14,17 @@ from backend.control.decoupler import bounds_for
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import (
     Accepted,
+    ApplyPush,
     Inject,
     PlantFailing,
     PretensionReached,
-    Push,
     Reset,
     SetMode,
     SetReferences,
     Stopped,
 )
 from backend.realtime.gains import tuning_for
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import MODE_CODE, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import read_samples
@@ -33,7 +33,7 @@ from backend.sample import INDEX
 from backend.storage import recordings
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, Sensor
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
@@ -72,7 +72,7 @@ class Session:
     def __init__(self, database: Database) -> None:
         self.simulator = Simulator(LAB, seed=3)
         self.rig = VirtualRig(load_wiring("pcie-6323"), self.simulator)
-        self.loop = Headless(self.rig, LAB, tuning_for(LAB, Lambdas()), self._record)
+        self.loop = SimulatedLoop(self.rig, LAB, tuning_for(LAB, TuningParameters()), self._record)
         self.recorder = Recorder(database, self.loop.ring)
         self.loop.listen(self.recorder.hear)
         self.stops: list[Stopped] = []
@@ -135,7 +135,7 @@ def test_a_broken_card_ends_in_a_fault_and_zero_volts(
         injected = bench.loop.ring.count
         assert isinstance(await bench.loop.send(Inject(broken)), Accepted)
         if broken.kind is Breakage.SWAPPED_LOAD_CELLS:  # seen once the tendons pull with different force
-            assert isinstance(await bench.loop.send(Push(20.0, 1.0)), Accepted)
+            assert isinstance(await bench.loop.send(ApplyPush(20.0, 1.0)), Accepted)
         await bench.loop.advance_until(bench.tripped, timeout_s=within * 1e-3)
         latched = bench.loop.ring.count - 1
         assert bench.newest("fault") == FAULT_CODE[fault]

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from backend.realtime.heartbeat import LOOK_S, CardGuard
+from backend.realtime.heartbeat import LOOK_S, WatchdogMonitor
 from plant.safety_card import WATCHDOG_S, Card, CardState
 
 
@@ -24,7 +24,7 @@ def test_a_watchdog_that_stands_still_is_lost_where_it_has_drives_to_take_away(
 ) -> None:
     now_s = [100.0]
     monkeypatch.setattr("plant.safety_card.time.monotonic", lambda: now_s[0])
-    guard = CardGuard(Shown(armed, drive_enabled))
+    guard = WatchdogMonitor(Shown(armed, drive_enabled))
     looks = 0
     while guard.watchdog_silent_s <= WATCHDOG_S:
         assert not guard.watchdog_lost

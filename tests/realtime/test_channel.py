@@ -35,6 +35,7 @@ from backend.realtime.program import (
     MAX_TUNINGS,
     MAX_WALLS,
     Cause,
+    CommandRejectedError,
     EntryGains,
     Excitation,
     HomingEnd,
@@ -42,13 +43,12 @@ from backend.realtime.program import (
     Mode,
     MotorGains,
     Program,
-    RefusedError,
     Segment,
     SetTuning,
     Shape,
 )
 from plant.dynamics import Obstacle
-from plant.manual_input import Hand
+from plant.manual_input import ManualInput
 
 # As they are sent: a tuning is a packet of its own.
 st.register_type_strategy(Program, st.builds(Program, tunings=st.just(())))
@@ -67,7 +67,7 @@ def is_finite(value: Any) -> bool:
 
 
 @given(message=COMMANDS, sequence=SEQUENCES)
-@example(message=commands.ByHand(Hand(F_limit=math.inf)), sequence=0)
+@example(message=commands.SimulateManualInput(ManualInput(F_limit=math.inf)), sequence=0)
 @settings(max_examples=200, deadline=None)
 def test_commands_arrive_as_they_were_or_are_refused(message: Any, sequence: int) -> None:
     if is_finite(dataclasses.asdict(message)):
@@ -210,7 +210,7 @@ def test_a_program_of_which_a_part_never_came_is_refused() -> None:
     assert isinstance(first, ProgramPart)
     assert isinstance(rest, LongProgram)
     parts.keep(2, first)
-    with pytest.raises(RefusedError, match="24 of the program's 30 segments arrived: send it again"):
+    with pytest.raises(CommandRejectedError, match="24 of the program's 30 segments arrived: send it again"):
         parts.whole(2, rest)
 
 

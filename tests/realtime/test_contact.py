@@ -9,8 +9,8 @@ import pytest
 from backend.faults import Limit
 from backend.realtime.commands import (
     Accepted,
+    ApplyPush,
     ModeChanged,
-    Push,
     Refused,
     RunEnded,
     RunProgram,
@@ -20,8 +20,18 @@ from backend.realtime.commands import (
 )
 from backend.realtime.contact import TAIL_S
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import MODE_CODE, Cause, ContactFelt, Law, Mode, Program, Segment, SetTouch, Shape
-from backend.tuning.gains import Lambdas
+from backend.realtime.program import (
+    MODE_CODE,
+    Cause,
+    ConfigureContactDetection,
+    ContactDetected,
+    Law,
+    Mode,
+    Program,
+    Segment,
+    Shape,
+)
+from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -40,7 +50,9 @@ def armed() -> BenchTop:
     bench.send(SetReferences(0.3, 12.0))
     bench.advance(3.0)
     off = float(np.mean(bench.column("F_ext_hat", last=500))) - LAB[12.0]
-    assert isinstance(bench.send(SetTouch(tuple((S, F + off) for S, F in LAB.items()), FROM_N)), Accepted)
+    assert isinstance(
+        bench.send(ConfigureContactDetection(tuple((S, F + off) for S, F in LAB.items()), FROM_N)), Accepted
+    )
     return bench
 
 
@@ -52,11 +64,11 @@ def test_the_row_has_the_outside_force_less_what_was_learned() -> None:
     bench = armed()
     bench.advance(0.2)
     assert bench.column("F_ext_hat", last=200) == pytest.approx(0.0, abs=0.25)
-    bench.send(SetTouch(((12.0, 3.0),), 0.0))
+    bench.send(ConfigureContactDetection(((12.0, 3.0),), 0.0))
     bench.advance(0.001)
     bias = bench.column("F_ext_hat", last=1)[0] + 3.0
-    bench.send(SetTouch(((12.0, bias),), 0.0))
-    bench.send(Push(-4.0, 1.0))
+    bench.send(ConfigureContactDetection(((12.0, bias),), 0.0))
+    bench.send(ApplyPush(-4.0, 1.0))
     bench.advance(0.5)
     assert np.mean(bench.column("F_ext_hat", last=100)) == pytest.approx(-4.0, abs=0.3)
     assert bench.loop.mode is Mode.RUN  # nothing is reacted to
@@ -66,19 +78,19 @@ def test_nothing_is_known_before_the_motors_have_their_zeros() -> None:
     bench = BenchTop(load_parameters("lab"))
     bench.advance(0.01)
     assert np.all(np.isnan(bench.column("F_ext_hat")))
-    bench.send(SetTouch((), FROM_N))
+    bench.send(ConfigureContactDetection((), FROM_N))
     bench.wind_up()
     assert math.isfinite(bench.column("F_ext_hat", last=1)[0])
-    assert told(bench, ContactFelt) == []  # in pretension nothing is followed that could give way
+    assert told(bench, ContactDetected) == []  # in pretension nothing is followed that could give way
 
 
 @pytest.mark.parametrize("F_push", [5.0, -5.0])
 def test_the_joint_gives_way_in_the_tick_in_which_a_contact_is_felt(F_push: float) -> None:
     bench = armed()
     begun = len(bench.samples.rows)
-    bench.send(Push(F_push, 4.0))
+    bench.send(ApplyPush(F_push, 4.0))
     bench.advance(2.6)
-    (felt,) = told(bench, ContactFelt)
+    (felt,) = told(bench, ContactDetected)
     assert felt.tick - begun <= 15
     assert math.copysign(1.0, felt.F_ext_hat) == math.copysign(1.0, F_push)
     estimate, mode, limits = (bench.column(name) for name in ("F_ext_hat", "mode", "limits"))
@@ -99,7 +111,7 @@ def test_the_joint_gives_way_in_the_tick_in_which_a_contact_is_felt(F_push: floa
 
 def test_until_a_mode_is_chosen_again_references_are_refused_and_then_it_feels_anew() -> None:
     bench = armed()
-    bench.send(Push(5.0, 0.5))
+    bench.send(ApplyPush(5.0, 0.5))
     bench.advance(2.0)
     refused = bench.send(SetReferences(0.0, 12.0))
     assert isinstance(refused, Refused)
@@ -113,9 +125,9 @@ def test_until_a_mode_is_chosen_again_references_are_refused_and_then_it_feels_a
     assert isinstance(bench.send(SetReferences(0.0, 12.0)), Accepted)
     bench.advance(3.0)
     assert bench.column("q", last=1)[0] == pytest.approx(0.0, abs=0.02)
-    bench.send(Push(-5.0, 0.5))
+    bench.send(ApplyPush(-5.0, 0.5))
     bench.advance(0.1)
-    assert len(told(bench, ContactFelt)) == 2
+    assert len(told(bench, ContactDetected)) == 2
 
 
 def test_a_contact_ends_a_program_whose_run_holds_what_came_of_it() -> None:
@@ -123,7 +135,7 @@ def test_a_contact_ends_a_program_whose_run_holds_what_came_of_it() -> None:
     segments = (Segment(1.0, 0.3, 12.0), Segment(1.0, 0.3, 12.0, 6.0), Segment(5.0, 0.3, 12.0))
     assert isinstance(bench.send(RunProgram(Program(Law.CASCADE, segments), 8)), Accepted)
     bench.advance(4.0)
-    (felt,) = told(bench, ContactFelt)
+    (felt,) = told(bench, ContactDetected)
     ended = told(bench, RunEnded)[-1]
     assert (ended.run, ended.completed, ended.why) == (8, False, Cause.CONTACT)
     assert ended.tick - felt.tick == pytest.approx(1000 * TAIL_S, abs=2)
@@ -141,13 +153,13 @@ def test_fast_moves_are_no_contact() -> None:
     for q_ref, S_ref in ((-1.0, 8.0), (1.0, 15.0), (0.0, 10.0)):
         bench.send(SetReferences(q_ref, S_ref))
         bench.advance(1.5)
-    assert told(bench, ContactFelt) == []
+    assert told(bench, ContactDetected) == []
     assert np.max(np.abs(bench.column("F_ext_hat", last=4000))) < 0.7
 
 
 def test_a_stop_goes_before_a_contact() -> None:
     bench = armed()
-    bench.send(Push(5.0, 2.0))
+    bench.send(ApplyPush(5.0, 2.0))
     bench.advance(0.1)
     bench.send(Stop())
     bench.advance(0.1)
@@ -158,23 +170,23 @@ def test_a_stop_goes_before_a_contact() -> None:
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (SetTouch((), 0.5), "1"),
-        (SetTouch((), 100.0), "30"),
-        (SetTouch((), -2.0), "1"),
-        (SetTouch((), math.nan), "contact_N"),
-        (SetTouch(((10.0, 0.1), (8.0, 0.2)), 0.0), "rise"),
-        (SetTouch(((8.0, math.nan),), 0.0), "rise"),
-        (SetTouch(tuple((8.0 + 0.1 * k, 0.0) for k in range(65)), 0.0), "64"),
+        (ConfigureContactDetection((), 0.5), "1"),
+        (ConfigureContactDetection((), 100.0), "30"),
+        (ConfigureContactDetection((), -2.0), "1"),
+        (ConfigureContactDetection((), math.nan), "contact_N"),
+        (ConfigureContactDetection(((10.0, 0.1), (8.0, 0.2)), 0.0), "rise"),
+        (ConfigureContactDetection(((8.0, math.nan),), 0.0), "rise"),
+        (ConfigureContactDetection(tuple((8.0 + 0.1 * k, 0.0) for k in range(65)), 0.0), "64"),
     ],
 )
-def test_what_makes_no_sense_is_refused_and_what_was_stays(command: SetTouch, words: str) -> None:
+def test_what_makes_no_sense_is_refused_and_what_was_stays(command: ConfigureContactDetection, words: str) -> None:
     bench = armed()
     refused = bench.send(command)
     assert isinstance(refused, Refused)
     assert words in refused.reason
-    bench.send(Push(5.0, 0.5))
+    bench.send(ApplyPush(5.0, 0.5))
     bench.advance(0.1)
-    assert len(told(bench, ContactFelt)) == 1
+    assert len(told(bench, ContactDetected)) == 1
 
 
 def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> None:
@@ -183,7 +195,7 @@ def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> Non
     program = Program(Law.CASCADE, segments, walls=(Obstacle(1.0, 0.5, 5e3, 0.0),))
     assert isinstance(bench.send(RunProgram(program, 8)), Accepted)
     bench.advance(4.0)
-    (felt,) = told(bench, ContactFelt)
+    (felt,) = told(bench, ContactDetected)
     ended = told(bench, RunEnded)[-1]
     F_wall = bench.column("F_wall")
     assert F_wall[felt.tick - 15 : felt.tick].min() < -FROM_N  # it was felt a moment after it was touched
@@ -197,11 +209,11 @@ def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> Non
 def hit(v: float, contact_N: float) -> tuple[float, float, BenchTop]:
     """Peak [N] and impulse [N·s] of half a second from the touch of a wall at ``v`` [rad/s], at 15 N·m/rad."""
     lab = load_parameters("lab")
-    bench = BenchTop(lab, tuning_for(lab, Lambdas(), u_plan=8.5))
+    bench = BenchTop(lab, tuning_for(lab, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(-0.3, 15.0))
     bench.advance(4.0)
-    bench.send(SetTouch(((15.0, float(np.mean(bench.column("F_ext_hat", last=1000)))),), contact_N))
+    bench.send(ConfigureContactDetection(((15.0, float(np.mean(bench.column("F_ext_hat", last=1000)))),), contact_N))
     way = 0.51 + 0.025 * v
     parts = (
         Segment(0.5, -0.3, 15.0, wall=1),
@@ -223,7 +235,7 @@ def test_giving_way_takes_a_third_of_the_impulse_and_something_of_the_peak() -> 
         softer_peak, softer_impulse, bench = hit(v, FROM_N)
         assert softer_impulse < 0.67 * impulse
         assert softer_peak < peak
-        assert len(told(bench, ContactFelt)) == 1
+        assert len(told(bench, ContactDetected)) == 1
 
 
 def test_giving_way_saves_a_stiff_joint_from_a_trip() -> None:

@@ -20,20 +20,20 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import MODE_CODE, Law, Mode, Program, Segment, SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
-Make = Callable[..., Headless]
+Make = Callable[..., SimulatedLoop]
 
 
 @pytest.fixture
 def make(ideal: PlantParameters, tuning: SetTuning) -> Make:
-    def build(**options: Callable[[Ring], None]) -> Headless:
-        return Headless(Simulator(ideal, seed=1), ideal, tuning, **options)
+    def build(**options: Callable[[Ring], None]) -> SimulatedLoop:
+        return SimulatedLoop(Simulator(ideal, seed=1), ideal, tuning, **options)
 
     return build
 
@@ -49,7 +49,7 @@ def slack(ring: Ring) -> bool:
     return newest is not None and bool(max(newest[INDEX["F_A"]], newest[INDEX["F_B"]]) < 0.5)
 
 
-async def pretension(headless: Headless) -> None:
+async def pretension(headless: SimulatedLoop) -> None:
     await headless.send(SetMode(Mode.PRETENSION))
 
     async def granted() -> bool:

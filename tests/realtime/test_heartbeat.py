@@ -11,7 +11,7 @@ import pytest
 
 from backend.realtime import heartbeat
 from backend.realtime.commands import Heartbeat
-from backend.realtime.heartbeat import HEARTBEAT_S, Heart
+from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender
 from backend.realtime.ipc import Channel, channel_pair, decode_to_loop
 
 pytestmark = pytest.mark.live
@@ -36,7 +36,7 @@ def beats(channel: Channel) -> int:
 
 
 @contextmanager
-def beating(heart: Heart) -> Iterator[Heart]:
+def beating(heart: HeartbeatSender) -> Iterator[HeartbeatSender]:
     thread = threading.Thread(target=heart.run)
     thread.start()
     yield heart
@@ -51,7 +51,7 @@ def wait_for_a_beat(channel: Channel) -> None:
 
 def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
-    with beating(Heart(service)):
+    with beating(HeartbeatSender(service)):
         wait_for_a_beat(loop)
         before = sys.getswitchinterval()
         sys.setswitchinterval(60.0)  # from here on nothing but waiting gives the lock away
@@ -68,7 +68,7 @@ def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
     """It sleeps between two beats at least as long: a machine that is busy makes fewer of them, never more."""
     service, loop = ends
     begun = time.monotonic()
-    with beating(Heart(service)):
+    with beating(HeartbeatSender(service)):
         wait_for_a_beat(loop)
         time.sleep(10 * HEARTBEAT_S)
         count, passed_s = beats(loop), time.monotonic() - begun
@@ -78,7 +78,7 @@ def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
 def test_the_last_beat_is_no_older_than_the_wait_for_it(ends: tuple[Channel, Channel]) -> None:
     """Beats at all parts of a second: what is taken of the clock is all of its time, not the second alone."""
     service, loop = ends
-    with beating(Heart(service)) as heart:
+    with beating(HeartbeatSender(service)) as heart:
         for _ in range(5):
             begun = time.monotonic()
             beats(loop)
@@ -89,7 +89,7 @@ def test_the_last_beat_is_no_older_than_the_wait_for_it(ends: tuple[Channel, Cha
 
 def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
-    with beating(Heart(service)) as heart:
+    with beating(HeartbeatSender(service)) as heart:
         wait_for_a_beat(loop)
         heart.pause(3600.0)
         while heart.age_s < 4 * HEARTBEAT_S:
@@ -105,7 +105,7 @@ def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
     hours_ago = time.monotonic_ns() - 3600 * 10**9
     with monkeypatch.context() as past:
         past.setattr(time, "monotonic_ns", lambda: hours_ago)
-        heart = Heart(service)
+        heart = HeartbeatSender(service)
     with beating(heart):
         assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
         heart.shown()

@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 from backend.faults import Fault
 from backend.realtime.commands import (
     Accepted,
-    ByHand,
     Home,
     ModeChanged,
     Refused,
     Reset,
     SetMode,
+    SimulateManualInput,
     Stop,
     SwitchDrives,
     TryMotor,
 )
 from backend.realtime.commissioning_motions import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import MODE_CODE, HomingEnd, Mode, SetTuning
 from backend.sample import INDEX
 from plant.dynamics import PlantState
-from plant.manual_input import NO_HAND, Hand
+from plant.manual_input import NO_HAND, ManualInput
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
@@ -45,7 +45,7 @@ class Bench:
         self.simulator = Simulator(PARAMETERS, 0, start)
         wired, really = with_entries(WIRING, **declared), with_entries(WIRING, **true)
         self.rig = VirtualRig(wired, self.simulator, None, really, directions_proven=True, load_cells_measured=True)
-        self.loop = Headless(self.rig, PARAMETERS, tuning)
+        self.loop = SimulatedLoop(self.rig, PARAMETERS, tuning)
         self.ends: list[str] = []
         self.loop.listen(self._hear)
         asyncio.run(self.loop.advance(0.05))
@@ -54,14 +54,14 @@ class Bench:
         if isinstance(event, ModeChanged) and event.before is Mode.IDENTIFY:
             self.ends.append(event.cause)
 
-    def homed(self, position: float, hand: Hand | None = None) -> NDArray[np.float64]:
+    def homed(self, position: float, hand: ManualInput | None = None) -> NDArray[np.float64]:
         """Play it to its end, with a ``hand`` once the tendons are taut; return the samples [n, fields] of the way."""
 
         async def play() -> None:
             assert not isinstance(answer := await self.loop.send(Home(position)), Refused), answer
             if hand is not None:
                 await self.loop.advance(5.0)
-                await self.loop.send(ByHand(hand))
+                await self.loop.send(SimulateManualInput(hand))
             await self.loop.advance_until(lambda: bool(self.ends), TIME_MAX_S + 1.0)
             await self.loop.advance(0.3)
 
@@ -91,7 +91,7 @@ def test_the_zero_is_where_the_switch_is(tuning: SetTuning, position: float, sta
 
 ELSEWHERE = {"end_switch": {"position": 0.4, "line": "port0/line5"}}
 AT = {"end_switch": {"position": 0.4}}
-SURPRISES: list[tuple[str, dict[str, Any], dict[str, Any], Hand | None, HomingEnd]] = [
+SURPRISES: list[tuple[str, dict[str, Any], dict[str, Any], ManualInput | None, HomingEnd]] = [
     ("the switch never closes", ELSEWHERE, AT, None, HomingEnd.NOT_REACHED),
     (
         "the switch is stuck closed",
@@ -110,8 +110,8 @@ SURPRISES: list[tuple[str, dict[str, Any], dict[str, Any], Hand | None, HomingEn
     ),
     ("a motor turns backwards", AT, AT | {"motor_A": {"gain": -1.0}}, None, HomingEnd.MOTOR_OFF),
     ("a load cell says too little", AT | {"load_cell_A": {"slope": 1.0}}, AT, None, HomingEnd.SLACK),
-    ("a hand holds the joint", AT, AT, Hand(q=0.15), HomingEnd.JOINT_HELD),
-    ("a weight hangs on a load cell", AT, AT, Hand(pull_A=7.0), HomingEnd.TENSION),
+    ("a hand holds the joint", AT, AT, ManualInput(q=0.15), HomingEnd.JOINT_HELD),
+    ("a weight hangs on a load cell", AT, AT, ManualInput(pull_A=7.0), HomingEnd.TENSION),
 ]
 
 
@@ -119,7 +119,7 @@ SURPRISES: list[tuple[str, dict[str, Any], dict[str, Any], Hand | None, HomingEn
     ("declared", "true", "hand", "end"), [case[1:] for case in SURPRISES], ids=[case[0] for case in SURPRISES]
 )
 def test_a_surprise_ends_it_at_zero_volts_with_its_name(
-    tuning: SetTuning, declared: dict[str, Any], true: dict[str, Any], hand: Hand | None, end: HomingEnd
+    tuning: SetTuning, declared: dict[str, Any], true: dict[str, Any], hand: ManualInput | None, end: HomingEnd
 ) -> None:
     bench = Bench(tuning, 0.15, declared, true)
     way = bench.homed(0.4, hand)
@@ -140,9 +140,9 @@ def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_
 ) -> None:
     """The joint stood at 1.3 rad, and on its way reads -1.7 rad, its range being 1.57 rad to either side."""
     bench = Bench(tuning, 1.3, FAR, FAR)
-    asyncio.run(bench.loop.send(ByHand(Hand(q=0.0, theta_A=0.0, theta_B=0.0))))
+    asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
-    asyncio.run(bench.loop.send(ByHand(NO_HAND)))
+    asyncio.run(bench.loop.send(SimulateManualInput(NO_HAND)))
     bench.rig.zeroed = known
     way = bench.homed(-0.4)
     if known:
@@ -157,9 +157,9 @@ def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_
 
 def test_a_stop_on_that_way_can_be_reset_where_the_joint_stands(tuning: SetTuning) -> None:
     bench = Bench(tuning, 1.3, FAR, FAR)
-    asyncio.run(bench.loop.send(ByHand(Hand(q=0.0, theta_A=0.0, theta_B=0.0))))
+    asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
-    asyncio.run(bench.loop.send(ByHand(NO_HAND)))
+    asyncio.run(bench.loop.send(SimulateManualInput(NO_HAND)))
     bench.rig.zeroed = False
 
     def newest(name: str) -> float:
@@ -194,7 +194,7 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
     asyncio.run(bench.loop.send(SwitchDrives(on=False)))
     assert "drives are switched off" in refused()
     asyncio.run(bench.loop.send(SwitchDrives(on=True)))
-    asyncio.run(bench.loop.send(ByHand(Hand(pull_B=12.0))))
+    asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(pull_B=12.0))))
     asyncio.run(bench.loop.advance(0.1))
     assert "at most 10 N are safe" in refused()
     bench.loop.close()

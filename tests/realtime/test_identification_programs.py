@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from backend.control import motion_primitives, pid
 from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.control.motion_types import NO_REFERENCE, Carry, Decision
+from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState
 from backend.realtime.commands import Inject, Refused, RunEnded, RunProgram, SetMode, SetReferences, Stop
 from backend.realtime.motions import voltage_steps_of
 from backend.realtime.program import MODE_CODE, Law, Mode, Program, TensionLeg, VoltageStep
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from plant.interface import Breakage, Broken, Measurement, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -148,10 +148,10 @@ def test_a_program_takes_as_long_as_its_parts() -> None:
 def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -> None:
     """Twice, at the joint's centre and where the step starts: here the same place, to which no way leads."""
     program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
-    tuning = cascade_tuning(load_parameters("ideal"), Lambdas())
-    carry = Carry(pid.at_rest_motor_pair(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
+    tuning = cascade_tuning(load_parameters("ideal"), TuningParameters())
+    carry = MotorLoopState(pid.at_rest_motor_pair(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
     state = voltage_steps_of(program, motion_primitives.VoltageMargin(0.0, 0.0, F_slack=1.0, theta_max=9.0))
-    decided: list[Decision] = []
+    decided: list[ControlOutput] = []
     for _ in range(60):
         decision, carry, state = motion_primitives.step_voltage_steps(tuning, carry, NO_REFERENCE, state, STILL)
         decided.append(decision)

@@ -7,9 +7,9 @@ import pytest
 
 from backend.control.motion_types import clipped
 from backend.faults import Fault, Limit
-from backend.realtime.commands import Push, SetReferences
+from backend.realtime.commands import ApplyPush, SetReferences
 from backend.realtime.control_loop import Checks
-from backend.units import Angles, in_words
+from backend.units import AngleUnit, format_angles
 from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -21,7 +21,7 @@ def pushed_bench() -> BenchTop:
     bench.run()
     bench.send(SetReferences(0.0, 8.0))
     bench.advance(4.0)
-    bench.send(Push(18.0, 3.0))
+    bench.send(ApplyPush(18.0, 3.0))
     bench.advance(3.0)
     bench.advance(3.0)
     return bench
@@ -47,7 +47,7 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     checks = Checks(load_parameters("ideal"))
     fault, seen = checks.standing(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
-    told, bound = in_words(seen, Angles.DEGREES).split("; ")
+    told, bound = format_angles(seen, AngleUnit.DEGREES).split("; ")
     assert bound == "the bound is 90° to either side"
     assert float(told.removeprefix("q = ").removesuffix("°")) == pytest.approx(-91.25, abs=5e-4)
 

@@ -21,7 +21,7 @@ from backend.realtime.program import (
     Shape,
 )
 from backend.sample import NAMES
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -104,11 +104,11 @@ def test_references_out_of_bounds_change_nothing(ideal: PlantParameters) -> None
 
 
 def test_moving_lambda_at_rest_moves_no_voltage(ideal: PlantParameters) -> None:
-    bench = BenchTop(ideal, tuning_for(ideal, Lambdas(lam_q=0.6)))
+    bench = BenchTop(ideal, tuning_for(ideal, TuningParameters(lam_q=0.6)))
     bench.run()
     bench.send(SetReferences(0.5, 10.0))
     bench.advance(8.0)
-    bench.send(tuning_for(ideal, Lambdas(lam_q=0.45)))
+    bench.send(tuning_for(ideal, TuningParameters(lam_q=0.45)))
     bench.advance(0.001)
     for name in ("u_A", "u_B"):
         before, after = bench.column(name, last=2)
@@ -118,12 +118,12 @@ def test_moving_lambda_at_rest_moves_no_voltage(ideal: PlantParameters) -> None:
 
 def test_gains_that_are_no_numbers_are_refused_whole(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
-    good = tuning_for(ideal, Lambdas(lam_q=0.6))
+    good = tuning_for(ideal, TuningParameters(lam_q=0.6))
     broken = SetTuning(**{**vars(good), "motor_A": good.motor_A.__class__(math.nan, 1.0, 1.0, 1.0)})
     assert isinstance(bench.send(broken), Refused)
     assert isinstance(bench.send(SetTuning(**{**vars(good), "entries": ()})), Refused)
     bench.advance(0.001)
-    assert bench.column("lam_q")[-1] == Lambdas().lam_q
+    assert bench.column("lam_q")[-1] == TuningParameters().lam_q
 
 
 def test_whole_numbers_are_gains_as_well(ideal: PlantParameters) -> None:
@@ -132,7 +132,7 @@ def test_whole_numbers_are_gains_as_well(ideal: PlantParameters) -> None:
         bench = BenchTop(ideal)
         bench.run()
         bank = (EntryGains(*map(number, (8, 0, 1, 0, 0, 1, 0))),)
-        bench.send(SetTuning(**{**vars(tuning_for(ideal, Lambdas())), "entries": bank}))
+        bench.send(SetTuning(**{**vars(tuning_for(ideal, TuningParameters())), "entries": bank}))
         bench.send(SetReferences(0.2, 10.0))
         bench.advance(0.5)
         voltages.append(bench.column("u_A", last=500))

@@ -7,13 +7,13 @@ import pytest
 
 from backend.banks.builder import tuning_command
 from backend.control import pid
-from backend.control.motion_types import NO_REFERENCE, Carry
+from backend.control.motion_types import NO_REFERENCE, MotorLoopState
 from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, Stop, TryMotor
 from backend.realtime.commissioning_motions import ModuleTrial, MotorTrial
 from backend.realtime.gains import tuning_of
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import MODE_CODE, Mode, SetTuning
 from backend.sample import INDEX
 from backend.tuning.gains import knowledge
@@ -24,9 +24,9 @@ from plant.parameters import load_parameters
 PARAMETERS = load_parameters("ideal")
 
 
-def tried(tuning: SetTuning) -> Headless:
+def tried(tuning: SetTuning) -> SimulatedLoop:
     """Return a loop on the virtual card in the middle of a trial of motor A."""
-    loop = Headless(make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS, 0), PARAMETERS, tuning)
+    loop = SimulatedLoop(make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS, 0), PARAMETERS, tuning)
     asyncio.run(loop.advance(0.01))
     assert isinstance(asyncio.run(loop.send(TryMotor("A"))), Accepted)
     asyncio.run(loop.advance(0.1))
@@ -34,7 +34,7 @@ def tried(tuning: SetTuning) -> Headless:
     return loop
 
 
-def value(loop: Headless, signal: str) -> float:
+def value(loop: SimulatedLoop, signal: str) -> float:
     newest = loop.ring.newest()
     assert newest is not None
     return float(newest[INDEX[signal]])
@@ -85,7 +85,7 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
 def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
     gains = tuning_of(tuning_command(PARAMETERS, LoopSettings(), None), knowledge(PARAMETERS))
-    carry = Carry(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = MotorTrial(carry, NO_REFERENCE, m, "A")
     rising = [trial.step(gains, m).u_A for _ in range(50)]
     assert rising == sorted(rising)
@@ -97,7 +97,7 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
 def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
     gains = tuning_of(tuning_command(PARAMETERS, LoopSettings(), None), knowledge(PARAMETERS))
-    carry = Carry(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = ModuleTrial(carry, NO_REFERENCE, m)
     trial.step(gains, m)
     assert not trial.done

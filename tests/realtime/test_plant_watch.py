@@ -1,11 +1,11 @@
 """A plant that fails is told of once, and that it answers again once it has done so for a second."""
 
 from backend.realtime.commands import Event, PlantAnswers, PlantFailing
-from backend.realtime.control_loop import PlantWatch
+from backend.realtime.control_loop import PlantHealthMonitor
 
 
 def watched(failing: set[int], ticks: int) -> list[Event]:
-    watch, events = PlantWatch(), []
+    watch, events = PlantHealthMonitor(), []
     for tick in range(ticks):
         watch.begin()
         if tick in failing:

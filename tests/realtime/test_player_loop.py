@@ -9,11 +9,11 @@ import pytest
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import (
     Accepted,
+    ApplyPush,
     Command,
     Event,
     PlayerMoved,
     PlayRecording,
-    Push,
     Refused,
     Reset,
     SetMode,
@@ -133,7 +133,7 @@ def test_an_order_that_cannot_be_is_refused_whole(played: Played, order: PlayRec
 
 
 @pytest.mark.parametrize(
-    "command", [SetMode(Mode.PRETENSION), SetMode(Mode.OFF), SetReferences(0.1, 9.0), Push(1.0, 1.0), Reset()]
+    "command", [SetMode(Mode.PRETENSION), SetMode(Mode.OFF), SetReferences(0.1, 9.0), ApplyPush(1.0, 1.0), Reset()]
 )
 def test_what_makes_no_sense_is_refused_with_the_reason_and_changes_nothing(played: Played, command: Command) -> None:
     played.advance(5)

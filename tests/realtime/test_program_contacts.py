@@ -25,16 +25,16 @@ from backend.realtime.program import (
     MAX_TOUCHES,
     MODE_CODE,
     Cause,
-    ContactFelt,
+    ConfigureContactDetection,
+    ContactDetected,
+    ContactDetection,
     Law,
     Mode,
     Program,
     Segment,
-    SetTouch,
     Shape,
-    Touch,
 )
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -53,15 +53,15 @@ PARTS = (
 )
 """3 s of rest at 12 N·m/rad, a ramp into the wall within a second, a second there, and back."""
 
-HITS = Program(Law.CASCADE, PARTS, walls=(WALL,), touches=(Touch(FROM_N, learns=True), Touch()))
-NEVER = replace(HITS, touches=(Touch(), Touch()))
+HITS = Program(Law.CASCADE, PARTS, walls=(WALL,), touches=(ContactDetection(FROM_N, learns=True), ContactDetection()))
+NEVER = replace(HITS, touches=(ContactDetection(), ContactDetection()))
 PRESSED, BACK = 3000, 5000
 """Ticks of the program from which on, and up to which, a contact ends what is played."""
 
 
 def played(program: Program, seconds: float = 0.0) -> tuple[BenchTop, int]:
     """The bench after a program, or so long into it; the tick in which it begins."""
-    bench = BenchTop(LAB, tuning_for(LAB, Lambdas(), u_plan=8.5))
+    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
     bench.wind_up()
     begun = len(bench.samples.rows)
     assert isinstance(bench.send(RunProgram(program, 8)), Accepted)
@@ -103,7 +103,7 @@ def test_the_program_goes_on_in_time_as_one_run() -> None:
         assert np.array_equal(one, other)
     assert set(bench.column("mode")[begun : ended.tick]) == {MODE_CODE[Mode.EXPERIMENT]}
     assert set(bench.column("run")[begun : ended.tick]) == {8.0}
-    assert told(bench, ContactFelt) == []  # nobody has to choose a mode
+    assert told(bench, ContactDetected) == []  # nobody has to choose a mode
     assert bench.column("F_A")[begun:].min() > 1.0
 
 
@@ -118,11 +118,11 @@ def test_no_voltage_jumps_where_it_gives_way_or_goes_on() -> None:
 
 
 def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None:
-    bench = BenchTop(LAB, tuning_for(LAB, Lambdas(), u_plan=8.5))
+    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(0.0, 12.0))
     bench.advance(4.0)
-    bench.send(SetTouch(((12.0, 5.0),), 0.0))
+    bench.send(ConfigureContactDetection(((12.0, 5.0),), 0.0))
     bench.advance(0.001)
     before = bench.column("F_ext_hat", last=1)[0]
     begun = len(bench.samples.rows)
@@ -138,7 +138,7 @@ def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None
 
 def test_a_contact_in_another_part_is_none() -> None:
     unlike = (*PARTS[:1], Segment(1.0, 0.23, 12.0, shape=Shape.RAMP), PARTS[2], replace(PARTS[3], touch=1), PARTS[4])
-    bench, begun = played(replace(HITS, segments=unlike, touches=(Touch(learns=True),)))
+    bench, begun = played(replace(HITS, segments=unlike, touches=(ContactDetection(learns=True),)))
     assert gives_way(bench, begun).size == 0
     assert np.abs(bench.column("F_wall")).max() > FROM_N
 
@@ -146,7 +146,7 @@ def test_a_contact_in_another_part_is_none() -> None:
 @pytest.mark.parametrize("why", ["nothing was learned", "it was learned while a hand moved the joint"])
 def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why: str) -> None:
     first = PARTS[0]
-    touches: tuple[Touch, ...] = (Touch(FROM_N), Touch())
+    touches: tuple[ContactDetection, ...] = (ContactDetection(FROM_N), ContactDetection())
     before: tuple[Segment, ...] = (first,)
     if why != "nothing was learned":
         shaken = Segment(3.0, 0.0, 12.0, F_push=8.0, shape=Shape.SINE, period_s=0.3, wall=1)
@@ -158,12 +158,12 @@ def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why
 
 
 def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -> None:
-    bench = BenchTop(LAB, tuning_for(LAB, Lambdas(), u_plan=8.5))
+    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(0.0, 12.0))
     bench.advance(4.0)
     bias = float(np.mean(bench.column("F_ext_hat", last=1000)))
-    bench.send(SetTouch(((12.0, bias),), 1.2))
+    bench.send(ConfigureContactDetection(((12.0, bias),), 1.2))
     refused = bench.send(RunProgram(HITS, 8))
     assert isinstance(refused, Refused)
     assert "contacts from 1.2 N on" in refused.reason
@@ -171,10 +171,10 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
     assert isinstance(bench.send(RunProgram(NEVER, 8)), Accepted)  # it gives way to nothing by itself
     bench.send(SetMode(Mode.PRETENSION))
     bench.advance(5.0)
-    bench.send(SetTouch(((12.0, bias),), 0.0))
+    bench.send(ConfigureContactDetection(((12.0, bias),), 0.0))
     assert isinstance(bench.send(RunProgram(HITS, 9)), Accepted)
     bench.advance(3.5)
-    bench.send(SetTouch(((12.0, bias),), 1.2))  # in flight: it goes before the program's own
+    bench.send(ConfigureContactDetection(((12.0, bias),), 1.2))  # in flight: it goes before the program's own
     bench.advance(2.0)
     assert told(bench, RunEnded)[-1].why is Cause.CONTACT
     assert bench.loop.mode is Mode.COMPLIANCE
@@ -182,7 +182,7 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
 
 def test_what_was_changed_in_the_part_that_is_over_is_in_force_behind_it() -> None:
     parts = (*PARTS[:2], replace(PARTS[2], tuning=1, wall=2), *PARTS[3:])
-    slower = tuning_for(LAB, Lambdas(0.8, 0.6))
+    slower = tuning_for(LAB, TuningParameters(0.8, 0.6))
     bench, begun = played(replace(HITS, segments=parts, tunings=(slower,), walls=(WALL, None)), 5.01)
     assert gives_way(bench, begun)[0] < 4000
     assert told(bench, TuningChanged)[-1].lam_q == 0.8
@@ -212,16 +212,16 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
 @pytest.mark.parametrize(
     ("program", "words"),
     [
-        (replace(HITS, touches=(Touch(0.5), Touch())), "0.5 N is outside 1"),
-        (replace(HITS, touches=(Touch(31.0), Touch())), "31 N"),
-        (replace(HITS, touches=(Touch(math.nan), Touch())), "contact_N"),
-        (replace(HITS, touches=(Touch(FROM_N),)), "touch 2 of the program's 1"),
-        (replace(HITS, touches=(Touch(),) * (MAX_TOUCHES + 1)), "number of changes of what is given way to"),
+        (replace(HITS, touches=(ContactDetection(0.5), ContactDetection())), "0.5 N is outside 1"),
+        (replace(HITS, touches=(ContactDetection(31.0), ContactDetection())), "31 N"),
+        (replace(HITS, touches=(ContactDetection(math.nan), ContactDetection())), "contact_N"),
+        (replace(HITS, touches=(ContactDetection(FROM_N),)), "touch 2 of the program's 1"),
+        (replace(HITS, touches=(ContactDetection(),) * (MAX_TOUCHES + 1)), "number of changes of what is given way to"),
         (replace(HITS, law=Law.SINGLE_LOOP), "gives way to nothing"),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_moves(program: Program, words: str) -> None:
-    bench = BenchTop(LAB, tuning_for(LAB, Lambdas(), u_plan=8.5))
+    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
     bench.wind_up()
     refused = bench.send(RunProgram(program, 8))
     assert isinstance(refused, Refused)

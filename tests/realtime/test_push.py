@@ -5,7 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from backend.realtime.commands import Accepted, Push, PushReleased, Refused, RunProgram, SetMode, SetReferences, Stop
+from backend.realtime.commands import (
+    Accepted,
+    ApplyPush,
+    PushReleased,
+    Refused,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    Stop,
+)
 from backend.realtime.program import Law, Mode, Program, Segment
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -43,7 +52,7 @@ def test_a_push_moves_the_joint_as_statics_say_and_only_a_closed_loop_brings_it_
     """At rest the springs carry the push: τ = r_j F = S (q − q_ref), whatever q_ref (equation 14)."""
     for F_push in (6.0, -9.0):
         bench = controlled(ideal, Mode.COMPLIANCE, q_ref=0.3)
-        bench.send(Push(F_push, 4.0))
+        bench.send(ApplyPush(F_push, 4.0))
         bench.advance(3.0)
         assert bench.column("F_push", last=1)[0] == F_push
         q, S = (bench.column(name, last=1)[0] for name in ("q", "S"))
@@ -53,7 +62,7 @@ def test_a_push_moves_the_joint_as_statics_say_and_only_a_closed_loop_brings_it_
         assert pytest.approx(-F_push, abs=0.05) == F_A - F_B
         bench.send(SetMode(Mode.RUN))
         bench.send(SetReferences(0.3, S_REF))
-        bench.send(Push(F_push, 8.0))
+        bench.send(ApplyPush(F_push, 8.0))
         bench.advance(5.0)
         assert bench.column("q", last=1)[0] == pytest.approx(0.3, abs=2e-3)
         assert bench.column("F_push", last=1)[0] == F_push
@@ -61,7 +70,7 @@ def test_a_push_moves_the_joint_as_statics_say_and_only_a_closed_loop_brings_it_
 
 def test_a_push_is_let_go_when_its_time_is_over(ideal: PlantParameters) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
-    bench.send(Push(5.0, 0.7))
+    bench.send(ApplyPush(5.0, 0.7))
     bench.advance(2.0)
     pushed = np.flatnonzero(bench.column("F_push", last=2000) == 5.0)
     assert pushed.size == 700
@@ -77,7 +86,7 @@ def test_a_push_is_let_go_when_its_time_is_over(ideal: PlantParameters) -> None:
 )
 def test_a_push_is_let_go_with_the_mode(ideal: PlantParameters, leave: Stop | SetMode) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
-    bench.send(Push(5.0, 9.0))
+    bench.send(ApplyPush(5.0, 9.0))
     bench.advance(0.2)
     bench.send(leave)
     bench.advance(0.005)
@@ -89,16 +98,16 @@ def test_a_push_is_let_go_with_the_mode(ideal: PlantParameters, leave: Stop | Se
 
 def test_a_push_of_zero_lets_go_at_once_and_a_new_one_takes_the_place_of_the_old(ideal: PlantParameters) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
-    bench.send(Push(5.0, 9.0))
+    bench.send(ApplyPush(5.0, 9.0))
     bench.advance(0.1)
-    bench.send(Push(-4.0, 0.1))
+    bench.send(ApplyPush(-4.0, 0.1))
     bench.advance(0.05)
     assert bench.column("F_push", last=1)[0] == -4.0
     bench.advance(0.1)
     assert bench.column("F_push", last=1)[0] == 0.0
-    bench.send(Push(5.0, 9.0))
+    bench.send(ApplyPush(5.0, 9.0))
     bench.advance(0.1)
-    bench.send(Push(0.0, 1.0))
+    bench.send(ApplyPush(0.0, 1.0))
     bench.advance(0.01)
     assert bench.column("F_push", last=1)[0] == 0.0
 
@@ -106,17 +115,17 @@ def test_a_push_of_zero_lets_go_at_once_and_a_new_one_takes_the_place_of_the_old
 def test_a_push_is_refused_where_no_hand_may_push(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
-    refused = bench.send(Push(5.0, 1.0))
+    refused = bench.send(ApplyPush(5.0, 1.0))
     assert isinstance(refused, Refused)
     assert "run" in refused.reason
     assert "compliance" in refused.reason
     program = Program(Law.CASCADE, (Segment(2.0, 0.0, S_REF, F_push=3.0),))
     assert isinstance(bench.send(RunProgram(program)), Accepted)
     bench.advance(0.5)
-    assert isinstance(bench.send(Push(5.0, 1.0)), Refused)
+    assert isinstance(bench.send(ApplyPush(5.0, 1.0)), Refused)
     assert bench.column("F_push", last=1)[0] == 3.0
     bench = controlled(ideal, Mode.RUN)
-    for push in (Push(math.nan, 1.0), Push(5.0, math.nan), Push(5.0, 60.0), Push(5.0, -1.0)):
+    for push in (ApplyPush(math.nan, 1.0), ApplyPush(5.0, math.nan), ApplyPush(5.0, 60.0), ApplyPush(5.0, -1.0)):
         assert isinstance(bench.send(push), Refused)
     bench.advance(0.01)
     assert not bench.column("F_push", last=10).any()

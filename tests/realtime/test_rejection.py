@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.realtime.commands import Accepted, Push, Refused, RunProgram, SetMode, SetReferences
+from backend.realtime.commands import Accepted, ApplyPush, Refused, RunProgram, SetMode, SetReferences
 from backend.realtime.gains import tuning_for, tuning_of
-from backend.realtime.program import Law, Mode, Program, Segment, SetTouch, SetTuning
-from backend.tuning.gains import UNSEEN_F, Lambdas, knowledge
+from backend.realtime.program import ConfigureContactDetection, Law, Mode, Program, Segment, SetTuning
+from backend.tuning.gains import UNSEEN_F, TuningParameters, knowledge
 from backend.tuning.simulation import NEAR_RAD, PUSH_N, push_forecast
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -17,7 +17,7 @@ from tests.realtime.bench_top import BenchTop
 def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
     """In run at 0 rad, at rest, nothing learned."""
     parameters = load_parameters(name)
-    tuning = tuning_for(parameters, Lambdas(lam_q, 0.345), u_plan=8.5)
+    tuning = tuning_for(parameters, TuningParameters(lam_q, 0.345), u_plan=8.5)
     bench = BenchTop(parameters, tuning)
     bench.run()
     bench.send(SetReferences(0.0, S))
@@ -28,7 +28,9 @@ def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]
 def learned(name: str, lam_q: float, k_ext: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
     """The same with the bias learned there, and pushes rejected."""
     bench, tuning = held(name, lam_q, S)
-    assert isinstance(bench.send(SetTouch(((S, float(np.mean(bench.column("F_ext_hat", last=500)))),))), Accepted)
+    assert isinstance(
+        bench.send(ConfigureContactDetection(((S, float(np.mean(bench.column("F_ext_hat", last=500)))),))), Accepted
+    )
     rejecting = replace(tuning, k_ext=k_ext)
     assert isinstance(bench.send(rejecting), Accepted)
     return bench, rejecting
@@ -36,7 +38,7 @@ def learned(name: str, lam_q: float, k_ext: float, S: float = 10.0) -> tuple[Ben
 
 def back_s(bench: BenchTop, F_push: float, seconds: float) -> float:
     begun = len(bench.samples.rows)
-    assert isinstance(bench.send(Push(F_push, seconds)), Accepted)
+    assert isinstance(bench.send(ApplyPush(F_push, seconds)), Accepted)
     bench.advance(seconds)
     off = np.abs(bench.column("q")[begun:] - bench.column("q_ref")[begun:])
     return float(np.flatnonzero(off > 1.01 * NEAR_RAD)[-1] + 1) * 1e-3
@@ -82,16 +84,16 @@ def test_it_takes_what_was_learned() -> None:
     assert "learn it first" in refused.reason
     program = Program(Law.CASCADE, (Segment(0.5, 0.0, 10.0, tuning=1),), tunings=(replace(tuning, k_ext=0.7),))
     assert isinstance(bench.send(RunProgram(program, 3)), Refused)
-    assert isinstance(bench.send(SetTouch(((10.0, 0.0),))), Accepted)
+    assert isinstance(bench.send(ConfigureContactDetection(((10.0, 0.0),))), Accepted)
     assert isinstance(bench.send(replace(tuning, k_ext=1.2)), Refused)
     assert isinstance(bench.send(RunProgram(program, 3)), Accepted)
     bench.advance(1.0)  # over, and the operator's is back
-    assert isinstance(bench.send(SetTouch(())), Accepted)
+    assert isinstance(bench.send(ConfigureContactDetection(())), Accepted)
 
 
 def test_what_it_takes_is_not_forgotten_under_it() -> None:
     bench, tuning = learned("lab", 1.0, 0.7)
-    refused = bench.send(SetTouch(()))
+    refused = bench.send(ConfigureContactDetection(()))
     assert isinstance(refused, Refused)
     assert "k_ext to 0" in refused.reason
     assert isinstance(bench.send(tuning), Accepted)
@@ -114,7 +116,7 @@ def test_it_comes_and_goes_under_a_push_without_a_bump(u_plan: float) -> None:
         tuning = replace(tuning, u_plan=u_plan, k_ext=0.0)
         bench.send(tuning)
         bench.advance(6.0)
-        bench.send(Push(6.0, after_s + 0.8))
+        bench.send(ApplyPush(6.0, after_s + 0.8))
         bench.advance(after_s)
         for k_ext in (1.0, 0.5, 0.0, 0.8):
             bench.send(replace(tuning, k_ext=k_ext))
@@ -131,7 +133,7 @@ def test_with_the_position_loop_open_it_does_nothing_and_closing_it_is_smooth() 
         bench, _ = learned("ideal", 1.0, k_ext)
         assert isinstance(bench.send(SetMode(Mode.COMPLIANCE, 2)), Accepted)
         bench.advance(1.0)
-        bench.send(Push(5.0, 8.0))
+        bench.send(ApplyPush(5.0, 8.0))
         bench.advance(3.0)
         assert bench.column("q", last=1)[0] == pytest.approx(0.075 * 5.0 / 10.0, rel=0.02)
         assert isinstance(bench.send(SetMode(Mode.RUN, 3)), Accepted)
@@ -149,8 +151,8 @@ def test_it_gives_way_to_a_contact_as_ever() -> None:
     for k_ext in (0.0, 1.0):
         bench, _ = learned("lab", 1.0, k_ext)
         bias = bench.loop._machine.contact._desk._bias.get()
-        bench.send(SetTouch(tuple((float(S), float(F)) for S, F in bias), 2.0))
-        bench.send(Push(6.0, 2.0))
+        bench.send(ConfigureContactDetection(tuple((float(S), float(F)) for S, F in bias), 2.0))
+        bench.send(ApplyPush(6.0, 2.0))
         bench.advance(2.0)
         assert bench.loop.mode is Mode.COMPLIANCE
         ways.append(bench.column("q", last=2000))
@@ -163,7 +165,7 @@ def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
     random = np.random.default_rng(16)
     for _ in range(30):
         if random.random() < 0.4:
-            lambdas = Lambdas(random.uniform(0.36, 2.0), random.uniform(0.35, 0.8))
+            lambdas = TuningParameters(random.uniform(0.36, 2.0), random.uniform(0.35, 0.8))
             k_ext, u_plan = random.uniform(0.0, 1.0), 8.5 if random.random() < 0.7 else 0.0
             parameters = load_parameters(name)
             assert isinstance(
@@ -171,7 +173,7 @@ def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
             )
         if random.random() < 0.3:
             bench.send(SetReferences(random.uniform(-1.0, 1.0), random.uniform(9.0, 12.0)))
-        bench.send(Push(random.uniform(-10.0, 10.0), random.uniform(0.05, 2.0)))
+        bench.send(ApplyPush(random.uniform(-10.0, 10.0), random.uniform(0.05, 2.0)))
         bench.advance(random.uniform(0.1, 1.5))
         assert bench.loop.mode is Mode.RUN
     for F in (bench.column("F_A"), bench.column("F_B")):

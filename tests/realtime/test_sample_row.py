@@ -8,7 +8,7 @@ from backend.realtime.commands import SetReferences, Stop
 from backend.realtime.gains import tuning_for
 from backend.realtime.program import MODE_CODE, Mode
 from backend.sample import NAMES
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.interface import Measurement, MotorCommand, RawReading
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -43,7 +43,7 @@ class Session:
     def __init__(self) -> None:
         parameters = load_parameters("lab")
         self.plant = Witness(parameters)
-        self.bench = BenchTop(parameters, tuning_for(parameters, Lambdas(0.3, 0.5)), self.plant)
+        self.bench = BenchTop(parameters, tuning_for(parameters, TuningParameters(0.3, 0.5)), self.plant)
         self.bench.run(run=7)
         self.bench.advance(2.0)
         self.begun = len(self.bench.samples.rows)

@@ -20,7 +20,7 @@ from backend.realtime.commands import Accepted, Refused, SetMode, Stop, Stopped
 from backend.realtime.ipc import Setup
 from backend.realtime.program import MODE_CODE, Mode, SetTuning
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied, LoopDiedError, Supervisor
+from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
 from backend.realtime.timing import timing
 from backend.sample import INDEX
 from plant.interface import SIMULATOR, PlantChoice, PlantKind
@@ -51,16 +51,16 @@ def loop_processes() -> set[int]:
 def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     async def session() -> None:
         supervisor = Supervisor(setup)
-        with pytest.raises(LoopDiedError, match="not been started"):
+        with pytest.raises(LoopExitedError, match="not been started"):
             await supervisor.send(Stop())
-        deaths: asyncio.Queue[LoopDied] = asyncio.Queue()
+        deaths: asyncio.Queue[LoopExited] = asyncio.Queue()
         events: list[object] = []
-        supervisor.listen(lambda event: deaths.put_nowait(event) if isinstance(event, LoopDied) else None)
+        supervisor.listen(lambda event: deaths.put_nowait(event) if isinstance(event, LoopExited) else None)
         supervisor.listen(events.append)
 
         granted = await supervisor.start()
         assert supervisor.granted == granted
-        with pytest.raises(LoopDiedError, match="stop it first"):
+        with pytest.raises(LoopExitedError, match="stop it first"):
             await supervisor.start()
         refused = await supervisor.send(SetMode(Mode.RUN))
         assert isinstance(refused, Refused)
@@ -90,9 +90,9 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         os.kill(first, signal.SIGKILL)
         assert "SIGKILL" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
         assert not supervisor.alive
-        with pytest.raises(LoopDiedError, match="SIGKILL"):
+        with pytest.raises(LoopExitedError, match="SIGKILL"):
             await asyncio.wait_for(waiting, TIMEOUT_S)
-        with pytest.raises(LoopDiedError, match="SIGKILL"):
+        with pytest.raises(LoopExitedError, match="SIGKILL"):
             await supervisor.send(Stop())
         # Nobody who could write zero volts is left but the card's watchdog.
         while not card.state().expired:
@@ -144,7 +144,7 @@ def test_a_planned_restart_and_end_without_voltages_are_no_trip(setup: Setup) ->
         last = supervisor.ring.newest()
         assert last is not None
         assert last[INDEX["fault"]] == FAULT_CODE[Fault.NONE]
-        assert not [event for event in heard if isinstance(event, Stopped | LoopDied)]
+        assert not [event for event in heard if isinstance(event, Stopped | LoopExited)]
 
         await supervisor.start()
         await supervisor.send(SetMode(Mode.PRETENSION))
@@ -201,7 +201,7 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
 def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: PlantChoice, parameters: str, reason: str) -> None:
     async def session() -> None:
         supervisor = Supervisor(replace(setup, plant=plant, parameters=parameters))
-        with pytest.raises(LoopDiedError, match=reason):
+        with pytest.raises(LoopExitedError, match=reason):
             await supervisor.start()
         assert not supervisor.alive
         assert loop_processes() == set()

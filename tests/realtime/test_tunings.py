@@ -10,13 +10,13 @@ from backend.realtime.gains import tuning_for
 from backend.realtime.program import Law, Mode, Program, Segment
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 
 LAB = load_parameters("lab")
-OPERATORS = tuning_for(LAB, Lambdas(0.5, 0.5))
-SLOWER = tuning_for(LAB, Lambdas(0.9, 0.7))
+OPERATORS = tuning_for(LAB, TuningParameters(0.5, 0.5))
+SLOWER = tuning_for(LAB, TuningParameters(0.9, 0.7))
 SEGMENTS = (Segment(0.3, 0.0, 10.0), Segment(0.4, 0.1, 10.0, tuning=1), Segment(0.3, 0.0, 10.0))
 WOUND_UP = 5900
 

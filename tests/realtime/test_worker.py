@@ -24,7 +24,7 @@ from backend.realtime.commands import (
 from backend.realtime.ipc import MAX_BYTES, PART_SEGMENTS, Ready, ToLoop, decode_to_loop, packets
 from backend.realtime.process import BYTES_PER_TICK
 from backend.realtime.program import MAX_SEGMENTS, Law, Mode, Program, Segment, SetTuning
-from backend.realtime.timing import Granted
+from backend.realtime.timing import RealTimeStatus
 from plant.parameters import PlantParameters
 from tests.docs.faults_page import documented_ms
 from tests.realtime.worker_bench import Bench
@@ -252,7 +252,7 @@ def test_events_wait_for_a_service_that_does_not_read(bench: Bench) -> None:
         if tick == 2010:
             bench.say(Shutdown(), 9999)
 
-    bench.worker.tell(Ready(Granted(0, False, 0, ()), "simulator"))
+    bench.worker.tell(Ready(RealTimeStatus(0, False, 0, ()), "simulator"))
     bench.run(service)
     numbers = [event.sequence for event in bench.hear() if isinstance(event, Refused)]
     assert isinstance(bench.told[0], Ready)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.recording.reader import UnknownSignalError
 from backend.schemas.comparison import AlignBy, ComparisonAsked, DifferencesAsked, StepSignal
 from backend.schemas.state import MarkKind
@@ -123,7 +123,7 @@ def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database
         assert compare(session, second).runs[0].not_aligned == f"run {plain} has 1 step of q_ref, not 2"
     with pytest.raises(UnknownSignalError):
         differences(database, asked.model_copy(update={"signal": "nonsense"}))
-    with pytest.raises(RefusalError, match="none of those that are compared"):
+    with pytest.raises(RequestRejectedError, match="none of those that are compared"):
         differences(database, asked.model_copy(update={"reference": 10**6}))
 
 

@@ -12,7 +12,7 @@ import pytest
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Stopped
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, flight_columns
 from backend.sample import INDEX
 from backend.storage import events, flights
@@ -152,7 +152,7 @@ def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(datab
     writer.write(12_000)
     recorder.hear(trip(12_000))
     writer.write(100)
-    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.hear(LoopExited("killed by SIGKILL"))
     recorder.drain()
     death, slack = stored(database)
     assert (slack.fault, slack.count) == ("slack", 10_100)
@@ -190,7 +190,7 @@ def test_a_loop_that_dies_while_a_trip_is_written(database: Database, writer: Wr
         writer.write(6_000)
         recorder.hear(trip(1_000))
         await asyncio.sleep(2 * LOOK_S)  # the thread waits for the database by now
-        recorder.hear(LoopDied("killed by SIGKILL"))
+        recorder.hear(LoopExited("killed by SIGKILL"))
         other.execute("COMMIT")
         other.close()
         await _until(lambda: len(stored(database)) >= 2)

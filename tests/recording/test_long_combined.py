@@ -11,7 +11,7 @@ from backend.recording.codec import pack, summarise
 from backend.recording.reader import AT_HAND_SAMPLES, read_envelope
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
-from backend.services.runs import Excerpt, StoredRuns
+from backend.services.runs import SampleSlice, StoredRuns
 from backend.storage import recordings, runs
 from backend.storage.database import Database, open_database
 from backend.storage.recordings import Chunk
@@ -84,7 +84,7 @@ def test_what_reads_that_many_samples_is_read_in_the_process_beside_the_service(
         try:
             found = {}
             for name, to_s in lengths_s.items():
-                curves = await stored.packed_samples(Excerpt(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
+                curves = await stored.packed_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
                 found[name] = (curves, offload._worker is not None)
             return found
         finally:
@@ -92,7 +92,7 @@ def test_what_reads_that_many_samples_is_read_in_the_process_beside_the_service(
 
     async def directly(to_s: float) -> bytes:
         stored = StoredRuns(database, lambda: None, lambda _run: False)
-        return await stored.packed_samples(Excerpt(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
+        return await stored.packed_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
 
     found = asyncio.run(asked())
     assert {name: elsewhere for name, (_, elsewhere) in found.items()} == {"at hand": False, "too long": True}

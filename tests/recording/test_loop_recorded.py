@@ -7,7 +7,7 @@ import numpy as np
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, PretensionReached, SetMode, SetReferences, Stop
 from backend.realtime.gains import tuning_for
-from backend.realtime.headless import Headless
+from backend.realtime.headless import SimulatedLoop
 from backend.realtime.program import MODE_CODE, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import read_envelope, read_samples
@@ -16,7 +16,7 @@ from backend.sample import INDEX, STORED_NAMES
 from backend.storage import recordings
 from backend.storage.database import Database
 from backend.storage.runs import EndState
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from tests.recording.stand_in import new_run, stored_run
@@ -31,7 +31,9 @@ def test_a_session_on_the_simulator_is_recorded_whole(database: Database) -> Non
             for recorder in recorders:
                 recorder.drain()
 
-        headless = Headless(Simulator(parameters, seed=3), parameters, tuning_for(parameters, Lambdas()), record)
+        headless = SimulatedLoop(
+            Simulator(parameters, seed=3), parameters, tuning_for(parameters, TuningParameters()), record
+        )
         recorders.append(Recorder(database, headless.ring))
         headless.listen(recorders[0].hear)
         reached: list[object] = []

@@ -6,7 +6,7 @@ import multiprocessing
 import numpy as np
 import pytest
 
-from backend.errors import OutOfRangeError, RefusalError
+from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.services import signals
 from backend.services.signals import RangeAsked, RecordedFigures, statistics_lines
 from backend.storage.database import Database
@@ -47,7 +47,7 @@ def test_a_stream_that_is_left_frees_its_place(
     async def leave() -> None:
         recorded = RecordedFigures(database)
         left = await recorded.statistics(asked)
-        with pytest.raises(RefusalError) as refused:
+        with pytest.raises(RequestRejectedError) as refused:
             await recorded.spectra(asked)
         assert refused.value.retry_after_s > 0
         await left.aclose()

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import event
 
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.recording.codec import unpack
 from backend.recording.reader import read_samples
 from backend.recording.recorder import RecordingError
@@ -95,7 +95,7 @@ def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     rows = writer.write(1234, run.id)
-    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.hear(LoopExited("killed by SIGKILL"))
     recorder.drain()
     assert_stored(database, run.id, rows)
     ended = stored_run(database, run.id)

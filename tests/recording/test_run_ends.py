@@ -6,7 +6,7 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import RunEnded
 from backend.realtime.program import Cause, Why
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopDied
+from backend.realtime.supervisor import LoopExited
 from backend.recording.recorder import Recorder
 from backend.storage.database import Database
 from backend.storage.runs import EndState
@@ -62,7 +62,7 @@ def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> No
     writer.write(1, fault=FAULT_CODE[Fault.SLACK])
     recorder.drain()
     assert stored_run(database, run.id).end_state == EndState.RUNNING
-    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.hear(LoopExited("killed by SIGKILL"))
     recorder.drain()
     ended = stored_run(database, run.id)
     assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the loop process died: killed by SIGKILL")
@@ -77,7 +77,7 @@ def test_an_end_told_before_the_loop_died_stays(database: Database, writer: Writ
         writer.write(sampled, run.id)
     recorder.hear(RunEnded(sampled, run.id, completed=False, why=Fault.STOP_PRESSED))
     writer.write(10, open_still.id)
-    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.hear(LoopExited("killed by SIGKILL"))
     recorder.follow(Ring.create(16))
     recorder.drain()
     ended = [stored_run(database, one.id) for one in (run, open_still)]

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from backend.reports.experiment_report import tracking_report
-from backend.reports.model import Report, Source
+from backend.reports.model import Report, RunData
 from backend.reports.plotting import forget_drawings
 from tests.reports.figure_labels import assert_it_reads_well
 from tests.reports.tracking_run import PLAN, samples, source_of
@@ -27,10 +27,10 @@ def figures_tell_the_truth() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def tracking_source() -> Source:
+def tracking_source() -> RunData:
     return source_of(samples(PLAN), bank=True, note="<b>first</b> & last; #eval(1)")
 
 
 @pytest.fixture(scope="session")
-def report(tracking_source: Source) -> Report:
+def report(tracking_source: RunData) -> Report:
     return tracking_report(tracking_source)

@@ -7,7 +7,7 @@ from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from backend.reports.evidence import ACCOUNT, Evidence, EvidenceError, account_hash, element_of, read, to_element
+from backend.reports.evidence import ACCOUNT, EvidenceError, ReportManifest, account_hash, element_of, read, to_element
 from backend.reports.signing import public_half, sign_page
 
 SIGNATURE = b'<template id="signature">'
@@ -82,7 +82,7 @@ def of_the_drawings(page: str) -> Iterator[tuple[str, str]]:
 def with_versions(page: str) -> Iterator[tuple[str, str]]:
     """Name other versions in the account, seal it again, and change the page besides."""
     evidence = read(page)
-    assert isinstance(evidence, Evidence)
+    assert isinstance(evidence, ReportManifest)
     for name in evidence.made_with:
         said = {**evidence.made_with, name: "0.0.9"}
         for what, changed in (
@@ -131,7 +131,7 @@ def _sealed(page: str, changed: str) -> str | None:
         evidence = read(changed)
     except EvidenceError:
         return None
-    assert isinstance(evidence, Evidence)
+    assert isinstance(evidence, ReportManifest)
     before, after = evidence.hashes.get(ACCOUNT, ""), account_hash(evidence)
     evidence.hashes[ACCOUNT] = after
     sealed = changed.replace(element_of(changed), to_element(evidence))

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
 from backend.reports.experiment_report import lines_of
-from backend.reports.model import NO_FIGURE, Figure, Report, Source, Table, load_source, to_html, to_pdf
+from backend.reports.model import NO_FIGURE, Figure, Report, RunData, Table, load_source, to_html, to_pdf
 from backend.reports.series import series_report
 from backend.reports.verification import Verified, verify
 from backend.storage import banks
@@ -50,11 +50,11 @@ def bank(database: Database) -> int:
         return banks.add(session, "slow ones", entries, "A. Operator").id
 
 
-def played(database: Database, name: str, plan: dict[str, Any] | None = None, **loop: Any) -> Source:
+def played(database: Database, name: str, plan: dict[str, Any] | None = None, **loop: Any) -> RunData:
     settings = LoopSettings(**loop)
     with headless_station(database, LAB, settings) as station:
         outcome = asyncio.run(
-            run_experiment(station, Order(ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator"))
+            run_experiment(station, RunRequest(ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator"))
         )
     assert outcome.run.end_state == "completed"
     return load_source(database, outcome.run.id)
@@ -128,7 +128,7 @@ def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database
     wild = {**QUICK[name], "q_amplitude": 1.0}
     settings = LoopSettings()
     with headless_station(database, LAB, settings) as station:
-        outcome = asyncio.run(run_experiment(station, Order(ready_plan(name, **wild), settings, "A. Operator")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(ready_plan(name, **wild), settings, "A. Operator")))
     source = load_source(database, outcome.run.id)
     report = build_report(source)
     table = tables_of(report, "bode")[0]

@@ -5,12 +5,12 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import Held
-from backend.reports.model import Paragraph, Report, Section, to_html
+from backend.analysis.disturbance_metrics import HoldWindow
+from backend.reports.model import Paragraph, Report, ReportSection, to_html
 from backend.reports.plotting import figure, frequency_axis, limit_line
 from backend.reports.sections import hold_panels
 from backend.reports.series import overlay
-from backend.units import Angles
+from backend.units import AngleUnit
 from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
 
 
@@ -31,7 +31,7 @@ def test_the_swing_of_a_held_stiffness_is_read_beside_its_name(swing: float) -> 
     t = np.linspace(0.0, 20.0, 20000)
     columns = dict.fromkeys(("q", "q_ref", "S_ref", "u_A", "u_B"), np.zeros_like(t))
     columns |= {"t": t, "S": swing * np.sin(t), "u_A": 0.08 * np.sin(t)}
-    held = Held(0.0, 19.9, *([0.0] * 9))
+    held = HoldWindow(0.0, 19.9, *([0.0] * 9))
     assert "<svg" in hold_panels(columns, [held], 1e-3, "holds")
 
 
@@ -71,10 +71,10 @@ def test_runs_are_named_in_one_line_above_their_curves(first: int, runs: int) ->
     """Looked at as it is drawn (conftest): the names of seven runs took two lines and left the figure."""
     t = np.linspace(0.0, 1.0, 50)
     columns = dict.fromkeys(("t", "q", "S", "q_ref", "S_ref"), t)
-    assert "<svg" in overlay([(first + place, columns) for place in range(runs)], Angles.DEGREES)
+    assert "<svg" in overlay([(first + place, columns) for place in range(runs)], AngleUnit.DEGREES)
 
 
 def test_an_estimate_has_its_hat_and_what_is_measured_has_none() -> None:
-    section = Section("One", (Paragraph("F_ext_hat against F_ext"),))
+    section = ReportSection("One", (Paragraph("F_ext_hat against F_ext"),))
     said = Report("Title", "", "passed", "", (), (section,), "", datetime(2026, 1, 1, tzinfo=UTC))
     assert "<i>F\N{COMBINING CIRCUMFLEX ACCENT}</i><sub>ext</sub> against <i>F</i><sub>ext</sub>" in to_html(said)

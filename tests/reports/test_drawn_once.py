@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import Held
+from backend.analysis.disturbance_metrics import HoldWindow
 from backend.reports.experiment_report import tracking_report
-from backend.reports.model import Source, to_html
-from backend.reports.plotting import drawn_once, forget_drawings
-from backend.units import Angles
+from backend.reports.model import RunData, to_html
+from backend.reports.plotting import cached_figure, forget_drawings
+from backend.units import AngleUnit
 
 Given = tuple[tuple[Any, ...], dict[str, Any]]
 T = np.arange(5.0)
-HELD = Held(0.0, 1.0, *([0.0] * 9))
+HELD = HoldWindow(0.0, 1.0, *([0.0] * 9))
 OTHERS: dict[str, Given] = {
     "a sample": (({"t": T, "q": np.array([0.0, 1.0, 2.0, 3.0, 4.5])}, [HELD]), {"name": "one"}),
     "the type of samples": (({"t": T, "q": T.astype(np.float32)}, [HELD]), {"name": "one"}),
@@ -25,7 +25,7 @@ OTHERS: dict[str, Given] = {
     "a field": (({"t": T, "q": T}, [replace(HELD, end_s=2.0)]), {"name": "one"}),
     "how many": (({"t": T, "q": T}, [HELD, HELD]), {"name": "one"}),
     "a word": (({"t": T, "q": T}, [HELD]), {"name": "two"}),
-    "a choice": (({"t": T, "q": T}, [HELD]), {"name": "one", "angles": Angles.RADIANS}),
+    "a choice": (({"t": T, "q": T}, [HELD]), {"name": "one", "angles": AngleUnit.RADIANS}),
     "nothing": (({"t": T, "q": T}, [HELD]), {"name": None}),
 }
 
@@ -39,7 +39,7 @@ def counted() -> Iterator[tuple[Callable[..., str], list[Given]]]:
         return f"drawing {len(calls)}"
 
     forget_drawings()
-    yield drawn_once(draw), calls
+    yield cached_figure(draw), calls
     forget_drawings()
 
 
@@ -74,7 +74,7 @@ def test_what_a_drawing_cannot_be_known_by_is_refused(counted: tuple[Callable[..
         draw(lambda: 1)
 
 
-def test_a_report_from_remembered_drawings_is_that_of_new_ones(tracking_source: Source) -> None:
+def test_a_report_from_remembered_drawings_is_that_of_new_ones(tracking_source: RunData) -> None:
     pages = [to_html(tracking_report(tracking_source)) for _ in range(2)]
     forget_drawings()
     assert {*pages, to_html(tracking_report(tracking_source))} == {pages[0]}

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure as Drawn
 
 from backend.reports.plotting import forget_drawings, largest_error, tension_panel, tracking_panels
-from backend.units import Angles
+from backend.units import AngleUnit
 from tests.reports.tracking_run import PLAN, samples
 
 
@@ -25,9 +25,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch, draw: Any, *args: Any) -> Drawn:
     return seen[0]
 
 
-@pytest.mark.parametrize(("angles", "factor"), [(Angles.RADIANS, 1.0), (Angles.DEGREES, 180.0 / np.pi)])
+@pytest.mark.parametrize(("angles", "factor"), [(AngleUnit.RADIANS, 1.0), (AngleUnit.DEGREES, 180.0 / np.pi)])
 def test_a_deviation_of_a_fiftieth_fills_its_panel(
-    angles: Angles, factor: float, monkeypatch: pytest.MonkeyPatch
+    angles: AngleUnit, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     columns = samples(PLAN)
     t = columns["t"]
@@ -38,7 +38,7 @@ def test_a_deviation_of_a_fiftieth_fills_its_panel(
     q, e_q, S, e_S, u_A, u_B = figure.axes
     assert e_S.get_ylabel() == "$e_S$ [mN·m/rad]"
     assert e_S.get_ylim() == pytest.approx((-23.0, 23.0), rel=0.02)
-    assert e_q.get_ylabel() == f"$e_q$ [{'rad' if angles is Angles.RADIANS else '°'}]"
+    assert e_q.get_ylabel() == f"$e_q$ [{'rad' if angles is AngleUnit.RADIANS else '°'}]"
     assert 0.015 * factor < e_q.get_ylim()[1] < 0.06 * factor
     for panel, signal in ((e_q, "q"), (e_S, "S")):
         error = columns[signal] - columns[f"{signal}_ref"]

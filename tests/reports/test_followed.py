@@ -8,16 +8,16 @@ import pytest
 
 from backend.models.run import StepFigures
 from backend.reports.experiment_report import PapersLaw, beside, papers_law, tracking_report
-from backend.reports.model import Fact, Figure, Report, Source, Table, to_html
+from backend.reports.model import Fact, Figure, Report, RunData, Table, to_html
 from backend.reports.provenance import tuning_facts
-from backend.tuning.gains import Lambdas, cascade_tuning
+from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import run
-from backend.units import Angles
+from backend.units import AngleUnit
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
-def planned(**changed: object) -> Source:
+def planned(**changed: object) -> RunData:
     """A run with a plan; its samples are those of closed forms, as nothing here looks at what was measured."""
     source = source_of(samples(PLAN))
     settings = source.run.settings
@@ -49,7 +49,7 @@ def number(cell: str) -> float:
     return float(cell.replace("\N{MINUS SIGN}", "-"))
 
 
-def controller(source: Source) -> Fact:
+def controller(source: RunData) -> Fact:
     return next(fact for fact in tuning_facts(source) if fact.label == "Controller")
 
 
@@ -62,7 +62,7 @@ def test_a_report_says_by_what_references_were_followed() -> None:
 
 def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report: Report) -> None:
     """The largest step of q in the table, against the same step from rest and counted here."""
-    tuning = cascade_tuning(load_parameters("ideal"), Lambdas(lam_q=0.5, lam_S=0.42))
+    tuning = cascade_tuning(load_parameters("ideal"), TuningParameters(lam_q=0.5, lam_S=0.42))
     high = float(PLAN.values["q_amplitude"])
     q = run(load_parameters("ideal"), tuning, np.repeat([-high, high], (500, 4000)), np.full(4500, 10.0)).q
     took = float(np.argmax(q[500:] >= 0.8 * high)) / 1000.0
@@ -105,7 +105,7 @@ def test_what_cannot_be_computed_says_why() -> None:
     for columns, reason in ((changed, "λ was changed during the run"), (gaps, "samples are missing")):
         found = papers_law(replace(source, columns=columns))
         assert found == PapersLaw(reason=reason)
-        assert beside([], PapersLaw(reason=reason), Angles.DEGREES) == ()
+        assert beside([], PapersLaw(reason=reason), AngleUnit.DEGREES) == ()
     report = tracking_report(replace(source, columns=changed))
     assert "would have made of these references was not computed" in to_html(report)
 
@@ -115,5 +115,5 @@ def test_a_step_that_does_not_get_there_is_not_measured(law: PapersLaw) -> None:
         signal="q", phase="q", start_s=0.0, end_s=0.1, before=0.0, after=9.0, alone=True, rise_s=None, reach_s=None,
         settling_s=None, overshoot_percent=None, steady_error=None, cross_coupling=None,
     )  # fmt: skip
-    (table,) = beside([step], law, Angles.RADIANS)
+    (table,) = beside([step], law, AngleUnit.RADIANS)
     assert table.rows[0][3:] == ("not measured", "not measured", "not measured")

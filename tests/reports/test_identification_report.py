@@ -9,18 +9,18 @@ from matplotlib.figure import Figure as Drawn
 
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.models import Model
-from backend.models.run import Figure as Measured
+from backend.models.run import MeasuredFigure as Measured
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.model import Figure, Report, Source, Table, to_html, to_pdf
+from backend.reports.model import Figure, Report, RunData, Table, to_html, to_pdf
 from backend.reports.plotting import forget_drawings, simulated_from_rest
 from backend.sample import STORED_NAMES
 from backend.storage.identifications import Identification
-from backend.units import Angles
+from backend.units import AngleUnit
 from plant.interface import T_s
 from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
 
-DEG, RAD = Angles.DEGREES, Angles.RADIANS
+DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 REST = 1_000
 PLAYED = Metrics(complete=True, played_s=3.48, planned_s=3.48)
 
@@ -79,12 +79,12 @@ def identification() -> Identification:
     )
 
 
-def source(found: Identification | None, metrics: Metrics) -> Source:
+def source(found: Identification | None, metrics: Metrics) -> RunData:
     tracked = source_of({name: column[:100] for name, column in samples(PLAN).items()})
     assert tracked.result is not None
     settings = {**tracked.run.settings, "plan": {"tension_N": 20.0}}
     run = replace(tracked.run, kind="actuator_identification", settings=settings)
-    return Source(run, replace(tracked.result, metrics=metrics, criteria=()), record(), None, found)
+    return RunData(run, replace(tracked.result, metrics=metrics, criteria=()), record(), None, found)
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_report_renders_with_its_four_figures(report: Report) -> None:
 
 @pytest.mark.parametrize(("angles", "words", "ends"), [(DEG, "10°", (0.5, 0.1256)), (RAD, "1 rad", (0.05, 0.72))])
 def test_the_step_that_is_drawn_is_round_as_it_is_read(
-    angles: Angles, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+    angles: AngleUnit, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The caption names the step, and the first order reductions end at K times it, in the unit of the axis."""
     seen: dict[str, float] = {}

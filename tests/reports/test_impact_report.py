@@ -7,33 +7,33 @@ import numpy as np
 import pytest
 
 from backend.analysis.disturbance_metrics import hits_of
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.reports.build import build_report
-from backend.reports.model import NO_FIGURE, Figure, Source, Table, load_source, to_html
+from backend.reports.model import NO_FIGURE, Figure, RunData, Table, load_source, to_html
 from backend.reports.sections import hits_table, reaction_tables
 from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
-from backend.units import Angles
+from backend.units import AngleUnit
 from plant.parameters import load_parameters
 
 PLAN = ready_plan("impact", speeds=2, v_slow=0.3)
 
 
 @pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> Source:
+def source(tmp_path_factory: pytest.TempPathFactory) -> RunData:
     folder: Path = tmp_path_factory.mktemp("impact")
     database = open_database(folder)
     with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
-        run = asyncio.run(run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator"))).run
+        run = asyncio.run(run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator"))).run
     source = load_source(database, run.id)
     database.close()
     return source
 
 
-def test_it_passes_shows_every_hit_and_holds(source: Source) -> None:
+def test_it_passes_shows_every_hit_and_holds(source: RunData) -> None:
     report = build_report(source)
     assert (report.title, report.outcome) == ("Impact", "passed")
     blocks = {section.heading: section.blocks for section in report.sections}
@@ -46,10 +46,10 @@ def test_it_passes_shows_every_hit_and_holds(source: Source) -> None:
     assert verify(to_html(report), source.columns) == Verified((), ())
 
 
-def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: Source) -> None:
+def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: RunData) -> None:
     hits = hits_of(source.columns, PLAN.program())
     limits, estimate = source.columns["limits"].astype(int), np.abs(source.columns["F_ext_hat"])
-    for angles, factor in ((Angles.RADIANS, 1.0), (Angles.DEGREES, 180.0 / np.pi)):
+    for angles, factor in ((AngleUnit.RADIANS, 1.0), (AngleUnit.DEGREES, 180.0 / np.pi)):
         table = hits_table(hits, angles)
         for row, hit in zip(table.rows, hits, strict=True):
             seen = [float(cell) for cell in row if cell != NO_FIGURE]
@@ -65,21 +65,21 @@ def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: Source)
     assert [hit.speed for hit in hits] == pytest.approx([0.3, 0.6] * 4, rel=0.05)
 
 
-def test_hits_with_reaction_stand_beside_those_without(source: Source) -> None:
+def test_hits_with_reaction_stand_beside_those_without(source: RunData) -> None:
     hits = hits_of(source.columns, PLAN.program())
-    (table,) = reaction_tables(hits, Angles.RADIANS)
+    (table,) = reaction_tables(hits, AngleUnit.RADIANS)
     for row, plain, reacted in zip(table.rows, (*hits[:2], *hits[2:4]), (*hits[6:], *hits[4:6]), strict=True):
         expected = [plain.peak_N, reacted.peak_N, reacted.peak_N / plain.peak_N]
         expected += [plain.impulse_Ns, reacted.impulse_Ns, reacted.impulse_Ns / plain.impulse_Ns]
         assert [float(cell) for cell in row[2:]] == pytest.approx(expected, rel=6e-3)
-    assert reaction_tables(hits[:4], Angles.RADIANS) == ()
+    assert reaction_tables(hits[:4], AngleUnit.RADIANS) == ()
 
 
-def test_a_hit_that_was_not_felt_says_so(source: Source) -> None:
+def test_a_hit_that_was_not_felt_says_so(source: RunData) -> None:
     hit = hits_of(source.columns, PLAN.program())[-1]._replace(felt_s=float("nan"), gave_way_s=float("nan"))
-    assert hits_table([hit], Angles.RADIANS).rows[0][7:9] == ("not felt", "not felt")
+    assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == ("not felt", "not felt")
 
 
-def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: Source) -> None:
-    table = hits_table([hits_of(source.columns)[0]._replace(speed=float("nan"))], Angles.RADIANS)
+def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: RunData) -> None:
+    table = hits_table([hits_of(source.columns)[0]._replace(speed=float("nan"))], AngleUnit.RADIANS)
     assert table.rows[0][2] == "not measured"

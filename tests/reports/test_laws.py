@@ -13,8 +13,8 @@ from backend.experiments.plans import LoopSettings
 from backend.models.settings import declared_values
 from backend.realtime.program import Law
 from backend.reports.build import build_report
-from backend.reports.model import Report, Source, Table
-from backend.tuning.gains import Lambdas, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
+from backend.reports.model import Report, RunData, Table
+from backend.tuning.gains import TuningParameters, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.simulation import run
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of
@@ -22,7 +22,7 @@ from tests.reports.tracking_run import PLAN, samples, source_of
 CASCADE_ONLY = {"lam_motor", "b", "bank", "interpolate", "motion", "u_plan", "k_ext"}
 
 
-def of_law(law: str) -> Source:
+def of_law(law: str) -> RunData:
     tracked = source_of(samples(PLAN))
     plan = ready_plan("tracking", controller=law, q_duration_s=4.0, S_duration_s=3.0)
     loop = LoopSettings(motion="time-optimal", u_plan=8.5, k_ext=0.3)
@@ -67,10 +67,10 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
 @pytest.mark.parametrize("tuning_of", [single_loop_tuning, feedback_linearization_tuning])
 def test_what_is_left_out_changes_nothing_in_the_law(tuning_of: Any) -> None:
     lab = load_parameters("lab")
-    usual = tuning_of(lab, Lambdas())
-    assert tuning_of(lab, Lambdas(lam_motor=0.12, b=0.4)) == usual
-    assert tuning_of(lab, Lambdas(lam_q=0.7)) != usual
-    assert tuning_of(lab, Lambdas(lam_S=0.7)) != usual
+    usual = tuning_of(lab, TuningParameters())
+    assert tuning_of(lab, TuningParameters(lam_motor=0.12, b=0.4)) == usual
+    assert tuning_of(lab, TuningParameters(lam_q=0.7)) != usual
+    assert tuning_of(lab, TuningParameters(lam_S=0.7)) != usual
 
 
 def test_every_law_has_its_settings() -> None:
@@ -108,7 +108,7 @@ def test_S_that_is_shown_is_wrong_by_as_much_as_the_springs_are() -> None:
     lab = load_parameters("lab")
     stiffer = replace(lab, asymmetry=replace(lab.asymmetry, spring_A=1.2, spring_B=1.2))
     ticks = 6_000
-    found = run(stiffer, cascade_tuning(lab, Lambdas()), np.zeros(ticks), np.full(ticks, 12.0))
+    found = run(stiffer, cascade_tuning(lab, TuningParameters()), np.zeros(ticks), np.full(ticks, 12.0))
     rest = slice(-500, None)
     assert found.S[rest].mean() == pytest.approx(12.0, abs=0.02)
     assert found.S_true[rest].mean() == pytest.approx(14.4, abs=0.05)

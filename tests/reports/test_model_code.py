@@ -10,11 +10,11 @@ from backend.models.identification import (
     ActuatorModel,
     ChannelModel,
     Fitted,
-    MotorModel,
+    IdentifiedMotor,
     Pair,
     Reduced,
-    SpringFit,
     SpringModel,
+    StoredSpringFit,
 )
 from backend.reports.model import Code, Table
 from backend.reports.model_code import actuator_blocks, motor_blocks, spring_blocks
@@ -97,7 +97,7 @@ def test_a_model_of_an_earlier_version_has_no_standard_errors() -> None:
 def test_motors_are_rebuilt_too() -> None:
     numbers: dict[Side, tuple[float, float]] = {"A": (2.861, 0.2213), "B": (2.93, 0.2187)}
     motors = {
-        side: MotorModel(
+        side: IdentifiedMotor(
             Fitted(K_m, T_m, 0.12), Fitted(0.01, 0.002, 0.003), True, (), Pair(K_m, T_m), Pair(0, 0), Pair(2.86, 0.22)
         )
         for side, (K_m, T_m) in numbers.items()
@@ -110,7 +110,7 @@ def test_motors_are_rebuilt_too() -> None:
 
 def test_springs_are_rebuilt_too() -> None:
     fits = tuple(
-        SpringFit(len(k) - 1, k, tuple(0.1 for _ in k), 0.1, 0.2, 0.1, True)
+        StoredSpringFit(len(k) - 1, k, tuple(0.1 for _ in k), 0.1, 0.2, 0.1, True)
         for k in ((-2.498, 331.49, 8543.8), (0.1, 200.0, 9000.0, 12.5))
     )
     springs: dict[Side, SpringModel] = {"A": SpringModel(2, "", fits), "B": SpringModel(3, "", fits)}

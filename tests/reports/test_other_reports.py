@@ -11,7 +11,7 @@ from backend.analysis.evaluation import figure_documents
 from backend.experiments.library import ready_plan
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.model import Figure, Report, Source, Table, to_html, to_pdf
+from backend.reports.model import Figure, Report, RunData, Table, to_html, to_pdf
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 from tests.reports.tracking_run import PLAN, samples, source_of
 
@@ -20,7 +20,7 @@ def names_of_figures(report: Report) -> list[str]:
     return [block.name for section in report.sections for block in section.blocks if isinstance(block, Figure)]
 
 
-def compliance_source() -> Source:
+def compliance_source() -> RunData:
     plan = ready_plan("compliance", profile="steps", hold_s=0.5)
     tracked = source_of(samples(PLAN))
     t = np.arange(round(plan.program().duration_s * 1000)) * 1e-3
@@ -40,7 +40,7 @@ def compliance_source() -> Source:
     assert tracked.result is not None
     criteria = compliance_criteria(figures)
     run = replace(tracked.run, kind="compliance")
-    return Source(run, replace(tracked.result, metrics=metrics, criteria=criteria), columns, None)
+    return RunData(run, replace(tracked.result, metrics=metrics, criteria=criteria), columns, None)
 
 
 def test_compliance_report_judges_the_force_error_and_draws_figure_8() -> None:
@@ -61,7 +61,7 @@ def test_a_session_is_shown_and_not_judged() -> None:
     columns["q_ref"] = columns["q_ref"].copy()
     columns["q_ref"][:5_000] = np.nan  # no reference was in force yet
     settings = {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False, "bank": None}
-    session = Source(replace(tracked.run, kind="session", settings=settings), None, columns, None)
+    session = RunData(replace(tracked.run, kind="session", settings=settings), None, columns, None)
     report = build_report(session)
     assert (report.title, report.outcome) == ("Session", "neutral")
     assert "nothing is judged" in report.verdict
@@ -84,14 +84,14 @@ def test_a_session_is_shown_and_not_judged() -> None:
 )
 def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(settings: dict[str, object], said: str) -> None:
     tracked = source_of(samples(PLAN))
-    session = Source(replace(tracked.run, kind="session", settings=settings), None, tracked.columns, None)
+    session = RunData(replace(tracked.run, kind="session", settings=settings), None, tracked.columns, None)
     assert [fact.text for fact in build_report(session).facts if fact.label == "Tuning"] == [said]
 
 
 def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     assert tracked.result is not None
-    sequence = Source(
+    sequence = RunData(
         replace(tracked.run, kind="sequence"), replace(tracked.result, criteria=()), tracked.columns, None
     )
     report = build_report(sequence)

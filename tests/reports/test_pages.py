@@ -8,7 +8,7 @@ import pytest
 from pypdf import PdfReader
 
 from backend.reports.build import build_report
-from backend.reports.model import Code, Paragraph, Report, Section, Source, to_pdf
+from backend.reports.model import Code, Paragraph, Report, ReportSection, RunData, to_pdf
 from tests.reports.pages import filled_shares
 from tests.reports.test_identification_report import PLAYED, identification
 from tests.reports.test_identification_report import source as actuator_source
@@ -16,13 +16,13 @@ from tests.reports.test_other_reports import compliance_source
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
-def session() -> Source:
+def session() -> RunData:
     tracked = source_of(samples(PLAN))
     settings = {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.09, "b": 0.7, "interpolate": False}}
-    return Source(replace(tracked.run, kind="session", settings=settings), None, tracked.columns, None)
+    return RunData(replace(tracked.run, kind="session", settings=settings), None, tracked.columns, None)
 
 
-KINDS: dict[str, Callable[[], Source]] = {
+KINDS: dict[str, Callable[[], RunData]] = {
     "tracking": lambda: source_of(samples(PLAN)),
     "tracking with a bank": lambda: source_of(samples(PLAN), bank=True, note="a note"),
     "compliance": compliance_source,
@@ -39,19 +39,19 @@ def test_no_page_is_more_than_half_empty(kind: str) -> None:
     assert min(shares) >= 0.5, shares
 
 
-def test_what_is_measured_sees_an_empty_page(tracking_source: Source) -> None:
+def test_what_is_measured_sees_an_empty_page(tracking_source: RunData) -> None:
     """Two lines on the last page are seen as such: the measure of the test above can fail."""
     report = build_report(tracking_source)
     line = Paragraph("One line.")
-    short = Report(**{**vars(report), "sections": (Section("Short", (line,)),)})
+    short = Report(**{**vars(report), "sections": (ReportSection("Short", (line,)),)})
     assert max(filled_shares(short)) < 0.5
 
 
-def test_code_is_set_as_it_is(tracking_source: Source) -> None:
+def test_code_is_set_as_it_is(tracking_source: RunData) -> None:
     """No symbol, no quote and no dash of a block to copy becomes another one, in the PDF as in the page."""
     report = build_report(tracking_source)
     text = "sinew experiment tracking --set 'q_ref=-0.5' \\\n  --set lam_q=0.5 --set K=1e-05 # S_ref \"q\" -- fi"
-    coded = Report(**{**vars(report), "sections": (Section("Code", (Code("To copy q:", text),)),)})
+    coded = Report(**{**vars(report), "sections": (ReportSection("Code", (Code("To copy q:", text),)),)})
     printed = "\n".join(page.extract_text() for page in PdfReader(io.BytesIO(to_pdf(coded))).pages)
     assert [line.strip() for line in text.splitlines()] == [
         line.strip() for line in printed[printed.index("sinew experiment") :].splitlines()[:2]

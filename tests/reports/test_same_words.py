@@ -7,20 +7,20 @@ import pytest
 
 from backend.models.run import CRITERIA, METRICS
 from backend.reports.build import build_report, metrics_document
-from backend.reports.model import Source
-from backend.schemas.run import Evaluation
+from backend.reports.model import RunData
+from backend.schemas.run import EvaluationView
 from backend.services.runs import experiment_view, run_view
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
-def failed() -> Source:
+def failed() -> RunData:
     columns = samples(PLAN)
     columns["F_A"] = columns["F_A"].copy()
     columns["F_A"][5_000] = 3.0
     return source_of(columns)
 
 
-SOURCES: dict[str, Callable[[], Source]] = {
+SOURCES: dict[str, Callable[[], RunData]] = {
     "passed": lambda: source_of(samples(PLAN)),
     "failed": failed,
     "not measured": lambda: source_of(samples(PLAN, lam_q=3.0)),
@@ -65,7 +65,7 @@ def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:
         {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False}},
         {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False, "bank": None},
     ):
-        view = run_view(replace(run, settings=settings), Evaluation.NONE, 10, 0.01, 0)
+        view = run_view(replace(run, settings=settings), EvaluationView.NONE, 10, 0.01, 0)
         shown = {item.name: (item.symbol, item.unit, item.value) for item in view.settings}
         assert shown == {
             "lam_q": ("λ_q", "s", 0.5),

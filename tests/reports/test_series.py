@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.errors import RefusalError
-from backend.execution.runner import Order, run_experiment
+from backend.errors import RequestRejectedError
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
-from backend.reports.evidence import Evidence, EvidenceError, SeriesEvidence, read
-from backend.reports.model import Report, Source, Table, to_html, to_pdf
+from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read
+from backend.reports.model import Report, RunData, Table, to_html, to_pdf
 from backend.reports.rendering import render_series
 from backend.reports.series import load_series, series_report
 from backend.reports.verification import Verified, stored_samples, verify, verify_pdf, verify_series
@@ -27,7 +27,7 @@ from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
-from backend.units import Angles
+from backend.units import AngleUnit
 from plant.parameters import load_parameters
 
 LAMBDAS = (0.4, 0.5, 0.6)
@@ -40,18 +40,18 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
     for lam_q in LAMBDAS:
         settings = LoopSettings(lam_q=lam_q)
         with headless_station(opened, load_parameters("ideal"), settings) as station:
-            asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator")))
+            asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     yield opened
     opened.close()
 
 
 @pytest.fixture(scope="module")
-def sources(database: Database) -> list[Source]:
-    return load_series(database, [1, 2, 3], Angles.RADIANS)
+def sources(database: Database) -> list[RunData]:
+    return load_series(database, [1, 2, 3], AngleUnit.RADIANS)
 
 
 @pytest.fixture(scope="module")
-def page(sources: list[Source]) -> str:
+def page(sources: list[RunData]) -> str:
     return to_html(series_report(sources))
 
 
@@ -66,14 +66,14 @@ def account(page: str) -> SeriesEvidence:
     return found
 
 
-def test_what_differs_is_lambda_alone(sources: list[Source]) -> None:
+def test_what_differs_is_lambda_alone(sources: list[RunData]) -> None:
     (differing,) = tables(series_report(sources), "What differs")
     ((title, *cells),) = differing.rows
     assert "λ_q [s]" in title
     assert cells == ["0.4", "0.5", "0.6"]
 
 
-def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[Source]) -> None:
+def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[RunData]) -> None:
     beside, spread = tables(series_report(sources), "Metrics")
     rms = [float(np.sqrt(np.mean((s.columns["q"] - s.columns["q_ref"]) ** 2))) for s in sources]
     row = next(row for row in beside.rows if row[0] == "RMSE of q")
@@ -85,7 +85,7 @@ def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[Source]
     assert [float(cell) for cell in row[3:7]] == pytest.approx(expected, rel=5e-3)
 
 
-def test_of_seven_runs_five_stand_beside_each_other(sources: list[Source]) -> None:
+def test_of_seven_runs_five_stand_beside_each_other(sources: list[RunData]) -> None:
     many = [replace(sources[0], run=replace(sources[0].run, id=number)) for number in range(1, 8)]
     report = series_report(many)
     first, second, spread = tables(report, "Metrics")
@@ -96,7 +96,7 @@ def test_of_seven_runs_five_stand_beside_each_other(sources: list[Source]) -> No
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: list[Source]) -> None:
+def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: list[RunData]) -> None:
     run = sources[0].run
     settings = copy.deepcopy(run.settings)
     settings["versions"]["NumPy"] = "1.0"
@@ -116,7 +116,7 @@ def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: lis
     assert rows["Not granted"] == ("not set", "no rights; no memory")
 
 
-def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[Source]) -> None:
+def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[RunData]) -> None:
     first = sources[0].result
     assert first is not None
     in_part = tuple(
@@ -150,7 +150,7 @@ def test_a_series_holds_where_its_runs_are_stored(database: Database, page: str)
 
 
 def test_a_change_is_found_and_named_with_its_run(database: Database, page: str) -> None:
-    def bent(one: Evidence) -> Columns | None:
+    def bent(one: ReportManifest) -> Columns | None:
         columns, number = stored_samples(database, one)
         if columns is None or number != 2:
             return columns
@@ -167,14 +167,14 @@ def test_a_change_is_found_and_named_with_its_run(database: Database, page: str)
     assert "tuning parameter of the position loop" in found.differences[0].name
 
 
-def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[Source]) -> None:
+def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[RunData]) -> None:
     with pytest.raises(EvidenceError, match="it is of a series"):
         verify(page, sources[0].columns)
     with pytest.raises(EvidenceError, match="the samples of its run 1 are not here"):
         verify_series(page, account(page), lambda _: None)
 
 
-def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database, sources: list[Source]) -> None:
+def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database, sources: list[RunData]) -> None:
     evidence = account(to_html(series_report(sources))).runs[1]
     elsewhere = replace(evidence, run=replace(evidence.run, id=77))
     columns, number = stored_samples(database, elsewhere)
@@ -193,11 +193,11 @@ def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database,
     [([1], "number of runs: 1 is outside 2 to 100"), ([1, 1], "number of runs: 1"), ([1, 99], "no run 99")],
 )
 def test_what_makes_no_series_is_refused(database: Database, numbers: list[int], told: str) -> None:
-    with pytest.raises((RefusalError, UnknownRecordError), match=told):
-        load_series(database, numbers, Angles.DEGREES)
+    with pytest.raises((RequestRejectedError, UnknownRecordError), match=told):
+        load_series(database, numbers, AngleUnit.DEGREES)
 
 
-def test_a_pdf_holds_by_the_page_beside_it(sources: list[Source], tmp_path: Path) -> None:
+def test_a_pdf_holds_by_the_page_beside_it(sources: list[RunData], tmp_path: Path) -> None:
     report = build_report(sources[0])
     page, pdf = to_html(report), to_pdf(report)
     assert verify_pdf(pdf, page, sources[0].columns) == Verified((), ())

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pypdf import PdfReader
 
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.reports.sheet import (
     DEEPEST,
     LONGEST_MM,
@@ -150,7 +150,7 @@ LINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
     ],
 )
 def test_what_is_no_sheet_is_refused_with_what_is_wrong_and_what_to_do(hostile: str, said: str) -> None:
-    with pytest.raises(RefusalError) as refused:
+    with pytest.raises(RequestRejectedError) as refused:
         read_sheet(hostile)
     message = str(refused.value)
     assert said in message
@@ -201,7 +201,7 @@ def test_a_sheet_at_all_bounds_is_drawn() -> None:
     ],
 )
 def test_more_than_the_bounds_is_refused_before_it_is_drawn(inside: str, what: str, most: int) -> None:
-    with pytest.raises(RefusalError) as refused:
+    with pytest.raises(RequestRejectedError) as refused:
         read_sheet(svg(inside))
     assert refused.value.code == "sheet_too_large"
     assert str(refused.value).startswith(f"{what}: ")

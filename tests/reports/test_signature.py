@@ -13,9 +13,9 @@ from cryptography.hazmat.primitives.serialization import load_ssh_public_key
 
 from backend.data_folder import make_private
 from backend.reports.signing import (
+    KeyOwner,
     SigningKeyError,
     UnsignableError,
-    Whose,
     find_public_key,
     load_or_make_signing_key,
     own_public_key,
@@ -67,9 +67,9 @@ def test_signing_again_replaces_and_reading_gives_the_page_back() -> None:
 
 def test_whose_key_it_is() -> None:
     found, one, other = read_signature(sign_page(PAGE, KEY, "")), public_half(KEY), public_half(OTHER)
-    assert found.whose(one, one) == Whose.GIVEN
-    assert found.whose(other, one) == found.whose(None, one) == Whose.OWN
-    assert found.whose(other, None) == found.whose(None, other) == found.whose(None, None) == Whose.UNKNOWN
+    assert found.whose(one, one) == KeyOwner.GIVEN
+    assert found.whose(other, one) == found.whose(None, one) == KeyOwner.OWN
+    assert found.whose(other, None) == found.whose(None, other) == found.whose(None, None) == KeyOwner.UNKNOWN
     broken = read_signature(sign_page(PAGE, KEY, "").replace(b"<h1>", b"<h2>"))
     assert broken.problem
     assert broken.whose(one, one) is None

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from backend.models.run import SETTINGS, KeptGrant
-from backend.reports.model import Source, Table
+from backend.reports.model import RunData, Table
 from backend.reports.sections import timing_section
 
 
-def rows(source: Source) -> dict[str, tuple[str, ...]]:
+def rows(source: RunData) -> dict[str, tuple[str, ...]]:
     ((table,),) = [section.blocks for section in timing_section(source)]
     assert isinstance(table, Table)
     return {row[0]: row[1:] for row in table.rows}
 
 
-def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: Source) -> None:
+def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: RunData) -> None:
     columns = dict(tracking_source.columns)
     size = columns["t"].size
     late = np.full(size, 20e-6)
@@ -32,7 +32,7 @@ def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: S
     assert found["Lateness, largest"][:2] == ("1.50", "ms")
 
 
-def test_what_the_machine_granted_is_told_and_what_not(tracking_source: Source) -> None:
+def test_what_the_machine_granted_is_told_and_what_not(tracking_source: RunData) -> None:
     granted = KeptGrant(60, memory_locked=False, timer_slack_ns=1, refusals=("locked memory: raise memlock",))
     settings = SETTINGS.write(replace(tracking_source.run.set_to, granted=granted))
     found = rows(replace(tracking_source, run=replace(tracking_source.run, settings=settings)))
@@ -42,11 +42,11 @@ def test_what_the_machine_granted_is_told_and_what_not(tracking_source: Source) 
     assert found["Not granted"][-1] == "locked memory: raise memlock"
 
 
-def test_a_run_on_no_clock_was_granted_nothing(tracking_source: Source) -> None:
+def test_a_run_on_no_clock_was_granted_nothing(tracking_source: RunData) -> None:
     assert {"Scheduling", "Memory"} & rows(tracking_source).keys() == set()
     assert rows(tracking_source)["Lateness"][0] == "none"
 
 
-def test_without_a_sample_there_is_no_timing(tracking_source: Source) -> None:
+def test_without_a_sample_there_is_no_timing(tracking_source: RunData) -> None:
     empty = {name: column[:0] for name, column in tracking_source.columns.items()}
     assert timing_section(replace(tracking_source, columns=empty)) == ()

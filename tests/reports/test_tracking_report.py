@@ -13,7 +13,7 @@ from backend.exports.base import of_columns
 from backend.models.run import CRITERIA, METRICS
 from backend.reports.build import write_files
 from backend.reports.experiment_report import tracking_report
-from backend.reports.model import Figure, Report, Source, Table, to_html, to_pdf
+from backend.reports.model import Figure, Report, RunData, Table, to_html, to_pdf
 from backend.storage.database import Database
 from tests.reports.tracking_run import PLAN, samples, source_of
 
@@ -87,7 +87,7 @@ def test_text_from_outside_is_never_markup(page: str, pdf: bytes) -> None:
     assert pdf.startswith(b"%PDF-")
 
 
-def test_same_run_gives_the_same_bytes(page: str, pdf: bytes, tracking_source: Source) -> None:
+def test_same_run_gives_the_same_bytes(page: str, pdf: bytes, tracking_source: RunData) -> None:
     again = tracking_report(tracking_source)
     assert to_html(again) == page
     assert to_pdf(again) == pdf
@@ -121,7 +121,7 @@ def test_a_stopped_run_is_incomplete() -> None:
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_source: Source) -> None:
+def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_source: RunData) -> None:
     """The steps of q take longer than their holds: nothing of them can be told, and none is drawn as a dash."""
     report = tracking_report(source_of(samples(PLAN, lam_q=3.0)))
     assert report.outcome == "incomplete"
@@ -142,7 +142,7 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
     assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
 
 
-def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_source: Source) -> None:
+def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_source: RunData) -> None:
     result = tracking_source.result
     assert result is not None
     metrics, criteria = METRICS.write(result.metrics), CRITERIA.write(result.criteria)
@@ -161,10 +161,10 @@ def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_s
     assert "evaluated by an older version" in to_html(report)
 
 
-def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> None:
+def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> None:
     empty = {name: column[:0] for name, column in tracking_source.columns.items()}
     run = replace(tracking_source.run, evaluation_problem="the run holds no samples of its program")
-    report = tracking_report(Source(run, None, empty, None))
+    report = tracking_report(RunData(run, None, empty, None))
     assert report.outcome == "incomplete"
     assert "no samples" in report.verdict
     assert to_html(report)
@@ -172,7 +172,7 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> No
 
 
 def test_files_for_a_folder_say_the_same_as_the_report(
-    tracking_source: Source, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    tracking_source: RunData, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("backend.reports.build.catch_up", lambda *_: None)
     monkeypatch.setattr("backend.reports.build.load_source", lambda *_: tracking_source)

@@ -12,11 +12,11 @@ import pytest
 from matplotlib.figure import Figure as Drawn
 
 from backend.reports.build import build_report
-from backend.reports.model import Code, Figure, Paragraph, Report, Source, Table
+from backend.reports.model import Code, Figure, Paragraph, Report, RunData, Table
 from backend.reports.plotting import forget_drawings
-from backend.units import Angles
+from backend.units import AngleUnit
 
-DEG, RAD = Angles.DEGREES, Angles.RADIANS
+DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")
 BARE_RADIAN = re.compile(r"(?<![/·\w])m?rad\b(?!/\(|/rad)")
 """A radian that is not part of a gain (N·m/rad, rad/(V·s), rad/rad, "per rad") or of an angular frequency."""
@@ -24,7 +24,7 @@ BARE_RADIAN = re.compile(r"(?<![/·\w])m?rad\b(?!/\(|/rad)")
 TRIP = "q = 1.60207 rad; the bound is 1.5708 rad to either side"
 
 
-def tripped(source: Source) -> Source:
+def tripped(source: RunData) -> RunData:
     return replace(source, run=replace(source.run, end_state="tripped", end_detail=TRIP))
 
 
@@ -77,7 +77,7 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.mark.parametrize("angles", [DEG, RAD])
 def test_no_text_of_a_report_has_another_unit_or_digits_that_nobody_reads(
-    tracking_source: Source, angles: Angles, axes: list[str]
+    tracking_source: RunData, angles: AngleUnit, axes: list[str]
 ) -> None:
     report = build_report(replace(tripped(tracking_source), angles=angles))
     for text in (*texts(report), *axes):
@@ -92,7 +92,7 @@ def test_no_text_of_a_report_has_another_unit_or_digits_that_nobody_reads(
     assert "S [N·m/rad]" in axes
 
 
-def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Source) -> None:
+def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunData) -> None:
     """What is printed in degrees is a full turn's share of what is printed in radians."""
     degrees, radians = (build_report(replace(tripped(tracking_source), angles=angles)) for angles in (DEG, RAD))
     metrics = table(degrees, "Metrics")
@@ -115,7 +115,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Sourc
     assert any(TRIP in fact.text for fact in radians.facts)
 
 
-def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: Source) -> None:
+def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: RunData) -> None:
     said, source = "limit 1.5 rad, see mail", "datasheet: 0.5 rad at 20 N"
     parameters = copy.deepcopy(tracking_source.run.parameters)
     parameters["geometry"]["r_j"]["source"] = source
@@ -127,7 +127,7 @@ def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: S
     assert any("q = 91.7918°" in fact.text for fact in report.facts)
 
 
-def test_segments_are_a_table_and_not_json(tracking_source: Source) -> None:
+def test_segments_are_a_table_and_not_json(tracking_source: RunData) -> None:
     segments = [
         {"duration_s": 4, "q_ref": math.pi / 3, "S_ref": 10},
         {"duration_s": 8, "q_ref": -math.pi / 6, "S_ref": 12, "shape": "sine", "period_s": 4},

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
@@ -20,15 +20,15 @@ from backend.reports.build import build_report
 from backend.reports.evidence import (
     ACCOUNT,
     LAYOUT,
-    Evidence,
     EvidenceError,
+    ReportManifest,
     account_hash,
     element_of,
     made_with,
     read,
     to_element,
 )
-from backend.reports.model import Source, load_source, to_html, to_pdf
+from backend.reports.model import RunData, load_source, to_html, to_pdf
 from backend.reports.plotting import forget_drawings
 from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify
 from backend.storage.database import open_database
@@ -41,7 +41,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class Made:
-    source: Source
+    source: RunData
     page: str
 
     def with_account(self, change: Callable[[Document], None]) -> str:
@@ -54,11 +54,11 @@ class Made:
         return f"{head}{BEGIN}{text}{END}{tail}"
 
 
-def made(folder: Path) -> Source:
+def made(folder: Path) -> RunData:
     plan = ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
     database = open_database(folder)
     with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
-        outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator", "as usual")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator", "as usual")))
     source = load_source(database, outcome.run.id)
     database.close()
     return source
@@ -318,7 +318,7 @@ def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None
     versions = {name: one for name, one in made_with().items() if name != LAYOUT or said is not None}
     versions |= {} if said is None else {LAYOUT: said}
     evidence = read(report.page)
-    assert isinstance(evidence, Evidence)
+    assert isinstance(evidence, ReportManifest)
     evidence = replace(evidence, made_with=versions)
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
     page = changed.replace(element_of(changed), to_element(evidence))

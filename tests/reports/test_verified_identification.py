@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from backend.analysis.evaluation import evaluate_again
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
@@ -18,8 +18,8 @@ from backend.experiments.plans import (
     SpringIdentificationPlan,
 )
 from backend.reports.build import build_report
-from backend.reports.evidence import ACCOUNT, LAYOUT, Evidence, account_hash, element_of, read, to_element
-from backend.reports.model import Source, load_source, to_html, to_pdf
+from backend.reports.evidence import ACCOUNT, LAYOUT, ReportManifest, account_hash, element_of, read, to_element
+from backend.reports.model import RunData, load_source, to_html, to_pdf
 from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
@@ -32,12 +32,14 @@ PLANS: dict[str, tuple[IdentificationPlan, tuple[str, ...]]] = {
 
 
 @pytest.fixture(scope="module", params=PLANS)
-def identified(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Source, Source]:
+def identified(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, RunData, RunData]:
     """A run of each kind, and the same evaluated once more."""
     database = open_database(tmp_path_factory.mktemp(request.param))
     plan, _ = PLANS[request.param]
     with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
-        outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
     first = load_source(database, outcome.run.id)
     evaluate_again(database, outcome.run.id)
     second = load_source(database, outcome.run.id)
@@ -45,13 +47,13 @@ def identified(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
     return request.param, first, second
 
 
-def test_one_that_nobody_touched_holds(identified: tuple[str, Source, Source]) -> None:
+def test_one_that_nobody_touched_holds(identified: tuple[str, RunData, RunData]) -> None:
     _, source, _ = identified
     assert source.identification is not None
     assert verify(to_html(build_report(source)), source.columns) == Verified((), ())
 
 
-def with_another_number(kind: str, source: Source) -> tuple[str, Source]:
+def with_another_number(kind: str, source: RunData) -> tuple[str, RunData]:
     """Return the name of one number of the model, and the run with that number 25 % larger."""
     assert source.identification is not None
     model = copy.deepcopy(source.identification.model)
@@ -63,7 +65,7 @@ def with_another_number(kind: str, source: Source) -> tuple[str, Source]:
     return last, replace(source, identification=replace(source.identification, model=model))
 
 
-def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[str, Source, Source]) -> None:
+def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[str, RunData, RunData]) -> None:
     kind, source, _ = identified
     assert source.identification is not None
     last, touched = with_another_number(kind, source)
@@ -74,18 +76,18 @@ def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[
     assert "identification, verdict" in names
 
 
-def of_another_layout(source: Source) -> str:
+def of_another_layout(source: RunData) -> str:
     """Return the page of a run as another state of the source code has written it, with a true account."""
     page = to_html(build_report(source))
     evidence = read(page)
-    assert isinstance(evidence, Evidence)
+    assert isinstance(evidence, ReportManifest)
     evidence = replace(evidence, made_with={**evidence.made_with, LAYOUT: "0123456789abcdef"})
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
     return page.replace(element_of(page), to_element(evidence))
 
 
 def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are_not(
-    identified: tuple[str, Source, Source],
+    identified: tuple[str, RunData, RunData],
 ) -> None:
     kind, source, _ = identified
     assert source.identification is not None
@@ -97,7 +99,7 @@ def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are
     assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
 
 
-def test_evaluated_again_it_is_the_same_bytes(identified: tuple[str, Source, Source]) -> None:
+def test_evaluated_again_it_is_the_same_bytes(identified: tuple[str, RunData, RunData]) -> None:
     _, first, second = identified
     assert first.identification is not None
     assert second.identification is not None

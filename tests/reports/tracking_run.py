@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from backend.analysis.evaluation import tracking_document
 from backend.analysis.step_metrics import tracking_metrics
 from backend.experiments.library import kept_values, ready_plan
-from backend.experiments.plans import ComposedPlan
-from backend.reports.model import Source
+from backend.experiments.plans import ExperimentPlan
+from backend.reports.model import RunData
 from backend.sample import STORED_NAMES
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.results import Result
@@ -23,7 +23,7 @@ BEGAN = datetime(2026, 3, 4, 10, 20, 30, 123456, tzinfo=UTC)
 PLAN = ready_plan("tracking", q_duration_s=4.0, S_duration_s=3.0)
 
 
-def samples(plan: ComposedPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:
+def samples(plan: ExperimentPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:
     program = plan.program()
     t = np.arange(round(program.duration_s / T_s)) * T_s
     columns = {name: np.zeros_like(t) for name in STORED_NAMES} | {"t": t}
@@ -44,7 +44,9 @@ def samples(plan: ComposedPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict
     return columns
 
 
-def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: str = "", bank: bool = False) -> Source:
+def source_of(
+    columns: dict[str, Array], *, end_state: str = "completed", note: str = "", bank: bool = False
+) -> RunData:
     parameters = load_parameters("ideal")
     metrics = tracking_metrics(columns, PLAN.program(), PLAN.phases())
     settings = {
@@ -88,4 +90,4 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
     model = {"K_q": 0.0501, "T_q": 0.342, "K_S": 0.722, "T_S": 0.341}
     entries = (BankEntry(8.24, model, 4), BankEntry(10.55, model, 5), BankEntry(12.43, model, None))
     made = Bank(id=3, name="spring set 2", version=2, note="", who="A. Operator", created_at=BEGAN, entries=entries)
-    return Source(run, result, columns, made if bank else None, runs_of={4: 7, 5: 8})
+    return RunData(run, result, columns, made if bank else None, runs_of={4: 7, 5: 8})

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.scene import model
-from backend.scene.model import SCALE, SLACK_COLOUR, Stage, can_be_drawn, draw_force, force_colour, pose
+from backend.scene.model import SCALE, SLACK_COLOUR, SceneNodes, can_be_drawn, draw_force, force_colour, pose
 from backend.scene.server import PortlessServer
 from plant.dynamics import Obstacle, elongation
 from plant.parameters import load_parameters
@@ -116,7 +116,7 @@ def test_a_wall_is_drawn_as_pressed_on_where_it_is(F_wall: float, pressed: bool)
 def test_a_wall_begins_where_the_links_flank_is_at_its_angle(side: float, q_wall: float) -> None:
     """The link points to z at q = 0 and turns from z to −x: the wall's face lies along its flank, the rest beyond."""
     server = PortlessServer()
-    stage = Stage(server, R_J, R_M)
+    stage = SceneNodes(server, R_J, R_M)
     stage.show_wall(Obstacle(side, q_wall, 1e4, 0.0))
     stands = [stage._walls.visible]
     assert [face.visible for face in stage._faces.values()] == [side > 0.0, side < 0.0]

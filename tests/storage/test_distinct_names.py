@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.storage import banks, experiments
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database
@@ -23,7 +23,7 @@ def test_an_experiment_or_bank_whose_name_reads_like_another_is_refused(database
         lambda session: experiments.add(session, alike, "other", "Ana"),
         lambda session: banks.add(session, alike, [BankEntry(10.55, MODEL)], "Ana"),
     ):
-        with pytest.raises(RefusalError, match="'Brief' already") as refused, database.session() as session:
+        with pytest.raises(RequestRejectedError, match="'Brief' already") as refused, database.session() as session:
             add(session)
         assert refused.value.code == "name_taken"
     add_both("Briefly")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from backend.models.run import Criterion, Figure, Metrics
+from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.storage import banks, events, identifications, results, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database
@@ -27,9 +27,9 @@ METRICS = Metrics(
     complete=True,
     played_s=2.0,
     planned_s=2.0,
-    figures=(Figure("overshoot", "%", "Overshoot", "largest, in per cent of its step", 0.5),),
+    figures=(MeasuredFigure("overshoot", "%", "Overshoot", "largest, in per cent of its step", 0.5),),
 )
-CRITERION = Criterion("overshoot", "Overshoot", "<", 1.0, 0.5, "%", passed=True)
+CRITERION = RunCriterion("overshoot", "Overshoot", "<", 1.0, 0.5, "%", passed=True)
 NEW_IDENTIFICATION = NewIdentification(
     kind="actuator",
     run_id=None,

@@ -5,7 +5,7 @@ from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
-from backend.services.runs import Asked, StoredRuns
+from backend.services.runs import RunQuery, StoredRuns
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, RunKind
 from tests.bench.many_runs import Made, make_runs
@@ -38,11 +38,11 @@ def test_each_search_finds_what_fits_page_by_page(tmp_path: Path) -> None:
             assert 0 < len(expected) <= COUNT
             found: list[int] = []
             while True:
-                page = stored.found(Asked(where=(where,), limit=130, offset=len(found)))
+                page = stored.found(RunQuery(where=(where,), limit=130, offset=len(found)))
                 assert page.total == len(expected)
                 found += [run.id for run in page.runs]
                 if not page.runs:
                     break
             assert found == expected, where
-            first = stored.found(Asked(where=(where,), limit=1)).runs[0]
+            first = stored.found(RunQuery(where=(where,), limit=1)).runs[0]
             assert (first.note, first.who) == (made[first.id].note, made[first.id].who)

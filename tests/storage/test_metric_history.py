@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from backend.models.run import Figure
+from backend.models.run import MeasuredFigure
 from backend.services.comparison import metric_history
 from backend.storage import results, runs
 from backend.storage.database import Database
@@ -18,7 +18,7 @@ NEWER = 25
 
 
 def test_a_metric_that_only_older_runs_have_is_shown(database: Database) -> None:
-    older = Figure("settling", "s", "Settling", "", 0.7)
+    older = MeasuredFigure("settling", "s", "Settling", "", 0.7)
     with database.session() as session:
         for figures in ((*METRICS.figures, older), *[METRICS.figures] * NEWER):
             run = runs.create(session, replace(NEW_RUN, kind=RunKind.TRACKING)).id

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
@@ -37,7 +37,7 @@ def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     folder = tmp_path_factory.mktemp("played")
     database = open_database(folder)
     with headless_station(database, load_parameters("lab"), SETTINGS) as station:
-        outcome = asyncio.run(run_experiment(station, Order(PLANS[request.param], SETTINGS, "A. Operator")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(PLANS[request.param], SETTINGS, "A. Operator")))
     assert outcome.evaluation.problem == ""
     bundle = folder / "run.zip"
     bundle.write_bytes(b"".join(bundle_pieces(database, outcome.run.id, folder)))

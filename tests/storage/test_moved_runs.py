@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import NAMES, ready_plan, settings_of
 from backend.experiments.plans import LoopSettings, Plan, SequencePlan
 from backend.recording.codec import digest_of_recording
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES
-from backend.services.downloads import bundle_pieces, take_in
+from backend.services.downloads import bundle_pieces, import_file
 from backend.storage import commissioning, origins, recordings, results, runs
 from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, open_database
@@ -67,7 +67,7 @@ def shortest(name: str) -> Plan:
 def play(database: Database, name: str) -> int:
     settings = LoopSettings(seed=SEED, lam_q=0.6, lam_S=0.55)
     with headless_station(database, load_parameters("lab"), settings) as station:
-        outcome = asyncio.run(run_experiment(station, Order(shortest(name), settings, "A. Operator")))
+        outcome = asyncio.run(run_experiment(station, RunRequest(shortest(name), settings, "A. Operator")))
     assert outcome.run.end_state == "completed"
     assert outcome.evaluation.problem == ""
     return outcome.run.id
@@ -99,7 +99,7 @@ def moved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def test_it_is_the_same_where_it_is_taken_in(moved: Moved, database: Database, tmp_path: Path) -> None:
-    taken = take_in(database, moved.file, "Ben", tmp_path)
+    taken = import_file(database, moved.file, "Ben", tmp_path)
     assert (taken.was, taken.new) == (moved.run, True)
     with moved.database.reading() as here, database.reading() as there:
         assert document_of(there, RUN, taken.run) == document_of(here, RUN, moved.run)
@@ -130,11 +130,11 @@ def test_it_is_the_same_where_it_is_taken_in(moved: Moved, database: Database, t
         carried = origins.of_runs(there, [taken.run])[taken.run].carried
         steps = {one["step"]: one["calibrations"] for one in carried.get(origins.CALIBRATIONS, [])}
         assert steps == (CALIBRATIONS if made.plant == "rig" else {})
-    assert take_in(database, moved.file, "Ben", tmp_path) == replace(taken, new=False)
+    assert import_file(database, moved.file, "Ben", tmp_path) == replace(taken, new=False)
     again = tmp_path / "again.zip"
     again.write_bytes(b"".join(bundle_pieces(database, taken.run, tmp_path)))
     other = open_database(tmp_path / "other")
-    assert take_in(other, again, "Cy", tmp_path / "other").new
+    assert import_file(other, again, "Cy", tmp_path / "other").new
     with other.reading() as session, moved.database.reading() as here:
         assert digest_of_recording(session, 1) == digest_of_recording(here, moved.run)
     other.close()

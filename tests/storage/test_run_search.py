@@ -7,7 +7,7 @@ from datetime import datetime
 import pytest
 from sqlalchemy import text
 
-from backend.models.run import Criterion, Figure, Metrics
+from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.storage import banks, results, runs, search, search_index, tags
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, Session
@@ -32,12 +32,14 @@ Find = Callable[[str], set[str]]
 
 
 def metrics(overshoot: float | None, complete: bool = True) -> Metrics:
-    figure = Figure("overshoot_q_percent", "%", "Overshoot of q", "", overshoot, "" if overshoot else "not seen")
+    figure = MeasuredFigure(
+        "overshoot_q_percent", "%", "Overshoot of q", "", overshoot, "" if overshoot else "not seen"
+    )
     return Metrics(complete=complete, played_s=1.0, planned_s=1.0, figures=(figure,))
 
 
-def criterion(passed: bool | None) -> tuple[Criterion, ...]:
-    return (Criterion("overshoot_q", "Overshoot of q", "<", 5.0, 1.0, "%", passed=passed),)
+def criterion(passed: bool | None) -> tuple[RunCriterion, ...]:
+    return (RunCriterion("overshoot_q", "Overshoot of q", "<", 5.0, 1.0, "%", passed=passed),)
 
 
 @pytest.fixture
@@ -299,7 +301,7 @@ def test_a_run_that_cannot_be_read_is_found_by_what_can(database: Database) -> N
 
 
 def test_a_name_of_two_things_has_to_be_told(database: Database) -> None:
-    figure = Figure("lam_q", "s", "λ", "", 0.9)
+    figure = MeasuredFigure("lam_q", "s", "λ", "", 0.9)
     with database.session() as session:
         number = runs.create(session, NEW).id
         runs.end(session, number, EndState.COMPLETED)

@@ -10,9 +10,9 @@ from threading import Barrier
 
 import pytest
 
-from backend.errors import STATION_MAX, RefusalError, require_station_name
+from backend.errors import STATION_MAX, RequestRejectedError, require_station_name
 from backend.recording import retention
-from backend.recording.retention import NotRemovableError, Rule
+from backend.recording.retention import NotRemovableError, RetentionRule
 from backend.storage import (
     banks,
     commissioning,
@@ -130,7 +130,7 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
                 event = events.add(session, "trip", "", tick=tick)
                 flights.add(session, NewFlight(event.id, "force_limit", 0, tick, 9, ["q"], b"xx"))
         numbers.append(run.id)
-    rule = Rule(max_bytes=1, keep_days=0)
+    rule = RetentionRule(max_bytes=1, keep_days=0)
     assert [one.run_id for one in retention.overview(a, rule).may_go] == numbers[:1]
     assert retention.overview(a, rule).total_bytes == 100
     with pytest.raises(NotRemovableError, match=f"runs named that may not go: {numbers[1]}"):
@@ -226,7 +226,10 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
     with database.session() as session:
         assert give_all(session, "rig-a") == 1
-    with database.session() as session, pytest.raises(RefusalError, match="rig-a has 1 rows of table run already"):
+    with (
+        database.session() as session,
+        pytest.raises(RequestRejectedError, match="rig-a has 1 rows of table run already"),
+    ):
         give_all(session, "rig-a")
     with closing(open_database(tmp_path / "a", url, station="rig-a")) as station, station.reading() as session:
         assert runs.count(session) == 1

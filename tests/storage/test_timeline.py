@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 from sqlalchemy import update
 
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.schemas.state import MarkKind
 from backend.storage import events, recordings, runs, timeline
 from backend.storage.database import Database, Session
@@ -15,8 +15,8 @@ from backend.storage.events import EventKind
 from backend.storage.orm import RunRow, UnknownRecordError
 from backend.storage.recordings import Chunk
 from backend.storage.tags import TagError
-from backend.storage.timeline import Asked, Happening
-from backend.units import Angles
+from backend.storage.timeline import LogEntry, LogQuery
+from backend.units import AngleUnit
 from tests.storage.test_run_search import NEW
 
 NOON = datetime(2026, 3, 31, 12, tzinfo=UTC)
@@ -37,9 +37,9 @@ def record(session: Session, began: float, first_tick: int, count: int) -> int:
     return number
 
 
-def all_of(database: Database, asked: Asked | None = None) -> list[Happening]:
+def all_of(database: Database, asked: LogQuery | None = None) -> list[LogEntry]:
     with database.reading() as session:
-        found, more = timeline.find(session, asked or Asked(), 500)
+        found, more = timeline.find(session, asked or LogQuery(), 500)
     assert more is None
     return found
 
@@ -63,7 +63,7 @@ def test_an_event_stands_at_its_second_of_the_run_that_was_recorded_then(databas
         "between": (None, None),
         "signed in as operator": (None, None),
     }
-    told = [(one.at, one.run_id) for one in all_of(database, Asked(kinds=[EventKind.RUN]))]
+    told = [(one.at, one.run_id) for one in all_of(database, LogQuery(kinds=[EventKind.RUN]))]
     assert told == [(after(64.0), second), (after(60.0), second), (after(4.0), first), (after(0.0), first)]
 
 
@@ -75,15 +75,15 @@ def test_pages_follow_each_other_without_a_gap_or_a_double(database: Database) -
     whole = all_of(database)
     assert len(whole) == 42
     assert all(later.at >= earlier.at for later, earlier in pairwise(whole))
-    found: list[Happening] = []
-    asked = Asked()
+    found: list[LogEntry] = []
+    asked = LogQuery()
     with database.reading() as session:
         while True:
             page, more = timeline.find(session, asked, 7)
             found += page
             if more is None:
                 break
-            asked = Asked(before=more)
+            asked = LogQuery(before=more)
     assert found == whole
 
 
@@ -104,9 +104,9 @@ def test_words_kinds_and_times_narrow_it(database: Database) -> None:
         ("nothing",): [],
     }
     for words, expected in texts.items():
-        assert [one.text for one in all_of(database, Asked(words=words))] == expected, words
-    assert [one.text for one in all_of(database, Asked(kinds=[EventKind.FAULT]))] == ["STOP"]
-    assert [one.text for one in all_of(database, Asked(since=after(2), before=after(3)))] == ["STOP"]
+        assert [one.text for one in all_of(database, LogQuery(words=words))] == expected, words
+    assert [one.text for one in all_of(database, LogQuery(kinds=[EventKind.FAULT]))] == ["STOP"]
+    assert [one.text for one in all_of(database, LogQuery(since=after(2), before=after(3)))] == ["STOP"]
 
 
 SHOWN = {
@@ -125,8 +125,8 @@ SHOWN = {
 """By the words: the texts that somebody finds who reads degrees, and who reads radians."""
 
 
-@pytest.mark.parametrize("angles", Angles)
-def test_what_is_read_is_what_is_found(database: Database, angles: Angles) -> None:
+@pytest.mark.parametrize("angles", AngleUnit)
+def test_what_is_read_is_what_is_found(database: Database, angles: AngleUnit) -> None:
     texts = (
         ("push of 12.5 N for 1.0 s", "Mara Stein"),
         ("q_ref 1.0472 rad, S_ref 10 N·m/rad", "Ana"),
@@ -137,15 +137,15 @@ def test_what_is_read_is_what_is_found(database: Database, angles: Angles) -> No
     with database.session() as session:
         for number, (text, who) in enumerate(texts):
             events.add(session, EventKind.NOTE, text, who=who, at=after(number))
-    place = list(Angles).index(angles)
-    found = {words: [one.text for one in all_of(database, Asked(words=words, angles=angles))] for words in SHOWN}
+    place = list(AngleUnit).index(angles)
+    found = {words: [one.text for one in all_of(database, LogQuery(words=words, angles=angles))] for words in SHOWN}
     assert found == {words: expected[place] for words, expected in SHOWN.items()}
-    assert {words: counted(database, Asked(words=words, angles=angles)) for words in SHOWN} == {
+    assert {words: counted(database, LogQuery(words=words, angles=angles)) for words in SHOWN} == {
         words: len(expected[place]) for words, expected in SHOWN.items()
     }
 
 
-def counted(database: Database, asked: Asked) -> int:
+def counted(database: Database, asked: LogQuery) -> int:
     with database.reading() as session:
         return timeline.count(session, asked)
 
@@ -155,7 +155,7 @@ def test_a_search_for_an_angle_has_its_pages_too(database: Database) -> None:
         for number in range(30):
             angle = 1.0472 if number % 3 == 0 else 0.5
             events.add(session, EventKind.REFERENCES, f"q_ref {angle} rad", at=after(number))
-    asked = Asked(words=["60", "deg"])
+    asked = LogQuery(words=["60", "deg"])
     with database.reading() as session:
         first, more = timeline.find(session, asked, 4)
         rest, end = timeline.find(session, replace(asked, before=more), 100)
@@ -168,10 +168,10 @@ def test_a_run_is_found_by_its_number_and_by_the_angle_that_it_ended_at(database
         record(session, 0.0, 0, 1000)
         second = runs.create(session, NEW).id
         runs.end(session, second, runs.EndState.TRIPPED, "joint_limit: q = 1.0472 rad")
-    assert {one.run_id for one in all_of(database, Asked(words=["run", str(second)]))} == {second}
-    assert {one.run_id for one in all_of(database, Asked(words=["60", "deg"]))} == {second}
-    assert all_of(database, Asked(words=["1.0472"])) == []
-    assert len(all_of(database, Asked(words=["1.0472"], angles=Angles.RADIANS))) > 0
+    assert {one.run_id for one in all_of(database, LogQuery(words=["run", str(second)]))} == {second}
+    assert {one.run_id for one in all_of(database, LogQuery(words=["60", "deg"]))} == {second}
+    assert all_of(database, LogQuery(words=["1.0472"])) == []
+    assert len(all_of(database, LogQuery(words=["1.0472"], angles=AngleUnit.RADIANS))) > 0
 
 
 def test_what_is_said_of_an_event_is_replaced_and_taken_off_and_the_event_stays(database: Database) -> None:
@@ -192,9 +192,9 @@ def test_a_bad_remark_is_refused_and_the_one_before_stays(database: Database) ->
         stop = events.add(session, EventKind.FAULT, "STOP", at=NOON)
         timeline.remark(session, stop.id, "kept", [], "Ana")
     for number, note, tags, refusal in (
-        (stop.id, "x" * (timeline.NOTE_MAX + 1), [], RefusalError),
+        (stop.id, "x" * (timeline.NOTE_MAX + 1), [], RequestRejectedError),
         (stop.id, "", ["two words"], TagError),
-        (stop.id, "", [f"t{n}" for n in range(timeline.TAGS_MAX + 1)], RefusalError),
+        (stop.id, "", [f"t{n}" for n in range(timeline.TAGS_MAX + 1)], RequestRejectedError),
         (stop.id + 1, "of what", [], UnknownRecordError),
     ):
         with pytest.raises(refusal), database.session() as session:

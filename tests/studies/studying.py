@@ -6,12 +6,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.studies import StoredPoint
-from backend.studies.point import Base, Point, PointResult
+from backend.studies.point import Point, PointResult, StudyBase
 from plant.parameters import load_parameters
 
 SHORT = """
@@ -33,7 +33,7 @@ seed: 7
 
 def begun(database: Database, text: str = SHORT) -> int:
     """Keep a study on the lab's plant; return its number."""
-    return Studies(database).begin(text, "Ana", load_parameters("lab"), TuningChoice().document()).id
+    return Studies(database).begin(text, "Ana", load_parameters("lab"), TuningSettings().document()).id
 
 
 def table(database: Database, study: int) -> list[StoredPoint]:
@@ -41,12 +41,12 @@ def table(database: Database, study: int) -> list[StoredPoint]:
         return studies.points(session, study)
 
 
-def quick(base: Base, point: Point) -> PointResult:
+def quick(base: StudyBase, point: Point) -> PointResult:
     """A row in no time."""
     return _row(point)
 
 
-def die_once(base: Base, point: Point) -> PointResult:
+def die_once(base: StudyBase, point: Point) -> PointResult:
     """Kill the own process over point 5, the first time."""
     mark = _folder(base) / "died"
     if point.number == 5 and not mark.exists():
@@ -55,14 +55,14 @@ def die_once(base: Base, point: Point) -> PointResult:
     return _row(point)
 
 
-def die_always(base: Base, point: Point) -> PointResult:
+def die_always(base: StudyBase, point: Point) -> PointResult:
     """Kill the own process over point 5, each time."""
     if point.number == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     return _row(point)
 
 
-def patient(base: Base, point: Point) -> PointResult:
+def patient(base: StudyBase, point: Point) -> PointResult:
     """Wait until somebody puts a file there, from point 4 on; leave a mark for each that is computed."""
     while point.number >= 4 and not (_folder(base) / "go").exists():
         time.sleep(0.01)
@@ -70,7 +70,7 @@ def patient(base: Base, point: Point) -> PointResult:
     return _row(point)
 
 
-def _folder(base: Base) -> Path:
+def _folder(base: StudyBase) -> Path:
     return Path(str(base.parameters["folder"]))
 
 
@@ -79,7 +79,7 @@ def _row(point: Point) -> PointResult:
     return PointResult(point.number, "completed", "", True, {**point.settings, **point.plant}, figures)
 
 
-def in_folder(base: Base, folder: Path) -> Base:
+def in_folder(base: StudyBase, folder: Path) -> StudyBase:
     """A base that tells work of these tests where its marks are."""
     document: dict[str, Any] = {**base.parameters, "folder": str(folder)}
-    return Base(**{**vars(base), "parameters": document})
+    return StudyBase(**{**vars(base), "parameters": document})

@@ -16,7 +16,7 @@ import pytest
 from backend.storage.database import Database, open_database
 from backend.studies.cluster import ClusterCrew, on_cluster
 from backend.studies.crew import CrewGoneError
-from backend.studies.point import LOST, Base, Point
+from backend.studies.point import LOST, Point, StudyBase
 from backend.studies.runner import local, run_study
 from tests.studies import studying
 from tests.studies.studying import begun, in_folder, table
@@ -86,7 +86,7 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(
                 cluster.workers[0].wait()
                 (tmp_path / "go").touch()
 
-    def losing(base: Base) -> ClusterCrew:
+    def losing(base: StudyBase) -> ClusterCrew:
         return Losing(in_folder(base, tmp_path), cluster.address, studying.patient)
 
     assert run_study(database, study, losing)
@@ -108,7 +108,7 @@ def test_a_point_that_kills_its_worker_is_told_and_computed_when_that_is_asked(
 def test_workers_of_another_version_leave_the_table_as_it_is(database: Database, cluster: Cluster) -> None:
     study = begun(database)
 
-    def other(base: Base) -> ClusterCrew:
+    def other(base: StudyBase) -> ClusterCrew:
         return ClusterCrew(replace(base, software="99.0"), cluster.address)
 
     with pytest.raises(CrewGoneError, match=r"the study is of Sinew 99\.0.*set up their machines like this one"):

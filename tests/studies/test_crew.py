@@ -7,10 +7,10 @@ from typing import Any, cast
 import pytest
 
 from backend.studies.crew import LocalCrew
-from backend.studies.point import LOST, Base, Point, PointResult
+from backend.studies.point import LOST, Point, PointResult, StudyBase
 
 GUILTY, INNOCENT, NEXT = (Point(number, {}, {}) for number in range(3))
-BASE = Base("", "", "", {}, {})
+BASE = StudyBase("", "", "", {}, {})
 
 
 class Pool:

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.experiments.library import experiment
 from backend.experiments.parser import ExperimentError
 from backend.storage.banks import Bank
@@ -15,7 +15,7 @@ from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import StoredStudy
 from backend.studies.design import Design
 from backend.studies.point import numbers_of
-from backend.studies.stored import Surroundings, design_of, new_study
+from backend.studies.stored import StudyContext, design_of, new_study
 from plant.parameters import load_parameters
 
 
@@ -23,7 +23,7 @@ def no_bank(number: int) -> Bank:
     raise UnknownRecordError(f"there is no bank {number}")
 
 
-AROUND = Surroundings(experiment, load_parameters("lab"), TuningChoice().document(), no_bank)
+AROUND = StudyContext(experiment, load_parameters("lab"), TuningSettings().document(), no_bank)
 
 
 def design(body: str) -> Design:

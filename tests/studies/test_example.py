@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import open_database
@@ -20,7 +20,7 @@ PAGE = Path(__file__).parents[2] / "frontend/src/pages/studies/NewStudy.tsx"
 def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(tmp_path: Path) -> None:
     found = re.search(r"const EXAMPLE = `(.*?)`", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
-    active = TuningChoice(motion="time-optimal").document()
+    active = TuningSettings(motion="time-optimal").document()
     with closing(open_database(tmp_path)) as database:
         study = Studies(database).begin(found.group(1), "Ana", load_parameters("lab"), active).id
         with database.reading() as session:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database, open_database
@@ -39,7 +39,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
 
 
 def designed(database: Database, text: str) -> Design:
-    begun = Studies(database).begin(text, "Ana", load_parameters("ideal"), TuningChoice().document())
+    begun = Studies(database).begin(text, "Ana", load_parameters("ideal"), TuningSettings().document())
     with database.reading() as session:
         return design_of(studies.get(session, begun.id))
 

@@ -16,7 +16,7 @@ from backend.storage.studies import StoredPoint
 from backend.studies.maps import LEAST_IS_WORST, NEITHER_IS_WORST, PICKS, WORST, axis_labels, map_of, shares, spreadings
 from backend.studies.point import LOOP_FIGURES, UNSTABLE, PointResult
 from backend.studies.runner import as_stored
-from backend.units import Angles
+from backend.units import AngleUnit
 
 AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 
@@ -65,11 +65,11 @@ def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
 
 
 def test_neighbours_at_an_axis_read_differently() -> None:
-    assert axis_labels((0.5, 0.8), "s", Angles.DEGREES) == ["0.5", "0.8"]
-    assert axis_labels((10.0051, 10.0053, 10.01), "N", Angles.DEGREES) == ["10.0051", "10.0053", "10.01"]
-    assert axis_labels((0.523598775598, 1.0), "rad", Angles.DEGREES) == ["30", "57.3"]
-    assert axis_labels((True, False), "1", Angles.DEGREES) == ["True", "False"]
-    assert axis_labels(("a", "b"), "1", Angles.DEGREES) == ["a", "b"]
+    assert axis_labels((0.5, 0.8), "s", AngleUnit.DEGREES) == ["0.5", "0.8"]
+    assert axis_labels((10.0051, 10.0053, 10.01), "N", AngleUnit.DEGREES) == ["10.0051", "10.0053", "10.01"]
+    assert axis_labels((0.523598775598, 1.0), "rad", AngleUnit.DEGREES) == ["30", "57.3"]
+    assert axis_labels((True, False), "1", AngleUnit.DEGREES) == ["True", "False"]
+    assert axis_labels(("a", "b"), "1", AngleUnit.DEGREES) == ["a", "b"]
 
 
 def test_a_picture_tells_its_numbers_apart(tmp_path: Path) -> None:

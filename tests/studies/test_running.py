@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.cli.study import _in_time
-from backend.execution.runner import Order, run_experiment
+from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import experiment
 from backend.experiments.plans import LoopSettings
@@ -28,7 +28,7 @@ from backend.storage.database import Database, open_database
 from backend.storage.studies import StoredPoint
 from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
-from backend.studies.point import FAILED, LOOP_FIGURES, LOST, REFUSED, UNSTABLE, Base, OtherSoftwareError
+from backend.studies.point import FAILED, LOOP_FIGURES, LOST, REFUSED, UNSTABLE, OtherSoftwareError, StudyBase
 from backend.studies.runner import Progress, TakenError, local, run_study
 from backend.studies.stored import design_of
 from backend.tuning.gains import designed_point
@@ -42,7 +42,7 @@ def database(tmp_path: Path) -> Database:
     return open_database(tmp_path / "data")
 
 
-def with_work(work: Work, folder: Path, jobs: int = 2) -> Callable[[Base], LocalCrew]:
+def with_work(work: Work, folder: Path, jobs: int = 2) -> Callable[[StudyBase], LocalCrew]:
     return lambda base: LocalCrew(in_folder(base, folder), jobs, work)
 
 
@@ -53,7 +53,7 @@ def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database)
     entries = [BankEntry(S, models, None) for S in (8.5, 14.0)]
     with database.session() as session:
         bank = banks.add(session, "two", entries, "Ana")
-    tuning = TuningChoice(bank=bank.id).document()
+    tuning = TuningSettings(bank=bank.id).document()
     text = SHORT.replace("draws: 2", "draws: 1").replace("seeds: 2", "seeds: 1")
     study = Studies(database).begin(text, "Ana", lab, tuning).id
     with database.reading() as session:
@@ -77,7 +77,7 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
         plan = experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
         settings = LoopSettings(lam_q=row.values["lam_q"], seed=row.values["seed"])
         with headless_station(database, parameters, settings) as station:
-            outcome = asyncio.run(run_experiment(station, Order(plan, settings, "Ana")))
+            outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "Ana")))
         assert outcome.evaluation.result is not None
         expected = {item.name: item.value for item in outcome.evaluation.result.metrics.figures}
         assert {name: row.figures[name] for name in expected} == expected
@@ -150,7 +150,7 @@ def test_another_version_computes_no_row_of_a_study(database: Database, monkeypa
         Studies(database).resume(study)
     assert table(database, study) == []
     with pytest.raises(OtherSoftwareError):
-        point.run_point(Base("", "", "", {}, {}, software="1.0"), point.Point(0, {}, {}))
+        point.run_point(StudyBase("", "", "", {}, {}, software="1.0"), point.Point(0, {}, {}))
 
 
 def test_what_failed_or_was_lost_is_computed_anew_when_that_is_asked(database: Database, tmp_path: Path) -> None:

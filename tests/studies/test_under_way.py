@@ -7,10 +7,10 @@ from typing import Any, cast
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
-from backend.errors import RefusalError
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import RequestRejectedError
 from backend.services.background_work import TextWork
-from backend.services.studies import WAITING_MAX, Studies, StudiesUnderWay
+from backend.services.studies import WAITING_MAX, Studies, StudyScheduler
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.workers import Offload
@@ -36,11 +36,11 @@ def database(tmp_path: Path) -> Database:
     return open_database(tmp_path / "data")
 
 
-def under_way(database: Database) -> tuple[StudiesUnderWay, Process, Process]:
+def under_way(database: Database) -> tuple[StudyScheduler, Process, Process]:
     computing, reading = Process(), Process()
     processes = (cast(Offload, computing), cast(Offload, reading))
     texts = TextWork(processes[1], processes[1])
-    return StudiesUnderWay(database, load_parameters("lab"), TuningChoice, *processes, texts), computing, reading
+    return StudyScheduler(database, load_parameters("lab"), TuningSettings, *processes, texts), computing, reading
 
 
 def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Database) -> None:
@@ -82,7 +82,7 @@ def test_no_more_wait_than_there_are_places_however_they_come(database: Database
         await asyncio.sleep(0)
         reading.gate.set()
         ends = await asyncio.gather(*begins, return_exceptions=True)
-        assert [isinstance(end, RefusalError) for end in ends] == [False] * WAITING_MAX + [True] * 3
+        assert [isinstance(end, RequestRejectedError) for end in ends] == [False] * WAITING_MAX + [True] * 3
         await page.close()
 
     asyncio.run(go())

@@ -9,8 +9,8 @@ import pytest
 from backend.errors import OutOfRangeError
 from backend.tuning.gains import (
     LAM_MOTOR,
-    Lambdas,
     TuningError,
+    TuningParameters,
     cascade_tuning,
     designed_point,
     motor_gains,
@@ -19,15 +19,15 @@ from backend.tuning.gains import (
     position_gains,
     stiffness_gains,
 )
-from backend.tuning.preview import Previewer, Steps
+from backend.tuning.preview import Steps, TuningPreviewer
 from backend.tuning.robustness import M_S_MAX, common_range, decoupled_model, motor_range, motor_robustness
 from backend.tuning.simulation import run
 from plant.parameters import load_parameters
 
 
 @pytest.fixture(scope="module")
-def previewer() -> Previewer:
-    return Previewer(load_parameters("ideal"))
+def previewer() -> TuningPreviewer:
+    return TuningPreviewer(load_parameters("ideal"))
 
 
 SMALL = Steps((0.0, 0.02), (10.55, 10.57))
@@ -35,9 +35,9 @@ SMALL = Steps((0.0, 0.02), (10.55, 10.57))
 
 
 @pytest.mark.parametrize("lam", [0.4, 0.6, 1.2])
-def test_small_steps_are_those_of_the_linear_loop(previewer: Previewer, lam: float) -> None:
+def test_small_steps_are_those_of_the_linear_loop(previewer: TuningPreviewer, lam: float) -> None:
     """Of a state space that python-control closes and integrates: four lags of the motors, their load, the joint."""
-    parameters, lambdas = load_parameters("ideal"), Lambdas(lam_q=lam, lam_S=lam)
+    parameters, lambdas = load_parameters("ideal"), TuningParameters(lam_q=lam, lam_S=lam)
     preview = previewer.preview(lambdas, 10.55, steps=SMALL)
     model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), 10.55)
     point, s = designed_point(parameters), control.tf("s")
@@ -54,8 +54,8 @@ def test_small_steps_are_those_of_the_linear_loop(previewer: Previewer, lam: flo
 
 
 @pytest.mark.parametrize("S", [8.0, 11.0, 15.0])
-def test_margins_are_those_of_python_control(previewer: Previewer, S: float) -> None:
-    parameters, lambdas, s = load_parameters("ideal"), Lambdas(lam_q=0.45, lam_S=0.4), control.tf("s")
+def test_margins_are_those_of_python_control(previewer: TuningPreviewer, S: float) -> None:
+    parameters, lambdas, s = load_parameters("ideal"), TuningParameters(lam_q=0.45, lam_S=0.4), control.tf("s")
     preview = previewer.preview(lambdas, S)
     model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), S)
     point = designed_point(parameters)
@@ -68,45 +68,45 @@ def test_margins_are_those_of_python_control(previewer: Previewer, S: float) -> 
         assert np.degrees(found.phase_margin) == pytest.approx(phase, rel=1e-6)
 
 
-def test_preview_shows_less_robustness_for_a_faster_loop(previewer: Previewer) -> None:
-    slow, fast = previewer.preview(Lambdas(lam_q=0.8)), previewer.preview(Lambdas(lam_q=0.36))
+def test_preview_shows_less_robustness_for_a_faster_loop(previewer: TuningPreviewer) -> None:
+    slow, fast = previewer.preview(TuningParameters(lam_q=0.8)), previewer.preview(TuningParameters(lam_q=0.36))
     assert slow.position.robustness.M_s < 1.3 < fast.position.robustness.M_s < 1.7
     assert fast.step_q.peak_voltage > slow.step_q.peak_voltage
     assert fast.step_q.least_tension > 5.0
 
 
-def test_a_trajectory_makes_the_steps_and_lambda_the_recovery(previewer: Previewer) -> None:
-    slow, fast = (previewer.preview(Lambdas(lam_q=lam), 10.0, u_plan=8.5) for lam in (1.0, 0.5))
+def test_a_trajectory_makes_the_steps_and_lambda_the_recovery(previewer: TuningPreviewer) -> None:
+    slow, fast = (previewer.preview(TuningParameters(lam_q=lam), 10.0, u_plan=8.5) for lam in (1.0, 0.5))
     assert slow.step_q.t90_s == pytest.approx(fast.step_q.t90_s, abs=0.003)
     assert slow.pushes[0].back_s > 1.8 * fast.pushes[0].back_s
-    slow, fast = (previewer.preview(Lambdas(lam_q=lam), 10.0, steps=SMALL) for lam in (1.0, 0.5))
+    slow, fast = (previewer.preview(TuningParameters(lam_q=lam), 10.0, steps=SMALL) for lam in (1.0, 0.5))
     assert slow.step_q.t90_s == pytest.approx(2.0 * fast.step_q.t90_s, rel=0.1)
 
 
-def test_the_stiffness_of_the_preview_is_the_one_asked_for(previewer: Previewer) -> None:
+def test_the_stiffness_of_the_preview_is_the_one_asked_for(previewer: TuningPreviewer) -> None:
     """10 N at S = 8.24 N·m/rad, 40 N at 14.06 (method section 1): no step of q leaves more than that."""
     for S, tension in ((8.24, 10.0), (14.06, 40.0)):
-        preview = previewer.preview(Lambdas(), S)
+        preview = previewer.preview(TuningParameters(), S)
         assert preview.S == S
         assert tension - 1.0 < preview.step_q.least_tension < tension + 0.1
         assert preview.step_S.start == S
 
 
-def test_lambda_outside_the_safe_range_is_refused(previewer: Previewer) -> None:
+def test_lambda_outside_the_safe_range_is_refused(previewer: TuningPreviewer) -> None:
     lam_q_min, lam_S_min = previewer.safe_range()
-    previewer.require_safe(Lambdas(lam_q=lam_q_min, lam_S=lam_S_min))
+    previewer.require_safe(TuningParameters(lam_q=lam_q_min, lam_S=lam_S_min))
     with pytest.raises(OutOfRangeError, match="λ_q"):
-        previewer.require_safe(Lambdas(lam_q=lam_q_min - 0.01))
+        previewer.require_safe(TuningParameters(lam_q=lam_q_min - 0.01))
     with pytest.raises(OutOfRangeError, match="λ_S"):
-        previewer.require_safe(Lambdas(lam_S=3.01))
+        previewer.require_safe(TuningParameters(lam_S=3.01))
     with pytest.raises(OutOfRangeError, match="λ_q"):
-        previewer.require_safe(Lambdas(lam_q=float("nan")))
+        previewer.require_safe(TuningParameters(lam_q=float("nan")))
 
 
-def test_full_voltage_leaves_the_range_to_robustness(previewer: Previewer) -> None:
+def test_full_voltage_leaves_the_range_to_robustness(previewer: TuningPreviewer) -> None:
     """With the paper's ±10 V the governor keeps the largest steps unclipped: M_s = 1.7 ends the range."""
     lam_q_min, lam_S_min = previewer.safe_range()
-    preview = previewer.preview(Lambdas(lam_q=lam_q_min, lam_S=lam_S_min))
+    preview = previewer.preview(TuningParameters(lam_q=lam_q_min, lam_S=lam_S_min))
     assert preview.position.robustness.M_s == pytest.approx(1.7, abs=1e-3)
     assert preview.stiffness.robustness.M_s == pytest.approx(1.7, abs=1e-3)
 
@@ -115,37 +115,39 @@ def test_a_weak_drive_narrows_the_range() -> None:
     """With 4 V the same steps would clip: the range ends where the largest of them just does not."""
     ideal = load_parameters("ideal")
     weak = replace(ideal, motor=replace(ideal.motor, u_max=4.0))
-    lam_q_min, lam_S_min = Previewer(weak).safe_range()
-    full_q, full_S = Previewer(ideal).safe_range()
+    lam_q_min, lam_S_min = TuningPreviewer(weak).safe_range()
+    full_q, full_S = TuningPreviewer(ideal).safe_range()
     assert lam_q_min > 1.2 * full_q
     assert lam_S_min >= full_S
 
     def peak(lam_q: float) -> float:
         q_ref = np.repeat([-np.pi / 3.0, np.pi / 3.0], [100, 6000])
-        trajectory = run(weak, cascade_tuning(weak, Lambdas(lam_q=lam_q)), q_ref, np.full(q_ref.size, 10.55))
+        trajectory = run(weak, cascade_tuning(weak, TuningParameters(lam_q=lam_q)), q_ref, np.full(q_ref.size, 10.55))
         return float(np.max(np.abs([trajectory.u_A, trajectory.u_B])))
 
     assert peak(lam_q_min) < 4.0
     assert peak(lam_q_min - 0.005) == 4.0
 
 
-def test_lambda_for_a_wanted_sensitivity(previewer: Previewer) -> None:
+def test_lambda_for_a_wanted_sensitivity(previewer: TuningPreviewer) -> None:
     found = previewer.lambdas_for(1.4)
     lam_q, lam_S, lam_motor = (found[name] for name in ("lam_q", "lam_S", "lam_motor"))
     assert isinstance(lam_q, float)
     assert isinstance(lam_S, float)
     assert isinstance(lam_motor, float)
-    preview = previewer.preview(Lambdas(lam_q=lam_q, lam_S=lam_S))
+    preview = previewer.preview(TuningParameters(lam_q=lam_q, lam_S=lam_S))
     assert preview.position.robustness.M_s == pytest.approx(1.4, abs=1e-3)
     assert preview.stiffness.robustness.M_s == pytest.approx(1.4, abs=1e-3)
-    slower = Previewer(load_parameters("ideal"), lam_motor=lam_motor).preview(Lambdas(lam_q=0.6, lam_S=0.6))
+    slower = TuningPreviewer(load_parameters("ideal"), lam_motor=lam_motor).preview(
+        TuningParameters(lam_q=0.6, lam_S=0.6)
+    )
     assert slower.motor.M_s == pytest.approx(1.4, abs=1e-3)
     # Erratum E5: the paper's 1.4 at 0.0854 s is near what the sampled loop with its electrical lag has.
     assert lam_motor == pytest.approx(0.0933, abs=2e-4)
     assert preview.motor.M_s == pytest.approx(1.413, abs=1e-3)
 
 
-def test_a_sensitivity_out_of_reach_says_the_span(previewer: Previewer) -> None:
+def test_a_sensitivity_out_of_reach_says_the_span(previewer: TuningPreviewer) -> None:
     found = previewer.lambdas_for(1.6)
     assert isinstance(found["lam_motor"], TuningError)
     assert "1.321 (λ = 0.2 s) to 1.512 (λ = 0.05 s)" in str(found["lam_motor"])
@@ -153,13 +155,13 @@ def test_a_sensitivity_out_of_reach_says_the_span(previewer: Previewer) -> None:
 
 
 @pytest.mark.parametrize("M_s", [1.45, 1.6, 1.69, 1.9])
-def test_no_lambda_is_given_that_would_be_refused(previewer: Previewer, M_s: float) -> None:
+def test_no_lambda_is_given_that_would_be_refused(previewer: TuningPreviewer, M_s: float) -> None:
     """What a wanted M_s gives can be put in force, or the refusal says where the offer begins."""
     found = previewer.lambdas_for(M_s)
     given = {name: lam for name, lam in found.items() if isinstance(lam, float)}
     low, high = previewer.motor_range()
     assert low <= given.pop("lam_motor", low) <= high
-    previewer.require_safe(Lambdas(**given))
+    previewer.require_safe(TuningParameters(**given))
     refused = [str(reason) for reason in found.values() if isinstance(reason, TuningError)]
     assert all("choose" in reason for reason in refused)
     assert ("lam_q" in given) == (M_s <= M_S_MAX)
@@ -182,5 +184,5 @@ def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
     low, _ = motor_range(motor)
     assert 0.1205 < low < 0.1206  # the refusal rounds it inwards, to three digits
     with pytest.raises(OutOfRangeError, match=r"λ_motor: 0\.0854 s is outside 0\.121 to 0\.2 s"):
-        Previewer(slow)
+        TuningPreviewer(slow)
     assert motor_robustness(motor, motor_gains(motor.K_m, motor.T_m, low)).M_s == pytest.approx(M_S_MAX, abs=1e-3)

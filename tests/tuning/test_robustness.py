@@ -7,9 +7,9 @@ import pytest
 from backend.control.decoupler import decoupler_for, motor_positions
 from backend.tuning.gains import (
     LAM_MAX,
-    Lambdas,
     MotorModel,
     TuningError,
+    TuningParameters,
     designed_point,
     motor_gains,
     motor_loops,
@@ -131,11 +131,13 @@ def test_safe_range_ends_where_M_s_is_1_7() -> None:
     point = designed_point(parameters)
     model = decoupled_model(parameters, motor_loops(parameters, LAM), point.S_nominal)
     q, S = OuterProcess(model[0, 0]), OuterProcess(model[1, 1])
-    lam_q = safe_lambda(q, lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)))
-    lam_S = safe_lambda(S, lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)))
+    lam_q = safe_lambda(q, lambda lam: position_gains(parameters, point, TuningParameters(lam_q=lam)))
+    lam_S = safe_lambda(S, lambda lam: stiffness_gains(parameters, point, TuningParameters(lam_S=lam)))
     assert lam_q == pytest.approx(0.355, abs=0.002)
     assert lam_S == pytest.approx(0.345, abs=0.002)
-    assert q.robustness(position_gains(parameters, point, Lambdas(lam_q=lam_q))).M_s == pytest.approx(1.7, abs=1e-3)
+    assert q.robustness(position_gains(parameters, point, TuningParameters(lam_q=lam_q))).M_s == pytest.approx(
+        1.7, abs=1e-3
+    )
 
 
 def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
@@ -143,7 +145,7 @@ def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
     parameters = load_parameters("ideal")
     point = designed_point(parameters)
     model = decoupled_model(parameters, motor_loops(parameters, LAM), point.S_nominal)
-    lively, calm = (position_gains(parameters, point, Lambdas(lam_q=lam)) for lam in (0.2, 3.0))
+    lively, calm = (position_gains(parameters, point, TuningParameters(lam_q=lam)) for lam in (0.2, 3.0))
     at = np.geomspace(0.05, LAM_MAX, 60)[30]
     found = safe_lambda(OuterProcess(model[0, 0]), lambda lam: lively if abs(lam / at - 1.0) < 0.01 else calm)
     assert found == pytest.approx(1.01 * at, rel=1e-5)

@@ -8,10 +8,11 @@ from backend.schemas.run import PlayedRecording, PlayerOrder
 from backend.schemas.state import (
     ControlRequest,
     FaultList,
+    HandoverRequest,
     Injection,
     Lease,
     ModeRequest,
-    Push,
+    PushRequest,
     References,
     State,
     StopProof,
@@ -20,11 +21,10 @@ from backend.schemas.state import (
     TriggerOrder,
     TriggerView,
     WallOrder,
-    Wish,
     WishAnswer,
     WishView,
 )
-from backend.services.actuator import obstruct
+from backend.services.actuator import set_obstacle
 from backend.services.fault_injection import fault_list, inject, mend
 
 # Control -------------------------------------------------------------------------------------------
@@ -52,7 +52,9 @@ async def give_up_control(service: ServiceInUse, person: Operator, stamp: Stampe
 
 
 @control_router.post("/wishes", status_code=201)
-async def ask_for_control(body: Wish, service: ServiceInUse, person: Operator, stamp: Stamped = None) -> WishView:
+async def ask_for_control(
+    body: HandoverRequest, service: ServiceInUse, person: Operator, stamp: Stamped = None
+) -> WishView:
     """Ask whoever holds control for it; `to` offers it to another operator, as the page that holds it."""
     if body.to is None:
         return service.hand_over.ask(person, body.reason)
@@ -135,7 +137,7 @@ async def set_references(body: References, service: ServiceInUse, person: InCont
 
 
 @operate_router.post("/push")
-async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
+async def push(body: PushRequest, service: ServiceInUse, person: InControl) -> PushRequest:
     """Push a simulated joint, in run and compliance; the loop lets go after the time, and when control is lost."""
     return await service.actuator.push(body, person.name)
 
@@ -149,7 +151,7 @@ async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) 
 @operate_router.put("/wall")
 async def set_wall(body: WallOrder, service: ServiceInUse, person: InControl) -> WallOrder:
     """Put a wall in a simulated joint's way, in flight, or take it away; refused where nothing is simulated."""
-    return await obstruct(service.actuator, body, person.name)
+    return await set_obstacle(service.actuator, body, person.name)
 
 
 @operate_router.put("/trigger")

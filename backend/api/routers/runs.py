@@ -45,13 +45,13 @@ from backend.schemas.run import (
 from backend.schemas.state import FormulaList, FormulaName, FormulaText, FormulaView
 from backend.server.security import DOCUMENT_POLICY, SHEETS
 from backend.services.background_work import unless_left
-from backend.services.runs import Asked as RunsAsked
-from backend.services.runs import Excerpt, planned
+from backend.services.runs import RunQuery as RunsAsked
+from backend.services.runs import SampleSlice, planned
 from backend.services.signals import RangeAsked
 from backend.storage.events import EventKind
 from backend.storage.orm import TAG_MAX
 from backend.storage.search import LONGEST
-from backend.storage.timeline import Asked
+from backend.storage.timeline import LogQuery
 
 # Runs ----------------------------------------------------------------------------------------------
 #
@@ -164,11 +164,11 @@ async def _excerpt(
     ] = None,
     points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
-) -> Excerpt:
-    return Excerpt(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
+) -> SampleSlice:
+    return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
 
 
-AskedFor = Annotated[Excerpt, Depends(_excerpt)]
+AskedFor = Annotated[SampleSlice, Depends(_excerpt)]
 
 
 @runs_router.get("/{id}/samples")
@@ -263,7 +263,7 @@ async def get_log(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return what happened and who asked for it, newest first."""
-    return await service.timeline.page(Asked(kind or (), words.split(), since, before, angles), limit)
+    return await service.timeline.page(LogQuery(kind or (), words.split(), since, before, angles), limit)
 
 
 @log_router.put("/log/{id}/remark", status_code=204)

@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request, Response
 
 from backend.api.dependencies import Operator, ServiceInUse, SignedIn
-from backend.auth.authentication import Person
+from backend.auth.authentication import User
 from backend.schemas.preferences import Preferences
 from backend.schemas.run import Checklist
 from backend.schemas.state import (
@@ -114,5 +114,5 @@ async def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
     return await service.history.checklist()
 
 
-def _view(person: Person) -> SessionView:
+def _view(person: User) -> SessionView:
     return SessionView(name=person.name, role=person.role, asks_name=person.is_nameless)

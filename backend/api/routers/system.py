@@ -12,7 +12,7 @@ from starlette.types import Receive, Scope, Send
 from backend.api.dependencies import InControl, Operator, ServiceInUse, SignedIn, serve, service_of, signed_in
 from backend.api.errors import STATUS
 from backend.commissioning.steps import StepId
-from backend.errors import RefusalError
+from backend.errors import RequestRejectedError
 from backend.public_url import PublicUrl
 from backend.schemas.commissioning import BringUpView, DrivesSwitch, StepValues
 from backend.schemas.state import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
@@ -75,7 +75,7 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
     authentication = authentication_of(request)
     try:
         person = authentication.sign_in(shown_by(request), token, name)
-    except RefusalError as error:
+    except RequestRejectedError as error:
         return message_page(STATUS[error.because], str(error))
     answer = RedirectResponse("./", status_code=303)  # from here: a proxy may have a path before it
     grant(authentication, request, answer, person)

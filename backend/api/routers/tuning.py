@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
-from backend.errors import Because, RefusalError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.base import Finite, RowNumber
 from backend.schemas.state import State
 from backend.schemas.tuning import (
@@ -109,7 +109,7 @@ async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> 
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
     if (other is None) == (not run):
-        raise RefusalError(Because.BAD_VALUE, "give either another bank or runs that identified points again")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, "give either another bank or runs that identified points again")
 
 
 # Tuning --------------------------------------------------------------------------------------------
@@ -174,9 +174,9 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
     """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
     present = service.actuator.present
     if present.own_tuning is not None:
-        raise RefusalError(Because.NOT_NOW, "what is in force belongs to a run: save when it is over")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
     if present.trial() is not None:
-        raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
     return await service.saved_tunings.save(present.tuning, person.name)
 
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
-from backend.analysis.disturbance_metrics import Push, pushes_seen
+from backend.analysis.disturbance_metrics import MeasuredPush, pushes_seen
 from backend.analysis.frequency_metrics import bode_lines
 from backend.analysis.step_metrics import load_steps
 from plant.interface import T_s
@@ -128,7 +128,7 @@ def disturbances(plant: str, motion: str) -> Found:
     return found
 
 
-def _peaks(pushes: list[Push], *, expected: bool = False) -> str:
+def _peaks(pushes: list[MeasuredPush], *, expected: bool = False) -> str:
     peaks: dict[float, float] = {}
     for push in pushes:
         peak = push.expected_peak if expected else push.peak_q
@@ -137,7 +137,7 @@ def _peaks(pushes: list[Push], *, expected: bool = False) -> str:
     return ", ".join(f"{np.degrees(peak):.2f}°" for _, peak in sorted(peaks.items()))
 
 
-def _off(pushes: list[Push]) -> str:
+def _off(pushes: list[MeasuredPush]) -> str:
     off = [push.off_percent for push in pushes]
     assert None not in off
     return f"{max(abs(one) for one in off if one is not None):.1f} %"

@@ -8,13 +8,13 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from backend.experiments.plans import ActuatorIdentificationPlan
-from backend.identification.motor import VoltageStep
+from backend.identification.motor import VoltageStepRecord
 from backend.realtime.commands import Refused, RunProgram, SetMode
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
 from backend.realtime.program import Mode
 from backend.sample import INDEX
-from backend.tuning.gains import Lambdas
+from backend.tuning.gains import TuningParameters
 from plant.dynamics import AT_REST
 from plant.interface import MotorCommand, T_s
 from plant.parameters import PlantParameters
@@ -30,7 +30,7 @@ class Bench:
 
     def __init__(self, parameters: PlantParameters, seed: int = 0) -> None:
         self._rows: list[Array] = []
-        self._loop = Loop(Simulator(parameters, seed), parameters, self, tuning_for(parameters, Lambdas()))
+        self._loop = Loop(Simulator(parameters, seed), parameters, self, tuning_for(parameters, TuningParameters()))
         self._order(SetMode(Mode.PRETENSION))
         self._tick_until_pretension()
 
@@ -64,11 +64,11 @@ class Bench:
         raise RuntimeError(f"pretension was not reached; the mode is {self._loop.mode}")
 
 
-def unloaded_steps(parameters: PlantParameters) -> dict[str, list[VoltageStep]]:
+def unloaded_steps(parameters: PlantParameters) -> dict[str, list[VoltageStepRecord]]:
     """Velocity steps of both motors with the tendons off their reels, as the encoders see them, by side."""
     count = 2.0 * math.pi / parameters.sensors.motor_counts
     off_the_reel = AT_REST._replace(theta_A=-200.0, theta_B=-200.0)
-    runs: dict[str, list[VoltageStep]] = {"A": [], "B": []}
+    runs: dict[str, list[VoltageStepRecord]] = {"A": [], "B": []}
     for voltage in VOLTAGES:
         simulator = Simulator(parameters, x=off_the_reel)
         u = np.where(np.arange(2200) < 200, 0.0, voltage)
@@ -78,7 +78,7 @@ def unloaded_steps(parameters: PlantParameters) -> dict[str, list[VoltageStep]]:
             theta.append((m.theta_A, m.theta_B))
             simulator.write(MotorCommand(volts, volts))
         for side, column in zip("AB", np.array(theta).T, strict=True):
-            runs[side].append(VoltageStep(T_s, u, column, parameters.motor.u_max, count))
+            runs[side].append(VoltageStepRecord(T_s, u, column, parameters.motor.u_max, count))
     return runs
 
 

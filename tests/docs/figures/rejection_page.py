@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.banks.builder import tuning_command
 from backend.experiments.plans import LoopSettings
-from backend.realtime.commands import Push
+from backend.realtime.commands import ApplyPush
 from backend.realtime.gains import tuning_of
 from backend.tuning.gains import knowledge
 from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, push_forecast
@@ -65,7 +65,7 @@ def give() -> Found:
     bench = Bench(load_parameters("lab"), settings)
     try:
         bench.hold(0.0, S_REF, 8.0)
-        bench.send(Push(PUSH_N, 1.0))
+        bench.send(ApplyPush(PUSH_N, 1.0))
         bench.advance(1.0)
         lab = float(np.abs(bench.seconds("q", 1.0)).max())
     finally:
@@ -123,7 +123,7 @@ def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, f
         bench.advance(2.0)
         held_s = 2.0 + 8.0 * settings.lam_q
         for part_s in parts_of(held_s):
-            bench.send(Push(PUSH_N, part_s + OVERLAP_S))  # the next order replaces this one before it ends
+            bench.send(ApplyPush(PUSH_N, part_s + OVERLAP_S))  # the next order replaces this one before it ends
             bench.advance(part_s)
         off = np.abs(bench.seconds("q", held_s) - bench.seconds("q_ref", held_s))
         away = np.flatnonzero(off > NEAR_RAD + 1e-9)
@@ -145,7 +145,7 @@ def felt(bench: Bench, f: float) -> float:
     pieces, periods = 100, 4
     piece_s = 1.0 / f / pieces
     for k in range(periods * pieces):
-        bench.send(Push(PUSH_N * np.sin(2.0 * np.pi * (k + 0.5) / pieces), 2.0 * piece_s))
+        bench.send(ApplyPush(PUSH_N * np.sin(2.0 * np.pi * (k + 0.5) / pieces), 2.0 * piece_s))
         bench.advance(piece_s)
     q, force = bench.seconds("q", 1.0 / f), bench.seconds("F_push", 1.0 / f)
     turn = np.exp(-2j * np.pi * np.arange(q.size) / q.size)

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import InForce
+from backend.analysis.context import EvaluationContext
 from backend.banks.builder import tuning_command
-from backend.execution.simulation import Played, headless_loop, play_in_memory
+from backend.execution.simulation import SimulatedRun, headless_loop, play_in_memory
 from backend.experiments.library import ready_plan
-from backend.experiments.plans import ComposedPlan, LoopSettings
+from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Command, SetMode, SetReferences
-from backend.realtime.headless import Headless
-from backend.realtime.program import Mode, SetTouch
+from backend.realtime.headless import SimulatedLoop
+from backend.realtime.program import ConfigureContactDetection, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from backend.storage.banks import Bank
@@ -39,14 +39,14 @@ class Experiment:
     """A run that was played to its end, and what was in use."""
 
     parameters: PlantParameters
-    plan: ComposedPlan
+    plan: ExperimentPlan
     settings: LoopSettings
-    played: Played
+    played: SimulatedRun
 
     @property
-    def in_force(self) -> InForce:
+    def in_force(self) -> EvaluationContext:
         """What predictions of the run need."""
-        return InForce(self.parameters, self.plan, self.settings.tuning)
+        return EvaluationContext(self.parameters, self.plan, self.settings.tuning)
 
     def value(self, name: str) -> float:
         """Return a figure of the result. Raises AssertionError, with the reason, where it was not measured."""
@@ -77,7 +77,7 @@ class Bench:
         self.parameters, self.settings = parameters, settings
         self._rows: list[Array] = []
         self._position = 0
-        self._loop: Headless = headless_loop(parameters, replace(settings, k_ext=0.0), None, self._drain)
+        self._loop: SimulatedLoop = headless_loop(parameters, replace(settings, k_ext=0.0), None, self._drain)
 
     def close(self) -> None:
         """Let go of the plant."""
@@ -103,7 +103,7 @@ class Bench:
 
     def learn(self, S: float) -> None:
         """Learn what the outside force reads with nothing outside, then use the rejection of the settings."""
-        self.send(SetTouch(((S, float(np.mean(self.column("F_ext_hat", 500)))),)))
+        self.send(ConfigureContactDetection(((S, float(np.mean(self.column("F_ext_hat", 500)))),)))
         self.send(tuning_command(self.parameters, self.settings, None))
 
     def column(self, name: str, last: int) -> Array:

@@ -29,22 +29,22 @@ def legal_modes(state: State) -> list[str]:
 
 
 def may_start(state: State, mode: str) -> bool:
-    """Whether an experiment or an identification may be started: ``OrderedRuns._require_free`` and the table."""
+    """Whether an experiment or an identification may be started: ``JobManager._require_free`` and the table."""
     return mode in legal_modes(state) and state["task"] is None and state["trial"] is None
 
 
 def may_retune(state: State) -> bool:
-    """Whether the operator may change the tuning: ``Retuning._require_own``."""
+    """Whether the operator may change the tuning: ``TuningService._require_own``."""
     return may_command(state) and state["own_tuning"] is None
 
 
 def may_move(state: State) -> bool:
-    """Whether references may be set: ``ModeMachine.set_references``."""
+    """Whether references may be set: ``ModeManager.set_references``."""
     return may_command(state) and state["mode"] in PUSHED_IN and state["touch"]["felt"] is None
 
 
 def may_reject(state: State) -> bool:
-    """Whether pushes may be fed forward: ``Retuning._require_felt``."""
+    """Whether pushes may be fed forward: ``TuningService._require_felt``."""
     points = state["touch"]["learned"]
     return bool(points) and max(point["std_N"] for point in points) <= UNSEEN_F / DEVIATIONS
 
@@ -89,7 +89,7 @@ def undo_named(state: State) -> str:
 
 
 def may_undo(state: State) -> bool:
-    """Whether the last change may be taken back: ``Retuning.undo``."""
+    """Whether the last change may be taken back: ``TuningService.undo``."""
     earlier = state["earlier"]
     free = earlier is not None and state["trial"] is None and may_retune(state)
     return bool(free and (earlier["k_ext"] == 0.0 or may_reject(state)))

@@ -91,7 +91,7 @@ def _tuning(found: Findings, earlier: Account, now: Account, new: Sequence[Line]
 
 
 def _changes(lines: Sequence[Line], symbol: str) -> Iterator[str]:
-    """Yield the values that a part of the tuning took, newest first, as ``TuningChoice.differences`` writes them."""
+    """Yield the values that a part of the tuning took, newest first, as ``TuningSettings.differences`` writes them."""
     units = {setting.symbol: "" if setting.unit == "1" else f" {setting.unit}" for setting in PARTS}
     for line in lines:
         for one in reversed(line["text"].rpartition(": ")[2].split(", ")):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.experiments.compiler import peak_of
-from backend.realtime.program import Law, Segment, Shape, Touch
+from backend.realtime.program import ContactDetection, Law, Segment, Shape
 from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
 
 LEAD_IN = "{do: step, q_ref: 0.1, S_ref: 10.0, duration_s: 6.0}"
@@ -114,7 +114,12 @@ def test_what_a_contact_ends_is_marked_where_it_begins_and_where_it_is_over() ->
     ).program()
     assert program.segments[1] == Segment(2.0, 0.1, 10.0)
     assert [segment.touch for segment in program.segments] == [0, 0, 1, 0, 2, 3, 0, 4]
-    assert program.touches == (Touch(1.5, learns=True), Touch(), Touch(1.5), Touch())
+    assert program.touches == (
+        ContactDetection(1.5, learns=True),
+        ContactDetection(),
+        ContactDetection(1.5),
+        ContactDetection(),
+    )
 
 
 def test_parts_that_no_contact_ends_are_played_as_if_they_stood_alone() -> None:

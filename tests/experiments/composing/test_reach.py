@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from backend.control.decoupler import bounds_for
-from backend.experiments.compiler import Laid, require_reach
+from backend.experiments.compiler import CompiledExperiment, require_reach
 from backend.experiments.parser import ExperimentError
 from backend.realtime.program import OSCILLATING, Segment, Shape
 from plant.parameters import load_parameters
@@ -17,9 +17,9 @@ HELD = Segment(1.0, 0.0, 10.0)
 LINES = {(): 1, ("phases", 0, "parts", 0): 9, ("phases", 0, "parts", 1): 10, ("phases", 0, "parts", 2): 11}
 
 
-def of(*segments: Segment) -> Laid:
+def of(*segments: Segment) -> CompiledExperiment:
     places = tuple(("phases", 0, "parts", at) for at in range(len(segments)))
-    return Laid(segments, places, (), (), ())
+    return CompiledExperiment(segments, places, (), (), ())
 
 
 @pytest.mark.parametrize("shape", [Shape.STEP, Shape.RAMP])

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.library import WITHIN_F_N, WITHIN_Q_RAD, WITHIN_S, Change, commanded, followed
+from backend.experiments.library import WITHIN_F_N, WITHIN_Q_RAD, WITHIN_S, ReferenceChange, commanded, followed
 from backend.experiments.parser import ExperimentError, of_document
-from backend.experiments.plans import ComposedPlan
+from backend.experiments.plans import ExperimentPlan
 from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s
 from tests.experiments.test_profile import played
@@ -30,7 +30,7 @@ def again(parts: list[dict[str, Any]]) -> np.ndarray:
         "title": "Again",
         "phases": [{"name": "recorded", "title": "Recorded", "parts": parts}],
     }
-    return played(ComposedPlan(of_document(document, {}), {}).program(), 0.0, 10.0)
+    return played(ExperimentPlan(of_document(document, {}), {}).program(), 0.0, 10.0)
 
 
 @pytest.mark.parametrize("segments", [STEPS_AND_RAMPS, SINE], ids=["steps and ramps", "sine"])
@@ -139,7 +139,12 @@ def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None
 def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:
     first, second = {"do": "tuning", "lam_q": 0.5, "b": 0.2}, {"do": "tuning", "lam_q": 0.8}
     wall = {"do": "wall", "q_wall": 0.6}
-    changes = [Change(0, first), Change(700, second), Change(703, {"do": "tuning", "lam_S": 0.6}), Change(1200, wall)]
+    changes = [
+        ReferenceChange(0, first),
+        ReferenceChange(700, second),
+        ReferenceChange(703, {"do": "tuning", "lam_S": 0.6}),
+        ReferenceChange(1200, wall),
+    ]
     found = followed(np.full(2000, 0.1), np.full(2000, 10.0), None, changes)
     assert [part["do"] for part in found.parts] == [
         "tuning",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TuningChoice
+from backend.banks.tuning_settings import TuningSettings
 from backend.experiments.parser import ExperimentError
 from backend.services.library import OwnExperiments
 from backend.storage.database import open_database
@@ -36,12 +36,12 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnExperiments]:
 
 def refusal(own: OwnExperiments, text: str) -> ExperimentError:
     with pytest.raises(ExperimentError) as refused:
-        own.checked(text, load_parameters("lab"), TuningChoice())
+        own.checked(text, load_parameters("lab"), TuningSettings())
     return refused.value
 
 
 def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperiments) -> None:
-    checked = own.checked(with_parts(LEAD_IN, "{do: hold, duration_s: 1}"), load_parameters("lab"), TuningChoice())
+    checked = own.checked(with_parts(LEAD_IN, "{do: hold, duration_s: 1}"), load_parameters("lab"), TuningSettings())
     assert (checked.duration_s, checked.segments) == (7.0, 2)
 
 
@@ -168,9 +168,9 @@ def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: 
     lab = load_parameters("lab")
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, "{do: step, q_ref: -0.6, duration_s: 2}", part)
-    assert own.checked(text, lab, TuningChoice()).segments == 3
+    assert own.checked(text, lab, TuningSettings()).segments == 3
     with pytest.raises(ExperimentError, match=r"position reference: .* rad is outside -0.83 to 0.83 rad") as refused:
-        own.checked(text, short, TuningChoice())
+        own.checked(text, short, TuningSettings())
     assert refused.value.line == 10
 
 
@@ -179,7 +179,7 @@ def test_where_a_sine_ends_counts_for_what_swings_around_it(own: OwnExperiments)
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, AWAY, "{do: sine, q_amplitude: 0.6, period_s: 4, duration_s: 4}")
     with pytest.raises(ExperimentError, match=r"-1 rad is outside -0.83 to 0.83 rad") as refused:
-        own.checked(text, short, TuningChoice())
+        own.checked(text, short, TuningSettings())
     assert refused.value.line == 10
 
 
@@ -203,5 +203,5 @@ def test_a_rule_of_the_settings_says_what_does_not_hold(own: OwnExperiments) -> 
 
 def test_nothing_is_kept_of_what_is_refused(own: OwnExperiments, tmp_path: Path) -> None:
     with pytest.raises(ExperimentError):
-        own.keep(with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningChoice())
+        own.keep(with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningSettings())
     assert own.views() == []

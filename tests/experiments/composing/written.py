@@ -1,7 +1,7 @@
 """Experiments as somebody might write them."""
 
 from backend.experiments.parser import read
-from backend.experiments.plans import ComposedPlan, composed
+from backend.experiments.plans import ExperimentPlan, composed
 
 WOBBLE = """format: 1
 name: wobble
@@ -32,6 +32,6 @@ def with_parts(*parts: str, settings: str = "", more: str = "") -> str:
     return f"{heading}phases:\n  - name: all\n    title: All\n    parts:\n{listed}{more}"
 
 
-def plan_of(text: str, **values: object) -> ComposedPlan:
+def plan_of(text: str, **values: object) -> ExperimentPlan:
     experiment, lines = read(text)
     return composed(experiment, values, lines=lines)
