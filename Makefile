@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 EXAMPLES ?= 120
 SEED ?= 1
 
-.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate figures screenshots lock install install-dev install-newest frontend packages
+.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate figures screenshots lock install install-dev install-newest frontend packages types
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -44,6 +44,11 @@ check: install-dev packages
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/python -m backend.api.export --check frontend/src/wire
 	$(NPM) check
+
+# The types of the interface, for an editor and for tsc: they are not committed.
+types: install-dev packages
+	$(BIN)/python -m backend.api.export frontend/src/wire
+	$(NPM) types
 
 format: install-dev
 	$(BIN)/ruff format

@@ -21,7 +21,7 @@ STATIC = FRONTEND.parent / "backend" / "static"
 BUILT_FROM = STATIC / ".built-from"
 INSTALLED_FROM = FRONTEND / "node_modules" / ".installed-from"
 FOR_A_BUILD = "for a build "
-NOT_SOURCES = {"node_modules", "__pycache__"}
+NOT_SOURCES = {"node_modules", "__pycache__", "openapi.json", "api.gen.ts"}
 DOCUMENTS = ("docs/**/*.md", "*.md")
 """What the page shows to be read, beside the front end."""
 
@@ -75,7 +75,7 @@ def _sources() -> list[Path]:
     found = []
     for folder, names, files in os.walk(FRONTEND):
         names[:] = [name for name in names if name not in NOT_SOURCES]
-        found += [Path(folder) / name for name in files]
+        found += [Path(folder) / name for name in files if name not in NOT_SOURCES]
     found += [file for pattern in DOCUMENTS for file in FRONTEND.parent.glob(pattern)]
     return sorted(found)
 

@@ -1,8 +1,9 @@
 """The page stamps exactly those requests that the service asks control for: its list is made by hand."""
 
-import json
 import re
 from pathlib import Path
+
+from backend.api.export import openapi
 
 WIRE = Path(__file__).parents[2] / "frontend" / "src" / "wire"
 CONTROL_ITSELF = "/api/control"
@@ -13,7 +14,7 @@ def test_every_request_that_needs_control_is_stamped_and_no_other() -> None:
     written = re.search(r"const COMMANDS =\s*/(.*)/;", (WIRE / "control.ts").read_text(encoding="utf-8"))
     assert written is not None
     commands = re.compile(written[1])
-    paths = json.loads((WIRE / "openapi.json").read_text(encoding="utf-8"))["paths"]
+    paths = openapi()["paths"]
     asked = {
         (method, path.replace("{id}", "7")): any(one["name"] == "Sinew-Control" for one in told.get("parameters", ()))
         for path, methods in paths.items()
