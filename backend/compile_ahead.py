@@ -6,13 +6,14 @@ This is the half of the service. ``python -m backend.realtime.compile_ahead`` is
 import backend.api.app
 import backend.app
 import backend.cli.server
+import backend.main
 import backend.server.server
 from backend.realtime import heartbeat
 from backend.services.tuning_state import KeptFigures, by_default
 from plant.parameters import load_parameters
 
 PARAMETERS = "lab"
-STARTED = (backend.app, backend.api.app, backend.cli.server, backend.server.server)
+STARTED = (backend.main, backend.app, backend.api.app, backend.cli.server, backend.server.server)
 """What a start imports: it is bytecode from now on."""
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from backend.supervision import Part
+from plant.errors import ErrorCode, SinewError
 
 # Data folder ---------------------------------------------------------------------------------------
 
@@ -26,12 +27,16 @@ COMMANDS = "commands.lock"
 LOOK_S = 0.5
 
 
-class AlreadyRunningError(Exception):
+class AlreadyRunningError(SinewError):
     """Another service works on this data folder."""
 
+    category = ErrorCode.NOT_NOW
 
-class DataFolderError(Exception):
+
+class DataFolderError(SinewError):
     """The data folder cannot be used; the message says why and what to do."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,11 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from enum import StrEnum
 from typing import Any
 
 from backend.units import DIGITS, AngleUnit, format_quantity, in_digits, read, reading_of, with_unit
+from plant.errors import ErrorCode as ErrorCode
+from plant.errors import SinewError as SinewError
 
 # Refusal -------------------------------------------------------------------------------------------
 #
@@ -44,29 +45,17 @@ WORDS = {
 """Operator's words for quantities that are refused at several places."""
 
 
-class ErrorCode(StrEnum):
-    """Why something is refused; the value is the code that programs see where nothing narrower is said."""
-
-    MALFORMED = "bad_request"
-    NOT_SIGNED_IN = "not_signed_in"
-    NOT_ALLOWED = "not_allowed"
-    UNKNOWN = "not_found"
-    NOT_NOW = "conflict"
-    TOO_LARGE = "too_large"
-    BAD_VALUE = "bad_value"
-    TOO_MANY = "too_many_attempts"
-    UNAVAILABLE = "unavailable"
-
-
-class RequestRejectedError(Exception):
+class RequestRejectedError(SinewError):
     """Something asked for is not done. ``code`` tells programs why, ``legal`` lists what would be accepted.
 
     ``retry_after_s`` is how long [s] to wait before asking again, 0 where waiting is not what helps.
     """
 
+    category: ErrorCode
+
     def __init__(
         self,
-        because: ErrorCode,
+        category: ErrorCode,
         message: str,
         *,
         code: str | None = None,
@@ -74,24 +63,37 @@ class RequestRejectedError(Exception):
         retry_after_s: int = 0,
     ) -> None:
         super().__init__(message)
-        self.because = because
-        self.code = code or str(because)
+        self.category = category
+        self.code = code or str(category)
         self.legal = None if legal is None else list(legal)
         self.retry_after_s = retry_after_s
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and what would be accepted."""
+        return {"code": self.code, "legal": self.legal}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Come from one process to another as it is: it is not made of its words alone."""
         return _as_it_was, (type(self), self.args, vars(self))
 
 
-class InvalidValueError(ValueError, ABC):
+class InvalidValueError(SinewError, ValueError, ABC):
     """A value that is not taken. ``quantity`` is its name in the code, ``words`` the operator's, ``path`` its place."""
+
+    category = ErrorCode.BAD_VALUE
+    code = "bad_value"
 
     def __init__(self, quantity: str, *, words: str = "", path: Path | None = None) -> None:
         self.quantity = quantity
         self.words = words or WORDS.get(quantity, quantity)
         self.path: Path = (quantity,) if path is None else path
         super().__init__(self.sentence(AngleUnit.RADIANS))
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the refused quantity with its place."""
+        return {"code": self.code, "quantity": self.quantity, "words": self.words, "path": list(self.path) or None}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Come from one process to another as it is: it is not made of its words alone."""
@@ -104,6 +106,8 @@ class InvalidValueError(ValueError, ABC):
 
 class OutOfRangeError(InvalidValueError):
     """A number outside what is allowed. ``minimum`` or ``maximum`` is None where that side has no bound."""
+
+    code = "out_of_range"
 
     def __init__(
         self,
@@ -123,6 +127,12 @@ class OutOfRangeError(InvalidValueError):
         self.unit = unit
         self.remedy = remedy
         super().__init__(quantity, words=words, path=path)
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the refused quantity with its value, bounds and unit."""
+        bounds = {"minimum": self.minimum, "maximum": self.maximum, "unit": self.unit}
+        return {**super().fields, "value": self.value, **bounds}
 
     def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit."""

@@ -14,6 +14,8 @@ from typing import Any
 
 from pydantic import AfterValidator, ValidationInfo
 
+from plant.errors import ErrorCode, SinewError
+
 _REFUSED = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 _DIRECTION = "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
 _UNSEEN = (
@@ -36,8 +38,10 @@ STORED = {"stored": True}
 """Context of a validation that takes what an earlier version has stored, with escapes for what is refused now."""
 
 
-class PlainTextError(ValueError):
+class PlainTextError(SinewError, ValueError):
     """A text with a character that is not taken, or without any that is seen."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def require_plain(text: str) -> None:

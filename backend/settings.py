@@ -12,14 +12,17 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from backend.errors import require_station_name
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
+from plant.errors import ErrorCode, SinewError
 from plant.interface import DEFAULT_WIRING, PlantChoice, PlantKind
 
 _PREFIX = "SINEW_"
 _HOST_NAME = re.compile(r"[\w.-]{1,253}", re.ASCII)
 
 
-class UnusableSettingError(Exception):
+class UnusableSettingError(SinewError):
     """The environment says something that cannot be used; the message names the variable and what it takes."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def _listed(given: object) -> object:

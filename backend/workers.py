@@ -22,6 +22,7 @@ from traceback import format_exc
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from backend.supervision import Part, Supervision
+from plant.errors import ErrorCode, SinewError
 
 # Forks ---------------------------------------------------------------------------------------------
 #
@@ -36,7 +37,7 @@ SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that keeps Python from searching the working directory for modules, as -P does."""
 
 
-class ForkRefusedError(Exception):
+class ForkRefusedError(SinewError):
     """Something tried to fork the process."""
 
 
@@ -75,7 +76,7 @@ def _refuse(event: str, _arguments: object) -> None:
 # The libraries that no start needs and that take seconds to load: whoever computes with one imports
 # it where it does.
 #
-# The first curve waits for none of them. The service loads them behind it (``backend.app``), so
+# The first curve waits for none of them. The service loads them behind it (``backend.main``), so
 # that whoever asks first does not wait for that either; a process beside the service loads what its
 # work will need.
 
@@ -119,8 +120,10 @@ _END_S = 5.0
 _LOOK_S = 0.01
 
 
-class WorkerDiedError(Exception):
+class WorkerDiedError(SinewError):
     """The process died over a work, and the one after it too."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True)
@@ -137,16 +140,23 @@ class WorkLimits:
     libraries: tuple[str, ...] = ()
 
 
-class WorkLimitError(Exception):
+class WorkLimitError(SinewError):
     """A work took more than its limit of ``quantity`` [``unit``] and was ended.
 
     ``bound`` is None where the memory of the machine itself was the limit.
     """
 
+    category = ErrorCode.BAD_VALUE
+
     def __init__(self, quantity: str, bound: float | None, unit: str, remedy: str) -> None:
         self.quantity, self.bound, self.unit, self.remedy = quantity, bound, unit, remedy
         allowed = "than there is" if bound is None else f"than the {bound:g} {unit} that are allowed"
         super().__init__(f"{quantity}: this takes more {allowed}, and was ended: {remedy}")
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the limit with its unit."""
+        return {"code": "work_limit", "quantity": self.quantity, "maximum": self.bound, "unit": self.unit}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Come from one process to another as it is."""

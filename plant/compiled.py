@@ -33,11 +33,15 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import NativeValue, infer_getattr, intrinsic, models, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
+from plant.errors import ErrorCode, SinewError
+
 # Compiled ------------------------------------------------------------------------------------------
 
 
-class InterpretedError(RuntimeError):
+class InterpretedError(SinewError, RuntimeError):
     """numba is told to compile nothing; the message says what to do."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 _F = TypeVar("_F", bound=Callable[..., Any])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import median
 
+from plant.errors import SinewError
 from plant.factory import lacks
 from plant.interface import (
     NO_LOAD,
@@ -79,11 +80,11 @@ class CheckFinding:
     seen: str = ""
 
 
-class BrokenPromiseError(Exception):
+class BrokenPromiseError(SinewError):
     """A plant does not keep the contract; the message says what was seen."""
 
 
-class NotTriedError(Exception):
+class NotTriedError(SinewError):
     """A check cannot be made here; the message says why."""
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from plant.errors import ErrorCode, SinewError
+
 # Breakage ------------------------------------------------------------------------------------------
 #
 # Faults to order, by name: what a plant may be asked to break, so that every reaction of the loop
@@ -134,8 +136,10 @@ class MotorCommand(NamedTuple):
 ZERO_VOLTS = MotorCommand(0.0, 0.0)
 
 
-class PlantError(Exception):
+class PlantError(SinewError):
     """The plant cannot be opened, read or written; the message says what to do."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 def require_numbers(command: MotorCommand) -> None:

@@ -24,6 +24,7 @@ from plant.dynamics import (
     require_stiffening,
     tabulated_spring,
 )
+from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX, T_s
 
 # Parameter entries ---------------------------------------------------------------------------------
@@ -35,8 +36,10 @@ from plant.interface import FILE_NAME_MAX, T_s
 Value = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
 
 
-class ParameterError(ValueError):
+class ParameterError(SinewError, ValueError):
     """A parameter file is missing, incomplete or out of bounds; the message names the entry and the remedy."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def quantity(unit: str, minimum: float = -math.inf, maximum: float = math.inf) -> Any:

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX
 
 # Wiring errors -------------------------------------------------------------------------------------
@@ -34,8 +35,10 @@ class WiringProblem(NamedTuple):
         return f"{where}: {self.entry}: {self.text}; {self.remedy}"
 
 
-class WiringError(ValueError):
+class WiringError(SinewError, ValueError):
     """A wiring file is refused; ``problems`` are all that was found."""
+
+    category = ErrorCode.BAD_VALUE
 
     def __init__(self, file: str, problems: tuple[WiringProblem, ...]) -> None:
         self.problems = problems

@@ -19,12 +19,12 @@ LATER = ("scipy.optimize", "scipy.signal", "scipy.stats", "control", "matplotlib
 STARTED = """
 import sys
 from collections.abc import Callable
-import backend.app, backend.app, backend.api.app, backend.app
-from backend.app import KeptFigures, KeptTuning, load_parameters, open_database
+import backend.main, backend.app, backend.api.app
+from backend.app import KeptFigures, TuningStore, load_parameters, open_database
 from pathlib import Path
 database = open_database(Path(sys.argv[1]))
 KeptFigures(Path(sys.argv[1])).restore()
-tuning, _ = KeptTuning(database).restore(load_parameters("lab"))
+tuning, _ = TuningStore(database).restore(load_parameters("lab"))
 tuning.view(0.0), tuning.command()
 print(*[name for name in sys.argv[2:] if name in sys.modules])
 """

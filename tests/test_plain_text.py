@@ -28,7 +28,7 @@ from backend.plain_text import (
 )
 from backend.schemas.identification import SpringTableRequest
 from backend.schemas.preferences import ChartLayout
-from backend.schemas.state import NameRequest, SignIn
+from backend.schemas.session import NameRequest, SignIn
 from backend.schemas.tuning import BankFile, BankRequest
 from backend.server.security import require_writable
 from backend.storage.identifications import UnfitDocumentError, require_lines

@@ -105,4 +105,4 @@ def test_a_refusal_comes_whole_from_one_process_to_another() -> None:
         assert type(come) is type(refused)
         assert (str(come), come.path, said(come)) == (str(refused), refused.path, said(refused))
     late = pickle.loads(pickle.dumps(RequestRejectedError(ErrorCode.NOT_NOW, "later", retry_after_s=3)))
-    assert (str(late), late.because, late.retry_after_s) == ("later", ErrorCode.NOT_NOW, 3)
+    assert (str(late), late.category, late.retry_after_s) == ("later", ErrorCode.NOT_NOW, 3)

@@ -13,10 +13,11 @@ from backend.models.document import UnreadableDocumentError
 from backend.models.run import StoredLoopSettings, with_motion
 from backend.realtime.program import Law, left_at
 from backend.tuning.gains import PointModel, TuningError, cascade_tuning
+from plant.errors import SinewError
 from plant.parameters import PlantParameters
 
 
-class NotPredictedError(ValueError):
+class NotPredictedError(SinewError, ValueError):
     """There is nothing to compare a measurement with; says why."""
 
 

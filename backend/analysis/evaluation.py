@@ -83,6 +83,7 @@ from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run, RunKind
 from backend.tuning.gains import PointModel, TuningParameters
 from backend.tuning.preview import least_reach_time
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import PlantParameters, parameters_of
 
@@ -430,8 +431,10 @@ def _outline(columns: ReaderColumns, plan: Plan, run: Run) -> Metrics:
 _LOG = logging.getLogger(__name__)
 
 
-class NotEvaluableError(ValueError):
+class NotEvaluableError(SinewError, ValueError):
     """A run that gives no result: it goes on, or it is of a kind that is not evaluated."""
+
+    category = ErrorCode.NOT_NOW
 
 
 def evaluate_again(database: Database, run_id: int) -> Evaluation:

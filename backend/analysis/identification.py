@@ -87,6 +87,7 @@ from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.runs import EndState, Run, RunKind
 from backend.tuning.gains import PointModel, TuningError, motor_loops
 from backend.tuning.robustness import one_motor_point
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import SIDES, ParameterError, PlantParameters, Side, parameters_of
 
@@ -810,8 +811,10 @@ POINTS = 400
 OUTPUTS = {"G_q": ("q", "rad"), "G_S": ("S", "N·m/rad")}
 
 
-class NotComparableError(ValueError):
+class NotComparableError(SinewError, ValueError):
     """An identification and a record of which the one says nothing about the other."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True)

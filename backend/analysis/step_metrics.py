@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from backend.models.run import Phase, RunCriterion
 from backend.realtime.program import Program, Segment, Shape, left_at
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import SIDES, Side
 
@@ -331,8 +332,10 @@ class TrackingMetrics:
     reasons: Mapping[str, str]
 
 
-class NoSamplesError(ValueError):
+class NoSamplesError(SinewError, ValueError):
     """There is nothing to compute from."""
+
+    category = ErrorCode.NOT_NOW
 
 
 def tracking_metrics(

@@ -16,7 +16,8 @@ from backend.auth.authentication import BEARER, OPEN, User
 from backend.auth.control_lease import HEADER, ControlLease, read_stamp
 from backend.auth.handover import ControlHandover
 from backend.errors import ErrorCode, RequestRejectedError
-from backend.schemas.state import Ping, Pong, Role
+from backend.schemas.session import Role
+from backend.schemas.state import Ping, Pong
 from backend.server.security import COOKIE, SHEETS, authentication_of, shown_by
 from backend.services.actuator import ActuatorService
 from backend.services.background_work import ChartSheets, TextWork, WorkPlaces

@@ -11,38 +11,19 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from backend.analysis.evaluation import NotEvaluableError
-from backend.analysis.identification import NotComparableError
-from backend.banks.builder import BankError
-from backend.errors import ErrorCode, OutOfRangeError, RequestRejectedError
-from backend.execution.runner import NotReadyError
-from backend.experiments.parser import ExperimentError
-from backend.exports.base import ExportError
-from backend.identification.records import DataFileError, IdentificationError
-from backend.models.document import UnreadableDocumentError
-from backend.models.settings import SettingError
-from backend.realtime.ipc import ChannelError
-from backend.realtime.program import LEGAL
-from backend.realtime.supervisor import LoopExitedError
-from backend.recording.reader import UnknownSignalError
-from backend.recording.retention import NotRemovableError
+from backend.errors import ErrorCode, RequestRejectedError
 from backend.schemas.base import (
     ErrorDetail,
     ErrorResponse,
     plain,
     printable,
     problem_of,
-    problem_of_experiment,
     problem_of_form,
-    problem_of_setting,
 )
 from backend.server.deployment import no_such_page
 from backend.server.security import message_page, wants_page
-from backend.storage.database import BackupError
-from backend.storage.orm import StorageError, UnknownRecordError
-from backend.tuning.gains import TuningError
-from backend.units import AngleUnit, format_angles
-from backend.workers import WorkerDiedError, WorkLimitError
+from backend.units import AngleUnit
+from plant.errors import SinewError
 
 _log = logging.getLogger(__name__)
 
@@ -79,27 +60,6 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 """The refusals that any route may answer with, for the documentation."""
 
 
-_BECAUSE: dict[type[Exception], ErrorCode] = {
-    UnknownRecordError: ErrorCode.UNKNOWN,
-    BackupError: ErrorCode.UNAVAILABLE,
-    BankError: ErrorCode.BAD_VALUE,
-    IdentificationError: ErrorCode.BAD_VALUE,
-    TuningError: ErrorCode.BAD_VALUE,
-    UnknownSignalError: ErrorCode.BAD_VALUE,
-    ChannelError: ErrorCode.BAD_VALUE,
-    ExportError: ErrorCode.BAD_VALUE,
-    NotComparableError: ErrorCode.BAD_VALUE,
-    NotRemovableError: ErrorCode.NOT_NOW,
-    LoopExitedError: ErrorCode.UNAVAILABLE,
-    NotEvaluableError: ErrorCode.NOT_NOW,
-    StorageError: ErrorCode.UNAVAILABLE,
-    UnreadableDocumentError: ErrorCode.UNAVAILABLE,
-    WorkerDiedError: ErrorCode.UNAVAILABLE,
-}
-"""Refusals of the parts below whose message says everything."""
-
-
-Handler = Callable[[Request, Exception], Awaitable[JSONResponse]]
 AnglesOf = Callable[[HTTPConnection], Awaitable[AngleUnit]]
 """Tells in which unit whoever asks reads angles."""
 Told = Callable[[HTTPConnection, str], None]
@@ -121,53 +81,11 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
             said = problem(await angles_of(request))
         return _answer(status, said, headers)
 
-    @app.exception_handler(RequestRejectedError)
-    async def refused(request: Request, error: RequestRejectedError) -> JSONResponse:
-        return await answer(
-            request, STATUS[error.because], partial(_in_words, _problem_of_refusal(error)), _headers(error)
-        )
-
-    @app.exception_handler(OutOfRangeError)
-    async def out_of_range(request: Request, error: OutOfRangeError) -> JSONResponse:
-        return await answer(request, 422, partial(problem_of, error))
-
-    @app.exception_handler(SettingError)
-    async def setting_refused(request: Request, error: SettingError) -> JSONResponse:
-        return await answer(request, 422, partial(problem_of_setting, error))
-
-    @app.exception_handler(ExperimentError)
-    async def experiment_refused(request: Request, error: ExperimentError) -> JSONResponse:
-        return await answer(request, 422, partial(problem_of_experiment, error))
-
-    @app.exception_handler(NotReadyError)
-    async def not_ready(request: Request, error: NotReadyError) -> JSONResponse:
-        told(request, str(error))
-        return _answer(
-            409, ErrorDetail(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]])
-        )
-
-    @app.exception_handler(WorkLimitError)
-    async def beyond_limit(request: Request, error: WorkLimitError) -> JSONResponse:
-        told(request, str(error))
-        return _answer(
-            422,
-            ErrorDetail(
-                code="work_limit",
-                message=str(error),
-                quantity=error.quantity,
-                maximum=error.bound,
-                unit=error.unit,
-            ),
-        )
-
-    @app.exception_handler(DataFileError)
-    async def file_refused(request: Request, error: DataFileError) -> JSONResponse:
-        field = {"--header": "header", "--decimal": "decimal"}.get(error.option or "", "table")
-        problem = ErrorDetail(code=error.fault, message=str(error), quantity=field, path=[field], line=error.line)
-        return await answer(request, 422, partial(_in_words, problem))
-
-    for kind, because in _BECAUSE.items():
-        app.add_exception_handler(kind, _plain_handler(answer, because))
+    @app.exception_handler(SinewError)
+    async def refused(request: Request, error: SinewError) -> JSONResponse:
+        if error.category is None:
+            return await unexpected(request, error)
+        return await answer(request, STATUS[error.category], partial(problem_of, error), _headers(error))
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -191,26 +109,12 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
 
 def answer_to(error: RequestRejectedError) -> JSONResponse:
     """Return the answer that a refusal is."""
-    return _answer(STATUS[error.because], _problem_of_refusal(error), _headers(error))
+    return _answer(STATUS[error.category], problem_of(error), _headers(error))
 
 
-def _problem_of_refusal(error: RequestRejectedError) -> ErrorDetail:
-    return ErrorDetail(code=error.code, message=str(error), legal=error.legal)
-
-
-def _headers(error: RequestRejectedError) -> dict[str, str]:
-    return {"Retry-After": str(error.retry_after_s)} if error.retry_after_s else {}
-
-
-def _plain_handler(answer: Callable[..., Awaitable[JSONResponse]], because: ErrorCode) -> Handler:
-    async def handle(request: Request, error: Exception) -> JSONResponse:
-        return await answer(request, STATUS[because], partial(_in_words, ErrorDetail(code=because, message=str(error))))
-
-    return handle
-
-
-def _in_words(problem: ErrorDetail, angles: AngleUnit) -> ErrorDetail:
-    return problem.model_copy(update={"message": format_angles(problem.message, angles)})
+def _headers(error: SinewError) -> dict[str, str]:
+    retry_after_s = getattr(error, "retry_after_s", 0)
+    return {"Retry-After": str(retry_after_s)} if retry_after_s else {}
 
 
 def _form_problem(request: Request, error: Mapping[str, Any], angles: AngleUnit) -> ErrorDetail:

@@ -14,7 +14,7 @@ from itsdangerous import BadData, URLSafeSerializer
 
 from backend.auth.sessions import Sessions, TokenFiles, Tokens
 from backend.errors import ErrorCode, RequestRejectedError
-from backend.schemas.state import PersonView, Role
+from backend.schemas.session import PersonView, Role
 from backend.supervision import Part
 
 # Attempts ------------------------------------------------------------------------------------------

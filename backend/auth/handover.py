@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from backend.auth.authentication import ActiveUsers, User
 from backend.auth.control_lease import CommandToken, ControlLease, LeaseHolder
 from backend.errors import ErrorCode, RequestRejectedError
-from backend.schemas.state import OPEN_WISHES, HandoverAnswer, HandoverStatus, Role, WishView
+from backend.schemas.session import Role
+from backend.schemas.state import OPEN_WISHES, HandoverAnswer, HandoverStatus, WishView
 from backend.supervision import Part
 
 PART = Part("The watch over who asks for control", "Requests that were under way are answered or asked once more.")

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from backend.data_folder import write_private
-from backend.schemas.state import Role
+from backend.schemas.session import Role
+from plant.errors import ErrorCode, SinewError
 
 # Sessions ------------------------------------------------------------------------------------------
 #
@@ -143,8 +144,10 @@ FILES = {Role.OPERATOR: "token", Role.VIEWER: "viewer-token"}
 SHORTEST = 20
 
 
-class TokenError(Exception):
+class TokenError(SinewError):
     """A token file holds nothing that could be a token; the message says what to do."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True, repr=False)

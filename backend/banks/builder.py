@@ -22,6 +22,7 @@ from backend.storage.identifications import Identification
 from backend.tuning.gains import PointModel, TuningError, TuningParameters, motor_loops, position_gains, stiffness_gains
 from backend.tuning.preview import TuningPreviewer
 from backend.tuning.robustness import OuterProcess, decoupled_model
+from plant.errors import ErrorCode, SinewError
 from plant.parameters import PlantParameters
 
 # Bank consistency ----------------------------------------------------------------------------------
@@ -35,8 +36,10 @@ LEAST_DISTANCE = 0.3
 MODEL_NAMES = ("K_q", "T_q", "K_S", "T_S")
 
 
-class BankError(ValueError):
+class BankError(SinewError, ValueError):
     """The chosen entries make no bank; the message says which and why."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True)

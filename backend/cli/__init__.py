@@ -58,61 +58,13 @@ def main() -> None:
     except ValidationError as error:
         fail("; ".join(_sentence(detail["loc"], detail["msg"]) for detail in error.errors()))
     except Exception as error:
-        if not isinstance(error, _expected()):
+        if not isinstance(error, OSError) and getattr(error, "category", None) is None:
             raise
         if isinstance(error.__cause__, WiringError):
             fail(*error.__cause__.sentences)
         fail(error.sentence(angles()) if isinstance(error, InvalidValueError) else str(error))
     finally:
         look_as_usual()
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
-    from backend.analysis.evaluation import NotEvaluableError
-    from backend.auth.sessions import TokenError
-    from backend.banks.builder import BankError
-    from backend.data_folder import AlreadyRunningError, DataFolderError
-    from backend.errors import OutOfRangeError, RequestRejectedError
-    from backend.experiments.parser import ExperimentError
-    from backend.models.document import UnreadableDocumentError
-    from backend.models.settings import SettingError
-    from backend.realtime.supervisor import LoopExitedError
-    from backend.recording.recorder import RecordingError
-    from backend.server.server import CannotListenError
-    from backend.settings import UnusableSettingError
-    from backend.storage.database import BackupError, SchemaError
-    from backend.storage.orm import StorageError, UnknownRecordError
-    from backend.studies.crew import CrewGoneError
-    from backend.tuning.gains import TuningError
-    from plant.interface import PlantError
-    from plant.parameters import ParameterError
-
-    return (
-        AlreadyRunningError,
-        BackupError,
-        BankError,
-        CannotListenError,
-        CrewGoneError,
-        ExperimentError,
-        DataFolderError,
-        LoopExitedError,
-        NotEvaluableError,
-        OSError,
-        OutOfRangeError,
-        ParameterError,
-        PlantError,
-        RequestRejectedError,
-        RecordingError,
-        SchemaError,
-        SettingError,
-        StorageError,
-        TokenError,
-        TuningError,
-        UnknownRecordError,
-        UnreadableDocumentError,
-        UnusableSettingError,
-    )
 
 
 def _sentence(place: tuple[int | str, ...], message: str) -> str:

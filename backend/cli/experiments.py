@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from backend.experiments.library import ExperimentDefinition
     from backend.experiments.plans import LoopSettings
     from backend.models.settings import Setting
-    from backend.reports.model import RunData
+    from backend.reports.run_data import RunData
     from backend.schemas.experiment import QueueView
     from backend.schemas.state import TaskView
     from backend.services.library import ExperimentCheck
@@ -208,7 +208,7 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
     from backend.data_folder import playing_in
     from backend.execution.runner import run_experiment
     from backend.execution.simulation import headless_station
-    from backend.reports.model import load_source
+    from backend.reports.run_data import load_source
 
     with (
         database_of(settings) as database,
@@ -379,7 +379,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
         print_table(("experiment", "title", "lasts [s]"), rows)
 
 
-@experiments_app.command()
+@experiments_app.command("show")
 def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Show the settings of an experiment, with unit, default and bounds."""
     entry = entry_of(name, load_settings(data=data))
@@ -493,7 +493,7 @@ Item = Annotated[int, typer.Argument(metavar="ITEM", help="Number of a waiting e
 _LOOK_S = 0.5
 
 
-@queue_app.command()
+@queue_app.command("show")
 def show_queue(data: DataFolder = None, as_json: AsJson = False) -> None:
     """List what waits, in order, and tell what runs with the time that is left."""
     service = running_service(load_settings(data=data))

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from backend.identification.models import CorrelationTest, Estimate
     from backend.identification.records import Controller, Record
     from backend.identification.tables import Columns, DecimalMark
-    from backend.reports.model import RunData
+    from backend.reports.run_data import RunData
 
 
 # Identify data -------------------------------------------------------------------------------------

@@ -17,13 +17,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from backend.execution.runner import RunPhase
+from backend.execution.progress import RunPhase
 from backend.plain_text import as_json, as_line, as_lines
 from backend.units import AngleUnit, format_angles, read, reading_of
 
 if TYPE_CHECKING:
     from backend.models.run import MeasuredFigure, RunCriterion
-    from backend.reports.model import RunData
+    from backend.reports.run_data import RunData
 
     pass
 

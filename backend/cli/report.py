@@ -34,7 +34,7 @@ def series(
     """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
     from backend.exports.formats import write_all
     from backend.reports.rendering import render_series
-    from backend.reports.series import load_series
+    from backend.reports.series_source import load_series
 
     kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
     unknown = next((file for file in files if file.suffix not in kinds), None)

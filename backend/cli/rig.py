@@ -31,10 +31,11 @@ from backend.commissioning.steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, Step
 from backend.plain_text import as_line
 from backend.settings import Settings
 from backend.units import format_angles, read, reading_of, with_unit
+from plant.errors import SinewError
 
 if TYPE_CHECKING:
     from backend.commissioning.session import Session
-    from backend.commissioning.steps import StepStatus
+    from backend.commissioning.status import StepStatus
     from backend.storage.commissioning import StoredStepResult
     from backend.storage.database import Database
     from plant.conformance import CheckFinding
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 GIVE_UP = "q"
 
 
-class GivenUpError(Exception):
+class GivenUpError(SinewError):
     """The person does not go on, or there are no answers left."""
 
 
@@ -194,7 +195,7 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     """How the steps stand while no loop runs: whatever a loop before has counted from is lost."""
     from datetime import UTC, datetime
 
-    from backend.commissioning import steps as standing
+    from backend.commissioning import status as standing
     from plant.factory import wiring_of_choice
 
     return standing.states(standing.kept(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
@@ -202,7 +203,7 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
 
 def not_done(settings: Settings) -> list[StepId]:
     """Return what is to be done; the zero, which no loop leaves to the next, by hand and only where it is needed."""
-    from backend.commissioning.steps import StepState
+    from backend.commissioning.status import StepState
 
     with database_of(settings, reading=True) as database:
         states = _states_at_rest(settings, database)
@@ -239,7 +240,7 @@ def play(settings: Settings, orders: Sequence[StepRequest], *, as_json: bool) ->
 
 def _require_free(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> None:
     """Refuse before any card is opened."""
-    from backend.commissioning.steps import blocked_by
+    from backend.commissioning.status import blocked_by
 
     first = STEP[orders[0].step]
     blocked = blocked_by(first, _states_at_rest(settings, database))
@@ -251,7 +252,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ste
     from backend.banks.builder import tuning_command
     from backend.banks.tuning_settings import default_choice
     from backend.commissioning.session import BlockedError, Prompt, session
-    from backend.commissioning.steps import brought_up_of
+    from backend.commissioning.status import brought_up_of
     from backend.realtime.ipc import Setup
     from plant.parameters import load_parameters
 
@@ -358,7 +359,7 @@ class _BringUp:
 def _standing_of(
     settings: Settings, states: "dict[StepId, StepStatus]", database: "Database", ended: str = ""
 ) -> _BringUp:
-    from backend.commissioning import steps as standing
+    from backend.commissioning import status as standing
 
     results = standing.newest(database)
     steps = tuple(

@@ -365,7 +365,7 @@ RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 def show(run: RunNumber, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Show a run with its settings, metrics and criteria."""
     from backend.reports.build import metrics_document
-    from backend.reports.model import load_source
+    from backend.reports.run_data import load_source
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         source = load_source(database, run)

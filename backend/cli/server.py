@@ -418,8 +418,8 @@ def serve(
     ] = None,
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
-    from backend.app import serve as run_service
-    from backend.server.server import served_by
+    from backend.main import serve as run_service
+    from backend.server.listening import served_by
     from plant.factory import require_available
 
     settings = load_settings(
@@ -518,7 +518,7 @@ def rotate(
 ) -> None:
     """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
     from backend.auth.sessions import FILES, rotate
-    from backend.schemas.state import Role
+    from backend.schemas.session import Role
 
     settings = load_settings(data=data)
     if not settings.data.is_dir():

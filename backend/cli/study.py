@@ -166,7 +166,7 @@ def draw(
         for name, values in ((found.x, found.x_values), (found.y, found.y_values))
     )
     if to is not None:
-        from backend.reports.sheet import draw_map
+        from backend.reports.study_map import draw_map
 
         blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
         draw_map(cells, (x, at_x), (y, at_y), label + blank, to, _notes(found))

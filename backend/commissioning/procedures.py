@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backend.commissioning.steps import (
+from backend.commissioning.procedure import (
     SLACK,
     DirectionsDisprovedError,
     MeasuredNumber,
@@ -25,7 +25,7 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Event, Home, ModeChanged, Reset, SetMode, Stop, TryModule, TryMotor, Zero
 from backend.realtime.commissioning_motions import COAST_S, DRIVEN_S, HOMING_MAX_V, TIME_MAX_S, TRIAL_MAX_V, travel_to
 from backend.realtime.commissioning_motions import TENSION_MAX_N as HOMING_TENSION_MAX_N
-from backend.realtime.program import MODE_CODE, HomingEnd, Mode, Why
+from backend.realtime.modes import MODE_CODE, HomingEnd, Mode, Why
 from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from plant.calibration import CellCalibration, linear

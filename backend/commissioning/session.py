@@ -7,7 +7,14 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
-from backend.commissioning import steps
+from backend.commissioning import status
+from backend.commissioning.procedure import (
+    Confirmed,
+    DirectionsDisprovedError,
+    ProcedureContext,
+    StepFailedError,
+    StepFinding,
+)
 from backend.commissioning.procedures import (
     calibrate,
     direction,
@@ -19,22 +26,12 @@ from backend.commissioning.procedures import (
     wiring_test,
     zero,
 )
-from backend.commissioning.steps import (
-    MORE_WEIGHTS,
-    STEP,
-    Confirmed,
-    DirectionsDisprovedError,
-    ProcedureContext,
-    StepFailedError,
-    StepFinding,
-    StepId,
-    StepStatus,
-    blocked_by,
-)
+from backend.commissioning.status import StepStatus, blocked_by
+from backend.commissioning.steps import MORE_WEIGHTS, STEP, StepId
 from backend.errors import check_range
 from backend.realtime.commands import Accepted, ProveDirections, Refused, SetMode, SimulateManualInput, SwitchDrives
 from backend.realtime.ipc import Setup
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.storage import settings
 from backend.storage.commissioning import StoredStepResult
@@ -43,6 +40,7 @@ from backend.storage.orm import StorageError
 from backend.storage.settings import StoredSetting
 from backend.supervision import Supervision
 from plant.calibration import calibrated, fingerprint
+from plant.errors import ErrorCode, SinewError
 from plant.factory import wiring_of_choice
 from plant.interface import PlantChoice, PlantKind
 from plant.manual_input import NO_HAND
@@ -201,8 +199,10 @@ class Prompt:
     phase: Callable[[str], None]
 
 
-class BlockedError(Exception):
+class BlockedError(SinewError):
     """A step cannot be started now; the message says what has to come before."""
+
+    category = ErrorCode.NOT_NOW
 
 
 class Session:
@@ -232,7 +232,7 @@ class Session:
 
     def states(self) -> dict[StepId, StepStatus]:
         """Return how each step stands now."""
-        return steps.states(steps.kept(self._database), self._wiring, self._started)
+        return status.states(status.kept(self._database), self._wiring, self._started)
 
     def require_free(self, step: StepId) -> None:
         """Raise BlockedError where something has to come before, PlantError for a wiring file that is none any more."""
@@ -266,11 +266,13 @@ class Session:
         except LoopExitedError as died:
             finding = StepFinding(False, str(died))
         # Nothing is awaited on the way: it is given up before the result is kept, or after.
-        kept = steps.keep(self._database, step, self._wiring, finding, self._person.name)
+        kept = status.keep(self._database, step, self._wiring, finding, self._person.name)
         anew = finding.passed and finding.calibrations
         if anew:
             self._wiring = wiring_of_choice(setup.plant)  # what the new loop will read
-        self.supervisor.setup = replace(self.supervisor.setup, brought_up=steps.in_effect(self._database, self._wiring))
+        self.supervisor.setup = replace(
+            self.supervisor.setup, brought_up=status.in_effect(self._database, self._wiring)
+        )
         if anew:
             self._person.phase("starting the loop with what was measured")
             await self.supervisor.restart("with what the step has measured")
@@ -288,7 +290,7 @@ async def session(
     Raises LoopExitedError, PlantError.
     """
     wiring = wiring_of_choice(setup.plant)
-    setup = replace(setup, brought_up=steps.in_effect(database, wiring))  # a person may have been asked meanwhile
+    setup = replace(setup, brought_up=status.in_effect(database, wiring))  # a person may have been asked meanwhile
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)
     try:

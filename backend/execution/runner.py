@@ -5,7 +5,6 @@ import logging
 import platform
 from collections.abc import Awaitable, Callable
 from dataclasses import asdict, dataclass, replace
-from enum import StrEnum
 from importlib.metadata import version
 from typing import Any
 
@@ -17,6 +16,7 @@ from backend.banks.builder import points_of, tuning_command
 from backend.banks.tuning_settings import TuningSettings
 from backend.control.decoupler import STIFFNESS_RANGE
 from backend.errors import InvalidValueError, Path
+from backend.execution.progress import ProgressCallback, RunPhase
 from backend.experiments.compiler import require_reach
 from backend.experiments.forecast import forecast, start_from
 from backend.experiments.library import declared, kept_values
@@ -38,15 +38,8 @@ from backend.realtime.commands import (
     Stopped,
 )
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import (
-    MODES,
-    ConfigureContactDetection,
-    Mode,
-    Program,
-    SetTuning,
-    mode_of_law,
-    starts_from,
-)
+from backend.realtime.modes import LEGAL, MODES, Mode
+from backend.realtime.program import ConfigureContactDetection, Program, SetTuning, mode_of_law, starts_from
 from backend.realtime.supervisor import LoopClient, LoopExited, LoopExitedError
 from backend.sample import INDEX
 from backend.storage import banks, runs
@@ -56,6 +49,7 @@ from backend.storage.orm import StorageError, UnknownRecordError
 from backend.storage.runs import EndState, NewRun, Run, RunKind
 from backend.tuning.gains import TuningError
 from backend.tuning.preview import TuningPreviewer
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import PlantParameters
 
@@ -124,25 +118,6 @@ def _command(
         raise ExperimentError(str(error), path, line) from None
 
 
-# Progress ------------------------------------------------------------------------------------------
-#
-# How far a run is, as whoever plays it tells whoever shows it.
-
-
-class RunPhase(StrEnum):
-    """What is being done for a run, in the order in which it is done."""
-
-    STARTING = "starting"
-    PRETENSION = "pretension"
-    PROGRAM = "program"
-    PAUSED = "paused"
-    EVALUATION = "evaluation"
-
-
-ProgressCallback = Callable[[RunPhase, float], None]
-"""Told a few times a second: what is being done, and for how long [s of loop time]."""
-
-
 # Play ----------------------------------------------------------------------------------------------
 #
 # Bring the loop up and play a program to its end. The same for a live loop and a headless one.
@@ -156,16 +131,23 @@ SLICE_S = 0.1
 """How often progress is told [s of loop time]."""
 
 
-class NotPlayedError(Exception):
+class NotPlayedError(SinewError):
     """The loop did not take the program, for the reason that the message says."""
 
 
-class NotReadyError(Exception):
+class NotReadyError(SinewError):
     """The loop is in a mode that no program can start from; the message says what to do first."""
+
+    category = ErrorCode.NOT_NOW
 
     def __init__(self, reason: str, mode: Mode) -> None:
         super().__init__(reason)
         self.mode = mode
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the modes that could be asked for instead."""
+        return {"code": "not_ready", "legal": [str(mode) for mode in LEGAL[self.mode]]}
 
 
 def mode_of(loop: LoopClient) -> Mode:

@@ -14,10 +14,10 @@ from backend.analysis.context import EvaluationContext
 from backend.analysis.evaluation import composed_result
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.builder import points_of, tuning_command
+from backend.execution.progress import RunPhase
 from backend.execution.runner import (
     BankOf,
     ExperimentRig,
-    RunPhase,
     RunRequest,
     banks_in,
     compile_program,

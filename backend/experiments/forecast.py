@@ -14,7 +14,8 @@ from backend.control.motion_primitives import PRETENSION_N, STEP_BRAKING_S, ZERO
 from backend.control.motion_types import TRAVEL_SPEED
 from backend.errors import OutOfRangeError
 from backend.experiments.plans import IdentificationPlan, Plan
-from backend.realtime.program import IDENTIFYING, MODES, Law, Mode, Program, VoltageStep, starts_from
+from backend.realtime.modes import MODES, Mode
+from backend.realtime.program import IDENTIFYING, Law, Program, VoltageStep, starts_from
 from backend.sample import INDEX
 from plant.dynamics import elongation, tension
 from plant.interface import T_s

@@ -21,6 +21,7 @@ from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
 from backend.recording.derived_signals import Derived, FormulaStep
 from backend.sample import COMBINED_BY_NAME, UNIT_OF, nearest
 from backend.units import AngleUnit
+from plant.errors import ErrorCode, SinewError
 
 # Expressions ---------------------------------------------------------------------------------------
 #
@@ -79,8 +80,10 @@ _EXPRESSION_COMPARE: dict[type, Callable[[Any, Any], bool]] = {
 }
 
 
-class ExpressionError(ValueError):
+class ExpressionError(SinewError, ValueError):
     """An expression that cannot be read, or has no value."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def number_of(expression: float | str, names: Names) -> float:
@@ -247,10 +250,17 @@ Lines = Mapping[Path, int]
 class ExperimentError(InvalidValueError):
     """An experiment that is not taken. ``line`` is None where nobody wrote it as a text."""
 
+    code = "bad_experiment"
+
     def __init__(self, why: str | InvalidValueError, path: Path = (), line: int | None = None) -> None:
         self.why = why
         self.line = line
         super().__init__(str(path[-1]) if path else "experiment", words=in_words(path), path=path)
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the refused part with its place and line."""
+        return {**super().fields, "line": self.line}
 
     def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit."""

@@ -23,6 +23,7 @@ from backend.storage.database import Database
 from backend.storage.formulas import Formula
 from backend.storage.imports import RUN, document_of
 from backend.storage.orm import UnknownRecordError
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 
 # Errors --------------------------------------------------------------------------------------------
@@ -30,12 +31,16 @@ from plant.interface import T_s
 # What is refused of exports and imports.
 
 
-class ExportError(ValueError):
+class ExportError(SinewError, ValueError):
     """It cannot be exported; the message says why, and what to do instead."""
 
+    category = ErrorCode.BAD_VALUE
 
-class ImportRefusedError(ValueError):
+
+class ImportRefusedError(SinewError, ValueError):
     """A file is not taken in, and nothing of it; the message says which part of it is wrong."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 # Sink ----------------------------------------------------------------------------------------------

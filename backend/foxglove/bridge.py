@@ -29,6 +29,7 @@ from backend.exports.base import ORDER, described
 from backend.exports.mcap import TOPIC
 from backend.sample import STORED_NAMES
 from backend.schemas.state import EventMessage, LayoutMessage, MarkKind, StateMessage
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 
 # Tickets -------------------------------------------------------------------------------------------
@@ -234,8 +235,10 @@ _AWAY = "service"
 _LEVELS = {MarkKind.FAULT: messages.LogLevel.Error, MarkKind.TRIP: messages.LogLevel.Error}
 
 
-class OtherVersionError(Exception):
+class OtherVersionError(SinewError):
     """The service streams other signals than this version knows."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 class Publisher:

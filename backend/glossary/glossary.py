@@ -14,19 +14,20 @@ from pydantic.fields import FieldInfo
 
 from backend.analysis import disturbance_metrics, frequency_metrics, identification, step_metrics
 from backend.analysis.step_metrics import SETTLING_BAND
-from backend.commissioning.steps import StepState
+from backend.commissioning.status import StepState
 from backend.errors import WORDS
 from backend.faults import EXPLAINED, Fault, Limit
 from backend.identification import validation as rule
 from backend.identification.models import Grade
 from backend.models.run import Outcome
-from backend.realtime.program import Cause, HomingEnd, Mode
+from backend.realtime.modes import Cause, HomingEnd, Mode
 from backend.schemas.base import HUGE, Schema
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.run import ChecklistState
 from backend.schemas.state import ChainLinkView, PushRequest, References, TimingView, TouchOrder, TriggerOrder, WallView
 from backend.schemas.tuning import TrialRequest
 from backend.storage.runs import EndState
+from plant.errors import SinewError
 
 # Entry ---------------------------------------------------------------------------------------------
 #
@@ -259,7 +260,7 @@ _SOURCE = re.compile(rf"^((?:{_ONE_SOURCE})(?:, (?:{_ONE_SOURCE}))*)(?:: (.*))?$
 _PARTS = ("Cause", "Reaction", "Within", "Remedy")
 
 
-class GlossaryError(ValueError):
+class GlossaryError(SinewError, ValueError):
     """A page does not say what the glossary needs of it."""
 
 

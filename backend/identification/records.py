@@ -2,17 +2,22 @@
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from plant.errors import ErrorCode, SinewError
 
 # Errors --------------------------------------------------------------------------------------------
 #
 # Why nothing could be identified. Each message says what was wrong and what to do about it.
 
 
-class IdentificationError(ValueError):
+class IdentificationError(SinewError, ValueError):
     """Base of everything the estimators refuse or fail at."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 class RecordError(IdentificationError):
@@ -86,6 +91,12 @@ class DataFileError(IdentificationError):
         self.column = column
         self.line = line
         self.option = option
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the place of the fault: the field of the form that resolves it, and the line."""
+        field = {"--header": "header", "--decimal": "decimal"}.get(self.option or "", "table")
+        return {"code": self.fault, "quantity": field, "path": [field], "line": self.line}
 
 
 class StructureError(IdentificationError):

@@ -10,6 +10,8 @@ from typing import Any, Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from plant.errors import ErrorCode, SinewError
+
 # Digest --------------------------------------------------------------------------------------------
 #
 # What a document says, as one number: the same for the same content, however it is written down.
@@ -37,8 +39,10 @@ ABSENT = {"absent": True}
 """Metadata of a part that a document may not have: None, and then not written."""
 
 
-class UnreadableDocumentError(Exception):
+class UnreadableDocumentError(SinewError):
     """A stored document that cannot be read: which field of what, and why."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 def unchanged(document: Any) -> Any:

@@ -25,6 +25,8 @@ class SettingError(InvalidValueError):
     A number outside its bounds raises ``backend.errors.OutOfRangeError`` instead.
     """
 
+    code = "bad_setting"
+
     def __init__(
         self,
         quantity: str,
@@ -41,6 +43,11 @@ class SettingError(InvalidValueError):
         self.unit = unit
         self.legal = legal
         super().__init__(quantity, words=words, path=path)
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Code, and the refused setting with its value and what would be accepted."""
+        return {**super().fields, "value": self.value, "unit": self.unit or None, "legal": list(self.legal) or None}
 
     def sentence(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit; a number is wanted in it, where the quantity has one."""

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 
 from backend.faults import Fault
+from backend.realtime.modes import Mode, Why
 from backend.realtime.program import BiasLost as BiasLost
 from backend.realtime.program import ConfigureContactDetection as ConfigureContactDetection
 from backend.realtime.program import ContactDetected as ContactDetected
 from backend.realtime.program import EntryGains as EntryGains
-from backend.realtime.program import Mode, Program, Why
 from backend.realtime.program import MotorGains as MotorGains
+from backend.realtime.program import Program
 from backend.realtime.program import SetTuning as SetTuning
 from plant.dynamics import Obstacle
 from plant.interface import Broken

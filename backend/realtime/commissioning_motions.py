@@ -6,8 +6,8 @@ from enum import Enum, auto
 
 from backend.control import cascade, motion_primitives, pid
 from backend.control.motion_types import AT_REST, ControlOutput, MotorLoopState, Setpoint
+from backend.realtime.modes import Cause, HomingEnd
 from backend.realtime.motions import CommissioningMotion, PythonMotion
-from backend.realtime.program import Cause, HomingEnd
 from plant.interface import Measurement, T_s
 
 # Homing --------------------------------------------------------------------------------------------

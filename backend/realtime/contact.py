@@ -15,6 +15,7 @@ from backend.control.motion_types import MotorLoopState, Setpoint
 from backend.errors import check_range
 from backend.realtime.commands import ApplyPush, Event, PushReleased, WallChanged
 from backend.realtime.gains import ActiveGains
+from backend.realtime.modes import CommandRejectedError, Mode
 from backend.realtime.motions import Tracking
 from backend.realtime.program import (
     CONTACT_MAX_N,
@@ -26,12 +27,10 @@ from backend.realtime.program import (
     NO_WALL,
     SIGMAS,
     BiasLost,
-    CommandRejectedError,
     ConfigureContactDetection,
     ContactDetected,
     ContactDetection,
     Law,
-    Mode,
     Program,
     Segment,
 )

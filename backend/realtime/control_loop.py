@@ -43,18 +43,9 @@ from backend.realtime.commissioning_motions import TENSION_MAX_N, Homing, Module
 from backend.realtime.contact import ManualDisturbance
 from backend.realtime.gains import tuning_of
 from backend.realtime.mode_manager import ModeManager, TickContext
+from backend.realtime.modes import DRIVES_OFF, LEGAL, MODE_CODE, Cause, CommandRejectedError, HomingEnd, Mode
 from backend.realtime.motions import Motion
-from backend.realtime.program import (
-    DRIVES_OFF,
-    LEGAL,
-    MODE_CODE,
-    Cause,
-    CommandRejectedError,
-    ConfigureContactDetection,
-    HomingEnd,
-    Mode,
-    SetTuning,
-)
+from backend.realtime.program import ConfigureContactDetection, SetTuning
 from backend.realtime.ring_buffer import Ring, SampleRing
 from backend.realtime.shared_state import StepContext
 from backend.sample import FIELDS

@@ -10,16 +10,9 @@ from backend.control import cascade, pid
 from backend.control.cascade import CascadeTuning
 from backend.errors import check_range
 from backend.realtime.commands import Event, TuningChanged
+from backend.realtime.modes import CommandRejectedError
 from backend.realtime.motions import BASELINES
-from backend.realtime.program import (
-    IDENTIFYING,
-    MAX_TUNINGS,
-    CommandRejectedError,
-    EntryGains,
-    MotorGains,
-    Program,
-    SetTuning,
-)
+from backend.realtime.program import IDENTIFYING, MAX_TUNINGS, EntryGains, MotorGains, Program, SetTuning
 from backend.realtime.shared_state import StepContext
 from backend.tuning.gains import (
     MotorModel,

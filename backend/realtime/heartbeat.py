@@ -14,8 +14,9 @@ import numpy as np
 from numba.core.types import ExternalFunction, int32, intp, uintp
 from numpy.typing import NDArray
 
+from backend.realtime.channel import Channel
 from backend.realtime.commands import Heartbeat
-from backend.realtime.ipc import Channel, encode
+from backend.realtime.ipc import encode
 from backend.supervision import Part
 from plant.compiled import kept
 from plant.safety_card import WATCHDOG_S, Card, Stillness

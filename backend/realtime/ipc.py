@@ -1,84 +1,19 @@
 """The channel between service and loop process: JSON messages in packets over a local socket pair."""
 
 import re
-import select
-import socket
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
+from backend.realtime.channel import MAX_BYTES
 from backend.realtime.commands import Command, Event, RunProgram
-from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, CommandRejectedError, Segment, SetTuning, require_few
+from backend.realtime.modes import CommandRejectedError
+from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, Segment, SetTuning, require_few
 from backend.realtime.timing import RealTimeStatus
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp
+from plant.errors import ErrorCode, SinewError
 from plant.interface import PlantChoice
-
-# Channel ends --------------------------------------------------------------------------------------
-#
-# The two ends of the command road: packets over a local socket pair, each whole or not at all.
-
-
-MAX_BYTES = 16_384
-"""Longest packet: what is decoded within a third of a period."""
-
-_QUEUE_BYTES = 212_992  # what every kernel grants
-
-
-class ChannelClosedError(Exception):
-    """The other end is gone."""
-
-
-class Channel:
-    """One end of a SOCK_SEQPACKET pair; neither sending nor receiving ever waits."""
-
-    def __init__(self, end: socket.socket) -> None:
-        end.setblocking(False)
-        self._socket = end
-        self._buffer = bytearray(MAX_BYTES)
-        self._waiting = select.poll()
-        self._waiting.register(end, select.POLLIN)
-
-    def fileno(self) -> int:
-        """File descriptor, to wait on for packets."""
-        return self._socket.fileno()
-
-    def send(self, packet: bytes) -> bool:
-        """Send one packet; False when the other end does not read and its queue is full. Raises ChannelClosedError."""
-        try:
-            self._socket.send(packet)
-        except BlockingIOError:
-            return False
-        except (BrokenPipeError, ConnectionResetError) as error:
-            raise ChannelClosedError from error
-        return True
-
-    def receive(self) -> bytes | None:
-        """Take the next packet, None when there is none. Raises ChannelClosedError at the end of all packets."""
-        if not self._waiting.poll(0):  # as in nearly every tick: an exception would take longer
-            return None
-        try:
-            length = self._socket.recv_into(self._buffer)
-        except BlockingIOError:
-            return None
-        except ConnectionResetError as error:
-            raise ChannelClosedError from error
-        if length == 0:
-            raise ChannelClosedError
-        return bytes(memoryview(self._buffer)[:length])
-
-    def close(self) -> None:
-        """Close this end; the other one notices."""
-        self._socket.close()
-
-
-def channel_pair() -> tuple[Channel, socket.socket]:
-    """Return this side's channel and the socket to hand to the other process."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    # The longest program has to find room as a whole; the kernel grants twice its usual limit.
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _QUEUE_BYTES)
-    return Channel(ours), theirs
-
 
 # Channel -------------------------------------------------------------------------------------------
 #
@@ -152,8 +87,10 @@ ToLoop = Setup | Command | ProgramPart | LongProgram
 FromLoop = Ready | Failed | Event
 
 
-class ChannelError(Exception):
+class ChannelError(SinewError):
     """A message that cannot be sent or understood; ``sequence`` is its number, 0 when even that is not legible."""
+
+    category = ErrorCode.BAD_VALUE
 
     def __init__(self, reason: str, sequence: int = 0) -> None:
         super().__init__(reason)

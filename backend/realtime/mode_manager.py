@@ -24,6 +24,7 @@ from backend.realtime.commands import (
 from backend.realtime.commissioning_motions import ModuleTrial
 from backend.realtime.contact import NOTHING, TAIL_TICKS, Contact, ProgramDisturbances, giving_way
 from backend.realtime.gains import ActiveGains
+from backend.realtime.modes import DRIVES_OFF, LEGAL, Cause, CommandRejectedError, Mode, Why
 from backend.realtime.motions import (
     Baseline,
     Braking,
@@ -37,18 +38,7 @@ from backend.realtime.motions import (
     PythonMotion,
     Tracking,
 )
-from backend.realtime.program import (
-    DRIVES_OFF,
-    IDENTIFYING,
-    LEGAL,
-    Cause,
-    CommandRejectedError,
-    Mode,
-    Program,
-    Why,
-    mode_of_law,
-    starts_from,
-)
+from backend.realtime.program import IDENTIFYING, Program, mode_of_law, starts_from
 from backend.realtime.shared_state import StepContext
 from backend.tuning.gains import TuningParameters, knowledge
 from plant.interface import Measurement, Plant, SupportsDirectionCheck

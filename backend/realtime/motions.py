@@ -12,18 +12,8 @@ from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
 from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState, Setpoint, follow
 from backend.control.step import Moving, Resting
 from backend.errors import check_range
-from backend.realtime.program import (
-    Cause,
-    CommandRejectedError,
-    Excitation,
-    Law,
-    Program,
-    Segment,
-    Shape,
-    Why,
-    require_able,
-    require_few,
-)
+from backend.realtime.modes import Cause, CommandRejectedError, Why
+from backend.realtime.program import Excitation, Law, Program, Segment, Shape, require_able, require_few
 from backend.tuning.gains import TuningParameters, feedback_linearization_tuning, single_loop_tuning
 from plant.compiled import StateBlock
 from plant.dynamics import elongation

@@ -24,7 +24,7 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.ring_buffer import SampleRing
 from backend.sample import FIELDS, INDEX
 from plant.interface import T_s

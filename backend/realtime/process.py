@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from backend.control.motion_types import NO_REFERENCE
 from backend.faults import Fault
+from backend.realtime.channel import Channel, ChannelClosedError
 from backend.realtime.commands import (
     Command,
     Heartbeat,
@@ -28,8 +29,6 @@ from backend.realtime.commissioning_motions import Homing
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_of
 from backend.realtime.ipc import (
-    Channel,
-    ChannelClosedError,
     ChannelError,
     Failed,
     FromLoop,
@@ -41,22 +40,14 @@ from backend.realtime.ipc import (
     decode_to_loop,
     encode,
 )
+from backend.realtime.modes import CommandRejectedError, Mode
 from backend.realtime.motions import BASELINES, IdleMotion
 from backend.realtime.player import PlayerLoop
-from backend.realtime.program import (
-    CommandRejectedError,
-    Excitation,
-    Law,
-    Mode,
-    Program,
-    Segment,
-    SetTuning,
-    TensionLeg,
-    VoltageStep,
-)
+from backend.realtime.program import Excitation, Law, Program, Segment, SetTuning, TensionLeg, VoltageStep
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import Pacer, request_real_time
 from backend.tuning.gains import knowledge, motor_model
+from plant.errors import SinewError
 from plant.factory import make_plant
 from plant.interface import HasWiring, Plant, PlantError, T_s
 from plant.parameters import ParameterError, PlantParameters, load_parameters
@@ -83,7 +74,7 @@ _IDENTIFYING = (
 )
 
 
-class WarmUpError(Exception):
+class WarmUpError(SinewError):
     """The loop cannot even work on the simulator with these parameters and this tuning."""
 
 

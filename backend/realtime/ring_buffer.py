@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.sample import FIELDS
+from plant.errors import SinewError
 
 WIDTH = len(FIELDS)
 _HEADER_WORDS = 8
@@ -23,7 +24,7 @@ _MAGIC_VALUE = 0x53494E4557  # "SINEW"
 _WORD = 8
 
 
-class RingError(Exception):
+class RingError(SinewError):
     """The file descriptor does not hold a ring of this version's samples."""
 
 

@@ -3,9 +3,8 @@
 import asyncio
 import logging
 import signal
-import sys
 import time
-from asyncio.subprocess import DEVNULL, Process
+from asyncio.subprocess import Process
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from typing import Protocol, TypeVar
 
 from backend.faults import Fault
 from backend.realtime import heartbeat
+from backend.realtime.channel import Channel, ChannelClosedError
 from backend.realtime.commands import (
     Accepted,
     Command,
@@ -27,25 +27,15 @@ from backend.realtime.commands import (
 )
 from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender, WatchdogMonitor
 from backend.realtime.heartbeat import PART as GUARD
-from backend.realtime.ipc import (
-    Channel,
-    ChannelClosedError,
-    ChannelError,
-    Failed,
-    FromLoop,
-    Ready,
-    Setup,
-    channel_pair,
-    decode_from_loop,
-    encode,
-    packets,
-)
-from backend.realtime.program import MODES, Mode
+from backend.realtime.ipc import ChannelError, Failed, FromLoop, Ready, Setup, decode_from_loop, encode, packets
+from backend.realtime.launching import LoopProcess, launch
+from backend.realtime.modes import MODES, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import RealTimeStatus
 from backend.sample import INDEX
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
 from plant.calibration import found_with
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.safety_card import Card
 
@@ -62,8 +52,10 @@ class LoopExited:
     reason: str
 
 
-class LoopExitedError(Exception):
+class LoopExitedError(SinewError):
     """There is no loop to command, or it died while it was waited for; the message says why."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 _Result = TypeVar("_Result")
@@ -156,56 +148,6 @@ class PendingReplies:
         for answer in self._waiting.values():
             if not answer.done():
                 answer.set_exception(died)
-
-
-# Launching -----------------------------------------------------------------------------------------
-#
-# A new loop process, that loads what it needs while the service does, and waits for the first
-# message.
-#
-# Imports little, so that the process is there before the service has loaded all of its own.
-
-
-class LoopProcess:
-    """A loop process that nobody has told yet what to drive, with the memory that it shares; outputs untouched.
-
-    ``take`` it, or ``discard`` it.
-    """
-
-    def __init__(self, process: Process, ring: Ring, card: Card, channel: Channel) -> None:
-        self.process, self.ring, self.card, self.channel = process, ring, card, channel
-        self._taken = False
-
-    def take(self) -> "LoopProcess | None":
-        """Own the process from now on; None where somebody does, or where it has ended."""
-        if self._taken or self.process.returncode is not None:
-            return None
-        self._taken = True
-        return self
-
-    async def discard(self) -> None:
-        """End the process unless it was taken."""
-        if not self._taken:
-            self._taken = True
-            self.channel.close()
-            with suppress(ProcessLookupError):
-                self.process.kill()
-            await self.process.wait()
-
-
-async def launch(parameters: str) -> LoopProcess:
-    """Start a loop process; it gets ready for a plant of ``parameters`` before it is told which."""
-    ring, card = Ring.create(), Card.create()
-    channel, theirs = channel_pair()
-    with theirs:
-        process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-P",  # the working directory may hold a signal.py, or another package called backend
-            *("-m", "backend.realtime.process", str(ring.fd), str(theirs.fileno()), str(card.fd), parameters),
-            stdin=DEVNULL,
-            pass_fds=(ring.fd, theirs.fileno(), card.fd),
-        )
-    return LoopProcess(process, ring, card, channel)
 
 
 # Ticking -------------------------------------------------------------------------------------------

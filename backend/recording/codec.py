@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from backend.storage import recordings
 from backend.storage.database import Session
+from plant.errors import SinewError
 
 # Codec ---------------------------------------------------------------------------------------------
 #
@@ -30,7 +31,7 @@ _LITTLE_ENDIAN = np.dtype("<f4")
 _WIDTH = _LITTLE_ENDIAN.itemsize
 
 
-class CodecError(ValueError):
+class CodecError(SinewError, ValueError):
     """The bytes are no table of so many columns."""
 
 

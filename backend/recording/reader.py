@@ -15,6 +15,7 @@ from backend.storage import recordings
 from backend.storage.database import Database, Session
 from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Chunk, Recording, Span
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 
 # Combined ------------------------------------------------------------------------------------------
@@ -84,8 +85,10 @@ def in_precision(values: NDArray[np.float64]) -> Table:
 Column = NDArray[np.float32]
 
 
-class UnknownSignalError(ValueError):
+class UnknownSignalError(SinewError, ValueError):
     """The recording has no such signal; the message lists those it has."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True)

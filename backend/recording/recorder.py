@@ -24,6 +24,7 @@ from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.runs import EndState
 from backend.supervision import Part
 from plant.dynamics import Obstacle
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 
 # Walls ---------------------------------------------------------------------------------------------
@@ -107,8 +108,10 @@ Rows = NDArray[np.float64]
 _Note = LoopExited | RunEnded | WallChanged | Ring
 
 
-class RecordingError(Exception):
+class RecordingError(SinewError):
     """The last samples of a run could not be stored."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 class Recorder:

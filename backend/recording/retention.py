@@ -12,13 +12,16 @@ from backend.storage.database import Database
 from backend.storage.events import EventKind
 from backend.storage.recordings import RetentionEntry
 from backend.units import counted
+from plant.errors import ErrorCode, SinewError
 
 _CHUNKS_AT_ONCE = 200
 """Deleted in one transaction, so that the recorder never waits long for the database."""
 
 
-class NotRemovableError(ValueError):
+class NotRemovableError(SinewError, ValueError):
     """A run was named whose samples may not go; nothing was deleted."""
+
+    category = ErrorCode.NOT_NOW
 
 
 @dataclass(frozen=True)

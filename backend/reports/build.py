@@ -31,14 +31,13 @@ from backend.reports.model import (
     Paragraph,
     Report,
     ReportSection,
-    RunData,
     Table,
-    load_source,
     to_html,
     to_pdf,
 )
 from backend.reports.provenance import definitions_facts, verdict_of
-from backend.reports.sections import timing_section
+from backend.reports.run_data import RunData, load_source
+from backend.reports.timing import timing_section
 from backend.storage.database import Database
 from backend.storage.runs import EndState, RunKind
 from backend.units import AngleUnit, format_angles

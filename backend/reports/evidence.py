@@ -21,14 +21,15 @@ from backend.analysis.evaluation import used_settings
 from backend.models.document import digest_of
 from backend.models.run import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriterion
 from backend.recording.reader import Columns, missing_between
-from backend.reports.model import RunData
-from backend.reports.sections import granted_rows
+from backend.reports.run_data import RunData
+from backend.reports.timing import granted_rows
 from backend.sample import STORED_NAMES
 from backend.storage.banks import Bank, BankEntry, StoredFit
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
 from backend.units import AngleUnit
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 
 # Digests -------------------------------------------------------------------------------------------
@@ -105,8 +106,10 @@ def unseen(metrics: dict[str, Any] | None) -> dict[str, Any]:
     return _UNSEEN if metrics is None else {**_UNSEEN, "evaluation_problem": ""}
 
 
-class EvidenceError(ValueError):
+class EvidenceError(SinewError, ValueError):
     """A file that carries no account of itself that can be read."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True, kw_only=True)

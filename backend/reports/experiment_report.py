@@ -22,7 +22,7 @@ from backend.models.run import Metrics, StepFigures
 from backend.realtime.program import Law
 from backend.recording.reader import Columns
 from backend.reports import sections
-from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, RunData, Table, exact, shown
+from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, exact, shown
 from backend.reports.plotting import (
     COLOURS,
     CUT_OFF,
@@ -60,6 +60,7 @@ from backend.reports.provenance import (
     tuning_facts,
     verdict,
 )
+from backend.reports.run_data import RunData
 from backend.reports.sections import CAPTION, impact_panels, impact_tables
 from backend.storage.runs import RunKind
 from backend.tuning.gains import TuningError, cascade_tuning

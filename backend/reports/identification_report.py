@@ -31,7 +31,6 @@ from backend.reports.model import (
     Paragraph,
     Report,
     ReportSection,
-    RunData,
     Table,
     exact,
     share,
@@ -67,6 +66,7 @@ from backend.reports.provenance import (
     settings_table,
     subtitle,
 )
+from backend.reports.run_data import RunData
 from backend.storage.banks import method_of
 from backend.storage.identifications import Identification
 from backend.units import AngleUnit, format_quantity

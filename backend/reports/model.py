@@ -3,8 +3,8 @@
 import html
 import json
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from importlib import resources
 from typing import Any
@@ -12,14 +12,7 @@ from typing import Any
 import typst
 
 from backend.plain_text import as_lines
-from backend.recording.reader import Columns, drawn_columns, recorded_columns
-from backend.storage import banks, identifications, results, runs
-from backend.storage.banks import Bank, StoredFit, fits_in
-from backend.storage.database import Database
-from backend.storage.identifications import Identification
-from backend.storage.results import Result
-from backend.storage.runs import Run, RunKind
-from backend.units import AngleUnit, percent
+from backend.units import percent
 
 # Document ------------------------------------------------------------------------------------------
 #
@@ -272,48 +265,6 @@ def _symbol(found: dict[str, str | None]) -> str:
         hat = "\N{COMBINING CIRCUMFLEX ACCENT}" if found["hat"] else ""
         return f"<i>{found['letter']}{hat}</i><sub>{found['index']}</sub>"
     return f"<i>{found['lone']}</i>"
-
-
-# Source --------------------------------------------------------------------------------------------
-#
-# What a report is made from: the run as stored, its result, its samples, the bank it used.
-
-
-@dataclass(frozen=True)
-class RunData:
-    """A run with all that its report says.
-
-    ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
-    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by, ``fits`` how good
-    the models of the bank's entries are. All numbers are in SI; ``angles`` says how whoever asked for the report reads
-    angles.
-    """
-
-    run: Run
-    result: Result | None
-    columns: Columns
-    bank: Bank | None
-    identification: Identification | None = None
-    runs_of: Mapping[int, int | None] = field(default_factory=dict)
-    angles: AngleUnit = AngleUnit.DEGREES
-    fits: Mapping[int, Mapping[str, StoredFit]] = field(default_factory=dict)
-
-
-def load_source(database: Database, run_id: int, angles: AngleUnit = AngleUnit.DEGREES) -> RunData:
-    """Gather what is stored of a run: its newest result and identification, the bank it used, its samples.
-
-    Raises UnknownRecordError.
-    """
-    with database.reading() as session:
-        run = runs.get(session, run_id)
-        result = results.newest(session, run_id)
-        bank = None if run.bank_id is None else banks.get(session, run.bank_id)
-        estimates = identifications.find(session, run_id=run_id)
-        runs_of = identifications.runs_of(session)
-        fits = {} if bank is None else fits_in(session, bank)
-    by_hand = run.kind == RunKind.SESSION
-    columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
-    return RunData(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)
 
 
 # Missing letters -----------------------------------------------------------------------------------

@@ -22,19 +22,8 @@ from backend.models.run import (
     outcome_of,
 )
 from backend.realtime.program import Law
-from backend.reports.model import (
-    Block,
-    Code,
-    Column,
-    Fact,
-    Paragraph,
-    Report,
-    ReportSection,
-    RunData,
-    Table,
-    exact,
-    shown,
-)
+from backend.reports.model import Block, Code, Column, Fact, Paragraph, Report, ReportSection, Table, exact, shown
+from backend.reports.run_data import RunData
 from backend.storage.banks import BankEntry, name_of_entry
 from backend.storage.runs import EndState, RunKind
 from backend.units import AngleUnit, read, reading_of

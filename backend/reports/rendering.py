@@ -5,7 +5,7 @@ Drawing and typesetting load with the first report: the service only names these
 
 from collections.abc import Sequence
 
-from backend.reports.model import RunData
+from backend.reports.run_data import RunData
 
 
 def render(source: RunData, kind: str) -> bytes:

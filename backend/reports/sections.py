@@ -17,20 +17,8 @@ from backend.analysis.disturbance_metrics import (
 from backend.analysis.frequency_metrics import UNLIKE, Array, Complex, Lines
 from backend.analysis.identification import MOTOR_B, load_friction_of
 from backend.models.identification import CHANNELS, grade_of
-from backend.models.run import KeptGrant
-from backend.recording.reader import Columns, missing_between
-from backend.reports.model import (
-    NO_FIGURE,
-    Block,
-    Column,
-    Figure,
-    Paragraph,
-    ReportSection,
-    RunData,
-    Table,
-    share,
-    shown,
-)
+from backend.recording.reader import Columns
+from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, ReportSection, Table, share, shown
 from backend.reports.plotting import (
     COLOURS,
     INK,
@@ -48,8 +36,9 @@ from backend.reports.plotting import (
     upper_legend,
 )
 from backend.reports.provenance import measured
+from backend.reports.run_data import RunData
 from backend.storage.identifications import Identification
-from backend.storage.runs import EndState, RunKind
+from backend.storage.runs import RunKind
 from backend.units import AngleUnit, read, reading_of
 from plant.interface import T_s
 from plant.parameters import SIDES
@@ -626,64 +615,3 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
             upper_legend(panel)
             panel_letter(panel, letter)
         return to_svg(drawn, name)
-
-
-# Timing --------------------------------------------------------------------------------------------
-#
-# How well a run kept its time: lateness, missed deadlines, gaps. From the run's own samples.
-
-
-def timing_section(source: RunData) -> tuple[ReportSection, ...]:
-    """Return a section with the timing of the recorded samples; nothing for a run without any."""
-    columns = source.columns
-    if columns["t"].size == 0:
-        return ()
-    none = np.zeros(1)
-    late_ms, overruns = 1e3 * columns.get("lateness_s", none), columns.get("overruns", none)
-    gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
-    on_a_clock = bool(np.any(late_ms != 0.0))
-    rows = [
-        ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
-        ("Missing samples", _missing(source), "", "ticks that the recording lacks"),
-        ("Gaps", str(gaps), "", "places where samples are missing"),
-    ]
-    if on_a_clock:
-        figures = (np.median(late_ms), np.percentile(late_ms, 99.0), late_ms.max())
-        rows += [
-            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "from the first sample to the last"),
-            *(
-                (f"Lateness, {name}", shown(float(figure)), "ms", "how late a tick began against its deadline")
-                for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
-            ),
-        ]
-    else:
-        rows.append(("Lateness", "none", "", "it was computed tick by tick, faster than real time, not on a clock"))
-    rows += granted_rows(source.run.set_to.granted)
-    titles = (
-        Column("Quantity", number=False),
-        Column("Value"),
-        Column("Unit", number=False),
-        Column("Meaning", number=False, wide=True),
-    )
-    return (ReportSection("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
-
-
-def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
-    """Return what the machine granted to the loop; nothing for a run that kept to no clock, or of an older Sinew."""
-    if granted is None:
-        return []
-    scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
-    memory = "locked" if granted.memory_locked else "not locked"
-    return [
-        ("Scheduling", scheduling, "", "granted to the loop by the machine"),
-        ("Memory", memory, "", "granted to the loop by the machine"),
-        ("Timer slack", str(granted.timer_slack_ns), "ns", "by which the machine may wake the loop later than asked"),
-        *(("Not granted", "", "", refusal) for refusal in granted.refusals),
-    ]
-
-
-def _missing(source: RunData) -> str:
-    if source.run.end_state == EndState.SERVICE_DIED:
-        return "not known: the service died while it recorded"
-    missing = source.result.metrics.missing_samples if source.result else missing_between(source.columns)
-    return "not kept" if missing is None else str(missing)

@@ -2,7 +2,6 @@
 
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 
 import matplotlib
 import numpy as np
@@ -11,35 +10,18 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.analysis.evaluation import catch_up
-from backend.errors import ErrorCode, RequestRejectedError
 from backend.models.run import MeasuredFigure as Measured
 from backend.models.run import MeasuredFigure as RunFigure
 from backend.models.run import Outcome
 from backend.reports.build import told
 from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, run_configuration, to_element
 from backend.reports.experiment_report import lines_of
-from backend.reports.model import (
-    Block,
-    Code,
-    Column,
-    Fact,
-    Figure,
-    Paragraph,
-    Report,
-    ReportSection,
-    RunData,
-    Table,
-    load_source,
-    shown,
-)
+from backend.reports.model import Block, Code, Column, Fact, Figure, Paragraph, Report, ReportSection, Table, shown
 from backend.reports.plotting import INK, axis_label, cached_figure, figure, in_unit, thinned, to_svg, upper_legend
 from backend.reports.provenance import chosen, definitions_facts, measured, shown_unit, verdict
+from backend.reports.run_data import RunData
 from backend.reports.sections import identifications_section, overlay_bode
-from backend.storage import recordings, runs
-from backend.storage.database import Database
-from backend.storage.orm import UnknownRecordError
-from backend.storage.runs import EndState, RunKind, title_of
+from backend.storage.runs import title_of
 from backend.units import AngleUnit, read
 
 # Series figures ------------------------------------------------------------------------------------
@@ -362,45 +344,3 @@ def _hashes(evidence: SeriesEvidence) -> Table:
     columns = (Column("Run"), Column("SHA-256 of its samples", number=False, wide=True))
     rows = tuple((str(one.run.id), one.hashes["samples"]) for one in evidence.runs)
     return Table("Content hashes.", columns, rows)
-
-
-# Series source -------------------------------------------------------------------------------------
-#
-# The runs of a series, gathered: as many and as long as one report can hold.
-
-
-MOST_RUNS = 100
-MOST_SAMPLES = 3_000_000
-"""All runs together: their samples are in memory at once, 50 minutes of them."""
-
-
-def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -> list[RunData]:
-    """Gather what is stored of each run; one that was left behind gets its result first.
-
-    Raises RequestRejectedError, UnknownRecordError, before samples are read.
-    """
-    chosen = list(dict.fromkeys(numbers))
-    if not 2 <= len(chosen) <= MOST_RUNS:
-        raise RequestRejectedError(
-            ErrorCode.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
-        )
-    samples = 0
-    with database.reading() as session:
-        for number in chosen:
-            run = runs.get(session, number)
-            with suppress(UnknownRecordError):  # of a run that ended before its first sample there is no recording
-                samples += recordings.extent(session, number).count
-            if run.kind == RunKind.SESSION:
-                raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
-                )
-            if run.end_state == EndState.RUNNING:
-                raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
-                )
-    if samples > MOST_SAMPLES:
-        raise RequestRejectedError(
-            ErrorCode.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
-        )
-    catch_up(database, chosen)
-    return [load_source(database, number, angles) for number in chosen]

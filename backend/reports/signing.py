@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from backend.data_folder import FILE
 from backend.reports.verification import MOST, ReportDifference, Verified
+from plant.errors import ErrorCode, SinewError
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -35,8 +36,10 @@ _TEXT_MAX = 64 * 1024
 _FINGERPRINT = "SHA256:"
 
 
-class SigningKeyError(ValueError):
+class SigningKeyError(SinewError, ValueError):
     """A key that cannot be read or used."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True)
@@ -162,8 +165,10 @@ NAME_MAX = 80
 _ELEMENT_MAX = 4096
 
 
-class UnsignableError(ValueError):
+class UnsignableError(SinewError, ValueError):
     """A page that cannot be signed."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 class KeyOwner(StrEnum):

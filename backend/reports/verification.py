@@ -47,12 +47,14 @@ from backend.reports.evidence import (
     without_element,
 )
 from backend.reports.evidence import read as read_evidence
-from backend.reports.model import RunData, to_html, to_pdf
+from backend.reports.model import to_html, to_pdf
+from backend.reports.run_data import RunData
 from backend.reports.series import series_report
 from backend.sample import ADDED_LATER, STORED_NAMES
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import RunKind
+from plant.errors import ErrorCode, SinewError
 from plant.parameters import parameters_of
 
 # Differences ---------------------------------------------------------------------------------------
@@ -339,8 +341,10 @@ def where_they_differ(one: str, other: str) -> tuple[str, str]:
 SUFFIXES = tuple(f".{kind}" for kind in DataFormat)
 
 
-class SamplesFileError(ValueError):
+class SamplesFileError(SinewError, ValueError):
     """A file that does not hold the samples of a run."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]]:

@@ -15,6 +15,7 @@ from starlette.websockets import WebSocketDisconnect, WebSocketDisconnected
 
 from backend.scene.model import SceneMirror
 from backend.scene.server import PROTOCOL, SceneEndedError
+from plant.errors import SinewError
 
 # Page ----------------------------------------------------------------------------------------------
 #
@@ -129,7 +130,7 @@ POLICY_VIOLATION, TOO_BIG, WRONG_VERSION, FAILED, LATER = 1008, 1009, 1002, 1011
 _LOG = logging.getLogger(__name__)
 
 
-class SentAwayError(Exception):
+class SentAwayError(SinewError):
     """A browser said what viser's page never says."""
 
     def __init__(self, code: int, reason: str) -> None:

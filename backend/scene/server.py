@@ -20,6 +20,8 @@ import websockets.datastructures
 import websockets.exceptions
 from viser.infra import _infra
 
+from plant.errors import SinewError
+
 PROTOCOL = f"viser-v{viser.__version__}"
 """Subprotocol of the websocket: viser's page and its messages change with each version."""
 
@@ -28,7 +30,7 @@ _CLEAR_UP_S = 5.0
 _one_at_a_time = threading.RLock()
 
 
-class SceneEndedError(Exception):
+class SceneEndedError(SinewError):
     """viser does not run any more."""
 
 

@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, Tag
 from pydantic.fields import FieldInfo
 
-from backend.errors import WORDS, OutOfRangeError, Path, out_of_range
-from backend.experiments.parser import ExperimentError
-from backend.models.settings import SettingError
-from backend.units import AngleUnit, reading_of
+from backend.errors import WORDS, InvalidValueError, Path, out_of_range
+from backend.units import AngleUnit, format_angles, reading_of
+from plant.errors import SinewError
 
 # Base ----------------------------------------------------------------------------------------------
 #
@@ -257,45 +256,13 @@ _LARGEST = 2**53
 """Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
 
 
-def problem_of(error: OutOfRangeError, angles: AngleUnit = AngleUnit.DEGREES) -> ErrorDetail:
-    """Return what is said of a refused number, told to somebody who reads angles in this unit."""
-    return ErrorDetail(
-        code="out_of_range",
-        message=error.sentence(angles),
-        quantity=error.quantity,
-        words=error.words,
-        path=list(error.path) or None,
-        value=plain(error.value),
-        minimum=error.minimum,
-        maximum=error.maximum,
-        unit=error.unit,
-    )
-
-
-def problem_of_setting(error: SettingError, angles: AngleUnit) -> ErrorDetail:
-    """Return what is said of a refused setting."""
-    return ErrorDetail(
-        code="bad_setting",
-        message=error.sentence(angles),
-        quantity=error.quantity,
-        words=error.words,
-        path=list(error.path) or None,
-        value=plain(error.value),
-        unit=error.unit or None,
-        legal=list(error.legal) or None,
-    )
-
-
-def problem_of_experiment(error: ExperimentError, angles: AngleUnit) -> ErrorDetail:
-    """Return what is said of a refused experiment, with the line of its text."""
-    return ErrorDetail(
-        code="bad_experiment",
-        message=error.sentence(angles),
-        quantity=error.quantity,
-        words=error.words,
-        path=list(error.path) or None,
-        line=error.line,
-    )
+def problem_of(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES) -> ErrorDetail:
+    """Return what is said of an error to somebody who reads angles in this unit."""
+    fields = error.fields
+    if "value" in fields:
+        fields["value"] = plain(fields["value"])
+    message = error.sentence(angles) if isinstance(error, InvalidValueError) else format_angles(str(error), angles)
+    return ErrorDetail(message=message, **fields)
 
 
 def plain(value: object) -> object:

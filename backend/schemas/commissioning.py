@@ -5,7 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.commissioning.steps import StepId, StepState
+from backend.commissioning.status import StepState
+from backend.commissioning.steps import StepId
 from backend.schemas.base import Finite, Schema, quantity
 
 

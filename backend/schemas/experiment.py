@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from backend.execution.runner import RunPhase
+from backend.execution.progress import RunPhase
 from backend.experiments.parser import MAX_CHARACTERS
 from backend.models.run import Outcome, Value
 from backend.schemas.base import Finite, Schema, quantity

@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict
 
 from backend.faults import FAULTS, Limit
-from backend.realtime.program import MODES
+from backend.realtime.modes import MODES
 from backend.recording.reader import AT_HAND_SAMPLES
 from backend.sample import COMBINED, STORED
 from backend.tuning.gains import DEVIATIONS, LAM_MOTOR, LAM_Q, LAM_S, UNSEEN_F

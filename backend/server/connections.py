@@ -4,8 +4,6 @@ import asyncio
 import errno
 import ipaddress
 import logging
-import os
-import resource
 import socket
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
@@ -27,7 +25,7 @@ from websockets.server import ServerProtocol
 from websockets.streams import StreamReader
 
 from backend.auth.authentication import BEARER, OPEN, User
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.server.security import (
     HEADERS,
     LONGEST_HEAD,
@@ -47,12 +45,6 @@ from backend.server.security import (
 # has a place of their own and is not sent away; viewers together, and one person alone, get a part
 # of these places only, so that some are always left for an operator.
 
-
-WANTED_DESCRIPTORS = 8192
-"""The limit of open descriptors is raised to this, or as far as the machine allows."""
-
-LOW_DESCRIPTORS = 512
-"""Below this limit there is room for few pages only; the log says so."""
 
 RESERVE = 40
 """Descriptors kept for the database, the loop process, the pools, and connections on their way in or out."""
@@ -186,31 +178,6 @@ class ConnectionLimiter:
             and (role is None or place.holder.role is role)
             and (session is None or place.holder.session == session)
         )
-
-
-def raise_limit() -> None:
-    """Raise this process's limit of open descriptors as far as it may; say so where it stays low."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    most = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, WANTED_DESCRIPTORS)
-    if soft != resource.RLIM_INFINITY and soft < most:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
-    if descriptor_limit() < LOW_DESCRIPTORS:
-        _log.warning(
-            "only %d open files are allowed (ulimit -n): there is room for few pages; allow at least %d",
-            descriptor_limit(),
-            LOW_DESCRIPTORS,
-        )
-
-
-def descriptor_limit() -> int:
-    """Return how many descriptors this process may have open."""
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return WANTED_DESCRIPTORS if soft == resource.RLIM_INFINITY else soft
-
-
-def open_descriptors() -> int:
-    """Return how many descriptors this process has open."""
-    return len(os.listdir("/proc/self/fd"))
 
 
 def _network(address: str) -> str:

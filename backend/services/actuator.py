@@ -26,7 +26,7 @@ from backend.realtime.commands import (
     Stopped,
 )
 from backend.realtime.contact import PUSH_MAX_S
-from backend.realtime.program import LEGAL, MOVING, Mode
+from backend.realtime.modes import LEGAL, MOVING, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor, result_of
 from backend.schemas.run import PlayedRecording

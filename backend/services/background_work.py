@@ -13,7 +13,7 @@ from backend.banks.builder import points_of
 from backend.banks.tuning_settings import TuningSettings
 from backend.errors import ErrorCode, RequestRejectedError
 from backend.reports.sheet import sheet_pdf
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.schemas.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
 from backend.services.tuning_state import ActiveTuning
 from backend.storage.banks import Bank

@@ -6,25 +6,16 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
-from backend.commissioning import steps
-from backend.commissioning import steps as standing
+from backend.commissioning import status
+from backend.commissioning import status as standing
+from backend.commissioning.procedure import ProcedureContext, StepFinding
 from backend.commissioning.session import KeptHands, run_step, switch_drives, values_of
-from backend.commissioning.steps import (
-    STEP,
-    STEPS,
-    CommissioningStep,
-    Kept,
-    ProcedureContext,
-    StepFinding,
-    StepId,
-    StepState,
-    StepStatus,
-    blocked_by,
-)
+from backend.commissioning.status import Kept, StepState, StepStatus, blocked_by
+from backend.commissioning.steps import STEP, STEPS, CommissioningStep, StepId
 from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
 from backend.faults import Fault
 from backend.realtime.commands import Event, ProveDirections, Stopped
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
 from backend.schemas.commissioning import (
     BringUpStep,
@@ -121,8 +112,8 @@ class CommissioningResults:
 
     async def keep(self, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> None:
         """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
-        await asyncio.to_thread(steps.keep, self._database, step, wiring, finding, who)
-        brought_up = await asyncio.to_thread(steps.in_effect, self._database, wiring)
+        await asyncio.to_thread(status.keep, self._database, step, wiring, finding, who)
+        brought_up = await asyncio.to_thread(status.in_effect, self._database, wiring)
         self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         if not (finding.calibrations and finding.passed):
             return
@@ -171,7 +162,7 @@ class CommissioningResults:
         except PlantError:
             return NOT_BROUGHT_UP  # the loop says itself why it does not start
         # a start with the wiring of before waits for no database
-        return known if fingerprint(wiring) == known.wired else steps.in_effect(self._database, wiring)
+        return known if fingerprint(wiring) == known.wired else status.in_effect(self._database, wiring)
 
 
 # Bring up ------------------------------------------------------------------------------------------

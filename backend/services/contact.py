@@ -13,17 +13,8 @@ from backend.control import disturbance_observer
 from backend.errors import ErrorCode, RequestRejectedError, check_range
 from backend.realtime import commands
 from backend.realtime.commands import Accepted, Command, Event, ModeChanged, SetReferences
-from backend.realtime.program import (
-    CONTACT_MAX_N,
-    CONTACT_MIN_N,
-    MODES,
-    NEIGHBOUR,
-    SIGMAS,
-    BiasLost,
-    Cause,
-    ContactDetected,
-    Mode,
-)
+from backend.realtime.modes import MODES, Cause, Mode
+from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS, BiasLost, ContactDetected
 from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.state import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView

@@ -24,9 +24,9 @@ from backend.models.settings import SettingError
 from backend.plain_text import as_line
 from backend.recording.flight import flight_columns
 from backend.recording.reader import AT_HAND_SAMPLES
-from backend.reports.model import RunData, load_source
 from backend.reports.rendering import render, render_series
-from backend.reports.series import load_series
+from backend.reports.run_data import RunData, load_source
+from backend.reports.series_source import load_series
 from backend.schemas.comparison import Differences, DifferencesAsked
 from backend.services.comparison import curves_file, differences, samples_of, table_file
 from backend.storage import results, runs

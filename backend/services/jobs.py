@@ -11,12 +11,11 @@ from backend.analysis.evaluation import Evaluation
 from backend.auth.authentication import User
 from backend.banks.tuning_settings import TuningSettings
 from backend.errors import ErrorCode, InvalidValueError, OutOfRangeError, RequestRejectedError
+from backend.execution.progress import ProgressCallback, RunPhase
 from backend.execution.runner import (
     SLICE_S,
     ExperimentRig,
     NotReadyError,
-    ProgressCallback,
-    RunPhase,
     RunRequest,
     banks_in,
     banks_of,
@@ -45,7 +44,8 @@ from backend.experiments.prediction import PredictedRun, predict, predict_motor,
 from backend.faults import Fault
 from backend.models.settings import Setting, SettingError, describe, from_values
 from backend.plain_text import as_line
-from backend.realtime.program import NO_WALL, CommandRejectedError, Mode, require_able
+from backend.realtime.modes import CommandRejectedError, Mode
+from backend.realtime.program import NO_WALL, require_able
 from backend.realtime.supervisor import LoopClient
 from backend.schemas.experiment import (
     CheckedExperiment,
@@ -598,7 +598,7 @@ class JobManager:
                 RunRequest(checked.plan, self._loop_settings(), person.name), person, has_left
             )
         except (RequestRejectedError, InvalidValueError) as error:
-            busy = isinstance(error, RequestRejectedError) and error.because is ErrorCode.TOO_MANY
+            busy = isinstance(error, RequestRejectedError) and error.category is ErrorCode.TOO_MANY
             return checked.view({}, str(error), busy=busy)
         return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
 

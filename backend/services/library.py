@@ -29,7 +29,7 @@ from backend.schemas.experiment import (
 )
 from backend.schemas.preferences import NEW_HERE, Preferences, look_over
 from backend.schemas.run import SEARCH_NAME_MAX, MetricHistory, SavedSearch, SavedSearchList, SearchWords, TagList
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.services import comparison
 from backend.services.runs import recorded_experiment
 from backend.storage import experiments as stored

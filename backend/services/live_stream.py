@@ -28,7 +28,8 @@ from backend.realtime.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.realtime.program import MODES, BiasLost, ContactDetected
+from backend.realtime.modes import MODES
+from backend.realtime.program import BiasLost, ContactDetected
 from backend.realtime.supervisor import LoopExited
 from backend.sample import STORED
 from backend.schemas.state import EventMessage, FieldView, LayoutMessage, MarkKind, StateMessage

@@ -8,10 +8,10 @@ from itertools import zip_longest
 from typing import Any, NamedTuple
 
 from backend.banks import tuning_settings
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.models.document import digest_of
 from backend.models.run import APPLIED, AppliedParameters
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView
 from backend.schemas.tuning import ParameterVersion as TuningParameterVersion
@@ -21,6 +21,7 @@ from backend.storage import identifications, settings
 from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
 from backend.tuning.gains import TuningError
+from plant.errors import ErrorCode, SinewError
 from plant.parameters import SIDES, ParameterError, PlantParameters, Side, load_parameters
 
 # Applied parameters --------------------------------------------------------------------------------
@@ -35,8 +36,10 @@ from plant.parameters import SIDES, ParameterError, PlantParameters, Side, load_
 NAME = "identified in force"
 
 
-class NotApplicableError(ValueError):
+class NotApplicableError(SinewError, ValueError):
     """An identification that cannot be applied to the parameters; the message says why."""
+
+    category = ErrorCode.NOT_NOW
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from backend.exports import writers
 from backend.exports.base import Facts, ImportRefusedError
 from backend.faults import EXPLAINED, FAULTS
 from backend.realtime.commands import SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
-from backend.realtime.program import MODES
+from backend.realtime.modes import MODES
 from backend.schemas.run import PlayedRecording, PlayerOrder, PlayerView, RunMark
 from backend.services.lineage import marks_of
 from backend.storage import runs

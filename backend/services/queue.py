@@ -10,7 +10,8 @@ from tempfile import mkdtemp
 
 from backend.auth.authentication import User
 from backend.errors import ErrorCode, RequestRejectedError, check_range
-from backend.execution.runner import RunPhase, RunRequest
+from backend.execution.progress import RunPhase
+from backend.execution.runner import RunRequest
 from backend.execution.simulation import dry_run, get_ready, progress_in
 from backend.experiments.library import values_of
 from backend.experiments.plans import LoopSettings

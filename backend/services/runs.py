@@ -24,7 +24,8 @@ from backend.experiments.schema import FORMAT
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import LAMBDA, KeptWall, StoredLoopSettings, headline_of, outcome_of, standing
 from backend.models.run import RunCriterion as Judged
-from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law, Mode
+from backend.realtime.modes import Mode
+from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law
 from backend.recording import reader
 from backend.recording.flight import flight_columns
 from backend.recording.reader import AT_HAND_SAMPLES, SampleEnvelope, read_envelope, read_samples

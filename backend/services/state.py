@@ -25,21 +25,21 @@ from backend.realtime.commands import (
     WallChanged,
 )
 from backend.realtime.heartbeat import WatchdogMonitor
+from backend.realtime.modes import LEGAL, MODES, MOVING, Mode
 from backend.realtime.process import SILENCE_S
-from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, LEGAL, MODES, MOVING, BiasLost, ContactDetected, Mode
+from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, BiasLost, ContactDetected
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited, Restart, Supervisor
 from backend.realtime.timing import timing
 from backend.sample import NAMES
 from backend.schemas.run import PlayerView
+from backend.schemas.session import Health, PersonView
 from backend.schemas.state import (
     ChainLinkView,
     FaultView,
-    Health,
     HolderView,
     LimitsView,
     LinkView,
-    PersonView,
     PlantView,
     ReferencesView,
     State,

@@ -26,6 +26,7 @@ from backend.storage import search_index
 from backend.storage.claims import claimed_by
 from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError, take_touched
 from backend.storage.stations import info_of, one_at_a_time
+from plant.errors import ErrorCode, SinewError
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -42,8 +43,10 @@ if TYPE_CHECKING:
 SCRIPTS = Path(migrations.__file__).parent
 
 
-class SchemaError(Exception):
+class SchemaError(SinewError):
     """The schema of the database is not one this version can work with; the message says what to do."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 class OutdatedError(SchemaError):
@@ -168,8 +171,10 @@ IMPORTING = "importing-"
 """How the folder begins into which a bundle is unpacked."""
 
 
-class BackupError(Exception):
+class BackupError(SinewError):
     """The copy was not made; the message says why, and nothing was left behind."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 def next_copy(data: Path) -> Path:

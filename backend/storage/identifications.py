@@ -28,6 +28,7 @@ from backend.storage.orm import (
 )
 from backend.storage.runs import EndState, RunKind
 from backend.storage.stations import station_of
+from plant.errors import ErrorCode, SinewError
 
 # Fit -----------------------------------------------------------------------------------------------
 #
@@ -46,8 +47,10 @@ _LARGEST_NUMBER = 1e12
 _CALIBRATION = {"step": str, "fingerprint": str, "calibrations": list}
 
 
-class UnfitDocumentError(ValueError):
+class UnfitDocumentError(SinewError, ValueError):
     """A document that is no record of its kind; the message says which part of it is wrong."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def unfit(name: str, value: Any, needed: str) -> UnfitDocumentError:

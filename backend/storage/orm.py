@@ -26,8 +26,9 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, Session, mapped_column
 
-from backend.errors import STATION_MAX, ErrorCode, RequestRejectedError
+from backend.errors import STATION_MAX, RequestRejectedError
 from backend.plain_text import as_folded
+from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 
 if TYPE_CHECKING:
@@ -39,8 +40,10 @@ if TYPE_CHECKING:
 # What goes wrong with a database, by what can be done about it.
 
 
-class StorageError(Exception):
+class StorageError(SinewError):
     """The database cannot be reached, read or written, or refuses what breaks its rules; the message is its own."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 class UnfitError(StorageError):
@@ -435,8 +438,10 @@ Record = TypeVar("Record", bound="DataclassInstance")
 Row = TypeVar("Row", bound=Base)
 
 
-class UnknownRecordError(LookupError):
+class UnknownRecordError(SinewError, LookupError):
     """There is no such record; the message says which was asked for."""
+
+    category = ErrorCode.UNKNOWN
 
 
 def to_record(record_class: type[Record], row: Base) -> Record:

@@ -21,6 +21,7 @@ from backend.storage.orm import (
 )
 from backend.storage.runs import EndState
 from backend.storage.stations import station_of
+from plant.errors import SinewError
 
 # Recordings ----------------------------------------------------------------------------------------
 #
@@ -77,7 +78,7 @@ class Summary:
     summary: bytes
 
 
-class NotRecordableError(ValueError):
+class NotRecordableError(SinewError, ValueError):
     """The run is over, or has its recording already."""
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from backend.studies.point import LOST, Point, PointResult, StudyBase, run_point, without_run
 from backend.workers import POLITE, begin_beside, spawning
+from plant.errors import ErrorCode, SinewError
 
 DEATHS_MAX = 3
 """So often a process may die over a point: the last time it has the machine to itself, so that it was this point."""
@@ -16,8 +17,10 @@ _AHEAD = 2
 Work = Callable[[StudyBase, Point], PointResult]
 
 
-class CrewGoneError(Exception):
+class CrewGoneError(SinewError):
     """Nobody is left who could compute; the message says what to do."""
+
+    category = ErrorCode.UNAVAILABLE
 
 
 class Crew(Protocol):

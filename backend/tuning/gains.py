@@ -14,6 +14,7 @@ from backend.control.decoupler import Bounds, Decoupler, Schedule, bounds_for, d
 from backend.control.disturbance_observer import Rejection
 from backend.errors import check_range
 from plant.dynamics import smoothed
+from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import PlantParameters, Side
 
@@ -25,8 +26,10 @@ from plant.parameters import PlantParameters, Side
 # for the outer loops.
 
 
-class TuningError(ValueError):
+class TuningError(SinewError, ValueError):
     """A tuning parameter or model is out of bounds; the message names quantity, value, bound and unit."""
+
+    category = ErrorCode.BAD_VALUE
 
 
 def _positive(name: str, value: float, unit: str) -> None:

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 
 from starlette.types import ASGIApp
 
-from backend.server.server import Ending, Server
+from backend.server.listening import Ending
+from backend.server.server import Server
 
 
 @contextmanager

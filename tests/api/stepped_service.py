@@ -16,7 +16,7 @@ from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import EventListener, LoopExitedError, Supervisor
 from backend.recording.recorder import Recorder
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.services.actuator import ActuatorService, SafeStop, SessionRuns
 from backend.services.background_work import TextWork
 from backend.services.banks import StoredBanks

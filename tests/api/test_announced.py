@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from backend.execution.runner import RunPhase
+from backend.execution.progress import RunPhase
 from backend.realtime.commands import Accepted, SetMode
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.reader import read_envelope
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.state import TaskView

@@ -16,7 +16,7 @@ from backend.banks.tuning_settings import TuningSettings
 from backend.errors import RequestRejectedError
 from backend.realtime.commands import SetMode
 from backend.realtime.ipc import Setup
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest

@@ -15,7 +15,7 @@ from backend.execution.simulation import headless_station
 from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, entry_of
 from backend.experiments.parser import read
 from backend.experiments.plans import LoopSettings
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.reader import read_samples
 from backend.schemas.experiment import RecordedExperiment
 from backend.schemas.run import RunMark

@@ -12,7 +12,7 @@ from backend.api.errors import STATUS
 from backend.auth.authentication import ATTEMPTS, ATTEMPTS_WINDOW_S, GRACE_S, SIGN_INS, Authentication, User
 from backend.auth.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions, TokenFiles, rotate
 from backend.errors import RequestRejectedError
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.server.security import COOKIE, forget, grant, shown_by
 
 
@@ -68,7 +68,7 @@ def connection(headers: dict[str, str], address: str = "10.0.0.1") -> HTTPConnec
 
 
 def status(error: pytest.ExceptionInfo[RequestRejectedError]) -> int:
-    return STATUS[error.value.because]
+    return STATUS[error.value.category]
 
 
 def refused(door: Door, token: str, address: str = "here", **headers: str) -> int:

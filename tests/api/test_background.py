@@ -13,7 +13,7 @@ import httpx
 import pytest
 import uvicorn
 
-from backend import app
+from backend import main
 from backend.realtime.heartbeat import HeartbeatSender
 from backend.settings import Settings
 from backend.supervision import KeptTask
@@ -21,7 +21,7 @@ from tests.api.conftest import PATIENCE_S, ended, until, wait_for
 
 T = TypeVar("T")
 TIMEOUT_S = 60.0
-OWN = str(Path(app.__file__).parent)
+OWN = str(Path(main.__file__).parent)
 TASKS = {
     "The watch over lost pages",
     "The live stream",
@@ -95,7 +95,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         ready.append((address, asyncio.get_running_loop(), getattr(tokens, "operator", "")))
 
     settings = Settings(data=tmp_path_factory.mktemp("inside"), params="ideal", port=0)
-    serving = threading.Thread(target=app.serve, args=(settings, announce), name="the service")
+    serving = threading.Thread(target=main.serve, args=(settings, announce), name="the service")
     with pytest.MonkeyPatch.context() as patch:
         made = Made(patch, KeptTask, HeartbeatSender, uvicorn.Server)
         serving.start()
@@ -128,7 +128,7 @@ def test_everything_that_runs_is_supervised(inside: Running) -> None:
     assert {code_of(tasks[name]).co_name for name in own} == {"_serve"}  # asyncio.run's own: its end ends the service
     threads = {thread.name for thread in threading.enumerate()}
     assert threads >= THREADS
-    threads.discard(app.LIBRARIES.name)  # until they are loaded
+    threads.discard(main.LIBRARIES.name)  # until they are loaded
     assert {name for name in threads if not name.startswith(FOREIGN_THREADS)} == THREADS
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import httpx
 import pytest
 
-from backend.commissioning import steps
-from backend.commissioning.steps import StepFinding, StepId
+from backend.commissioning import status
+from backend.commissioning.procedure import StepFinding
+from backend.commissioning.steps import StepId
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
@@ -219,11 +220,11 @@ def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig
     assert wiring.load_cell_A.slope == 10.0
     cells = tuple(CellCalibration(tendon, 20.0, 0.0, "calibrated") for tendon in "AB")
     with closing(open_database(folder)) as database:
-        steps.keep(database, StepId.WIRING_TEST, wiring, StepFinding(True, "well"), "Ada")
-        steps.keep(database, StepId.CALIBRATE, wiring, StepFinding(True, "well", (), cells), "Ada")
+        status.keep(database, StepId.WIRING_TEST, wiring, StepFinding(True, "well"), "Ada")
+        status.keep(database, StepId.CALIBRATE, wiring, StepFinding(True, "well", (), cells), "Ada")
         assert played(rig, "zero")["state"] == "current"  # the loop has not been started since it was calibrated
         assert played(rig, "tare")["result"]["passed"]
-        tared = steps.newest(database)[StepId.TARE].calibrations
+        tared = status.newest(database)[StepId.TARE].calibrations
     assert [(found["tendon"], found["slope"]) for found in tared] == [("A", 20.0), ("B", 20.0)]
 
 

@@ -11,14 +11,16 @@ from typing import Any
 import pytest
 
 import plant
-from backend.commissioning import steps as standing
+from backend.commissioning import status as standing
+from backend.commissioning.procedure import StepFinding
 from backend.commissioning.session import KeptHands
-from backend.commissioning.steps import StepFinding, StepId, StepState
+from backend.commissioning.status import StepState
+from backend.commissioning.steps import StepId
 from backend.errors import RequestRejectedError
 from backend.execution.runner import create_run
 from backend.realtime.commands import Accepted, Command, Refused, TryMotor
 from backend.realtime.ipc import Ready
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import RealTimeStatus
 from backend.schemas.commissioning import BringUpStep

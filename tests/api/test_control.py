@@ -20,7 +20,7 @@ from backend.auth.control_lease import (
 )
 from backend.errors import ErrorCode, RequestRejectedError
 from backend.faults import Fault
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from tests.api.conftest import ended, once_told, problem, wait_for
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
@@ -64,7 +64,7 @@ class Desk:
     def refusal(self, person: User, stamp: CommandToken | None) -> str:
         with pytest.raises(RequestRejectedError) as error:
             self.command(person, stamp)
-        assert error.value.because is ErrorCode.NOT_NOW
+        assert error.value.category is ErrorCode.NOT_NOW
         return error.value.code
 
 
@@ -201,7 +201,7 @@ def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
 def test_a_stamp_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(RequestRejectedError) as error:
         read_stamp(text)
-    assert error.value.because is ErrorCode.MALFORMED
+    assert error.value.category is ErrorCode.MALFORMED
 
 
 def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Service, off: httpx.Client) -> None:

@@ -10,11 +10,12 @@ import pytest
 
 from backend.auth.authentication import BEARER, User
 from backend.errors import RequestRejectedError
-from backend.execution.runner import RunPhase, RunRequest
+from backend.execution.progress import RunPhase
+from backend.execution.runner import RunRequest
 from backend.execution.simulation import _Progress
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.services.queue import DryRuns
 from backend.workers import Offload
 from plant.parameters import load_parameters

@@ -8,7 +8,7 @@ import pytest
 
 from backend.faults import Fault
 from backend.realtime.commands import Inject, SetMode
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.flight import FlightRecorder, Quota
 from backend.schemas.state import MarkKind
 from backend.storage import flights

@@ -127,7 +127,7 @@ def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
         RequestRejectedError, match="only into what is simulated, and what is driven is the rig"
     ) as error:
         asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
-    assert error.value.because is ErrorCode.NOT_NOW
+    assert error.value.category is ErrorCode.NOT_NOW
 
 
 def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:

@@ -9,7 +9,8 @@ from backend.auth.authentication import BEARER, ActiveUsers, User
 from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, CommandToken, ControlLease, LeaseHolder
 from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, ControlHandover
 from backend.errors import ErrorCode, RequestRejectedError
-from backend.schemas.state import HandoverAnswer, Role
+from backend.schemas.session import Role
+from backend.schemas.state import HandoverAnswer
 
 ANA, VERA, ODA = (User(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
 VIC = User("Vic (viewer)", Role.VIEWER, "vic", "Vic")
@@ -112,7 +113,7 @@ def test_who_keeps_control_says_why_and_it_is_heard(desk: Desk) -> None:
     number = desk.ask(VERA)
     with refusal() as refused:
         desk.answer(ANA, number, HandoverAnswer.DECLINE, " \u200b ", holds=True)
-    assert refused.value.because is ErrorCode.BAD_VALUE
+    assert refused.value.category is ErrorCode.BAD_VALUE
     desk.answer(ANA, number, HandoverAnswer.DECLINE, "ten minutes more", holds=True)
     (seen,) = desk.hand_over.view()
     assert (seen.standing, seen.answer, desk.holder) == ("declined", "ten minutes more", "Ana")
@@ -285,7 +286,7 @@ def test_only_so_many_may_wait(desk: Desk) -> None:
             desk.ask(one)
         with refusal() as refused:
             desk.ask(crowd[-1])
-    assert refused.value.because is ErrorCode.TOO_MANY
+    assert refused.value.category is ErrorCode.TOO_MANY
 
 
 def test_a_new_name_stands_in_what_is_asked(desk: Desk) -> None:

@@ -10,10 +10,10 @@ import pytest
 
 from backend.control.motion_primitives import ZERO_VOLTS_S
 from backend.errors import RequestRejectedError
-from backend.execution.runner import RunPhase
+from backend.execution.progress import RunPhase
 from backend.experiments.forecast import Stage
 from backend.realtime.commands import Accepted, SetMode
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.reader import read_samples
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
 from backend.schemas.run import Planned

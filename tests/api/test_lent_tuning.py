@@ -14,7 +14,7 @@ from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.models.settings import SettingError
 from backend.realtime.commands import Stop
 from backend.reports.build import build_report
-from backend.reports.model import load_source
+from backend.reports.run_data import load_source
 from backend.schemas.experiment import ExperimentRequest
 from backend.schemas.tuning import TrialRequest, TuningRequest
 from backend.services.tuning_state import initial

@@ -6,7 +6,7 @@ import pytest
 from backend.auth.authentication import BEARER, ActiveUsers, User
 from backend.auth.control_lease import HEADER
 from backend.errors import ErrorCode, RequestRejectedError
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from tests.e2e.service import Service
 
 
@@ -56,7 +56,7 @@ def test_marks_that_tell_persons_apart_cannot_be_typed() -> None:
 def test_what_is_no_name_is_refused(name: str) -> None:
     with pytest.raises(RequestRejectedError) as refused:
         ActiveUsers().rename(newcomer("1"), name)
-    assert refused.value.because is ErrorCode.BAD_VALUE
+    assert refused.value.category is ErrorCode.BAD_VALUE
 
 
 def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
@@ -97,4 +97,4 @@ def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -
 def test_a_script_keeps_the_name_of_its_role() -> None:
     with pytest.raises(RequestRejectedError) as refused:
         ActiveUsers().rename(User("operator", Role.OPERATOR, BEARER), "Ana")
-    assert refused.value.because is ErrorCode.NOT_NOW
+    assert refused.value.category is ErrorCode.NOT_NOW

@@ -6,7 +6,7 @@ from starlette.types import Receive, Scope, Send
 
 from backend.api.export import openapi
 from backend.auth.authentication import BEARER, User
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.server.connections import PASSES_BY, PLACE, ConnectionSlot, RequestSchedulingMiddleware
 
 CROWD = 20

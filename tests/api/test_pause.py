@@ -10,9 +10,10 @@ import pytest
 
 from backend.analysis.evaluation import Evaluation
 from backend.errors import OutOfRangeError, RequestRejectedError
-from backend.execution.runner import ExperimentRig, NotReadyError, ProgressCallback, RunPhase, RunRequest, create_run
+from backend.execution.progress import ProgressCallback, RunPhase
+from backend.execution.runner import ExperimentRig, NotReadyError, RunRequest, create_run
 from backend.realtime.commands import SetMode
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.supervisor import LoopClient, LoopExitedError
 from backend.sample import INDEX, NAMES
 from backend.schemas.identification import ActuatorRequest

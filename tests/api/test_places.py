@@ -6,7 +6,7 @@ import pytest
 
 from backend.auth.authentication import BEARER, User
 from backend.logs import LINES, WINDOW_S, RateLimit
-from backend.schemas.state import Role
+from backend.schemas.session import Role
 from backend.server.connections import BROWSER_PLACES, SOCKET_COSTS, ConnectionBudget, ConnectionLimiter, ConnectionSlot
 
 OPERATOR = User("operator", Role.OPERATOR, BEARER)

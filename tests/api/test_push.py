@@ -11,9 +11,10 @@ from backend.auth.control_lease import LOOK_S, LOST_S, ControlLease
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.experiments.library import experiments
 from backend.experiments.plans import LoopSettings
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.sample import INDEX
-from backend.schemas.state import PushRequest, Role
+from backend.schemas.session import Role
+from backend.schemas.state import PushRequest
 from backend.services.jobs import experiment_kinds
 from backend.storage import events
 from backend.storage.database import Database, open_database

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from backend.realtime.commands import RunEnded, RunProgram
-from backend.realtime.program import Law, Mode, Program, Segment
+from backend.realtime.modes import Mode
+from backend.realtime.program import Law, Program, Segment
 from backend.recording.reader import read_samples
 from backend.scene.model import Pose, SceneMirror
 from backend.schemas.state import WallOrder, WallView

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import pytest
 
-from backend.execution.runner import RunPhase
+from backend.execution.progress import RunPhase
 from backend.experiments.forecast import Expected
 from backend.experiments.library import experiment
 from backend.services.jobs import Ordered, run_progress

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backend.control import disturbance_observer
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.sample import INDEX
 from backend.schemas.state import SweepView
 from backend.services.contact import SWEEP_POINTS

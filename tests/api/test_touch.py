@@ -8,7 +8,7 @@ import pytest
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.realtime.commands import ApplyPush as PushCommand
 from backend.realtime.commands import Obstruct
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from backend.schemas.state import TouchOrder, TouchView

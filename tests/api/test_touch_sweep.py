@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from backend.errors import RequestRejectedError
-from backend.execution.runner import RunPhase
+from backend.execution.progress import RunPhase
 from backend.faults import Fault
 from backend.realtime import commands
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from backend.schemas.state import PushRequest, SweepView, TaskView, TouchOrder

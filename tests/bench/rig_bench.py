@@ -12,7 +12,7 @@ from backend.banks.builder import tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetMode
 from backend.realtime.control_loop import Loop
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.factory import make_plant

@@ -17,7 +17,7 @@ from backend.banks.builder import tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetMode, SetReferences
 from backend.realtime.control_loop import Loop
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.ring_buffer import Ring
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator

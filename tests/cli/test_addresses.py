@@ -11,7 +11,7 @@ from backend.auth.sessions import load_tokens
 from backend.cli.server import link
 from backend.data_folder import address_of_service, addresses_of_service, only_service_on
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
-from backend.server.server import listening_on, served_by
+from backend.server.listening import listening_on, served_by
 from backend.settings import Settings
 
 

@@ -18,9 +18,10 @@ from backend.banks.builder import tuning_command
 from backend.cli import main
 from backend.cli.experiments import current_user
 from backend.cli.rig import GivenUpError, Terminal
-from backend.commissioning import steps as standing
+from backend.commissioning import status as standing
+from backend.commissioning.procedure import StepFinding
 from backend.commissioning.session import Prompt, session
-from backend.commissioning.steps import STEPS, StepFinding, StepId
+from backend.commissioning.steps import STEPS, StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor

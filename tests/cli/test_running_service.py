@@ -8,7 +8,7 @@ from threading import Thread
 
 import pytest
 
-from backend import app
+from backend import main
 from backend.cli import server as serve
 from backend.cli.options import RunningService
 from backend.schemas.experiment import QueuePlace
@@ -71,7 +71,7 @@ def test_a_slow_start_says_so_and_a_quick_one_nothing(
         time.sleep(next(starts))
         ready("http://127.0.0.1:8000", None)
 
-    monkeypatch.setattr(app, "serve", start)
+    monkeypatch.setattr(main, "serve", start)
     monkeypatch.setattr(serve, "SAID_AFTER_S", 0.05)
     told = []
     for _ in range(2):

@@ -154,7 +154,8 @@ _WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli 
 
 def test_all_but_a_card_works_without_the_extra() -> None:
     """Service, loop process, command line and reports come up where NI's package is not installed."""
-    parts = "backend.app, backend.realtime.process, backend.cli, backend.cli.rig, plant.factory, plant.conformance"
+    service = "backend.main, backend.app, backend.realtime.process"
+    parts = f"{service}, backend.cli, backend.cli.rig, plant.factory, plant.conformance"
     code = f"import sys; sys.modules['nidaqmx'] = sys.modules['grpc'] = None; import {parts}"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
@@ -219,7 +220,7 @@ def test_a_log_holds_the_link_only_where_that_was_asked_for(
     def answers(_settings: object, ready: Callable[[str, Tokens], None]) -> None:
         ready("http://127.0.0.1:8000", load_tokens(tmp_path))
 
-    monkeypatch.setattr("backend.app.serve", answers)
+    monkeypatch.setattr("backend.main.serve", answers)
     monkeypatch.setenv("SINEW_SHOW_LINK", setting)
     monkeypatch.setattr(sys, "argv", ["sinew", "serve", "--data", str(tmp_path), *words])
     with pytest.raises(SystemExit):

@@ -14,7 +14,7 @@ import numpy as np
 from backend.realtime.commands import Accepted, ApplyPush, Command, SetMode, SetReferences
 from backend.realtime.gains import tuning_for
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from backend.tuning.gains import PointModel, TuningParameters, designed_point, motor_loops

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 from backend.banks.builder import tuning_command
+from backend.commissioning.procedure import ProcedureContext, StepFinding
 from backend.commissioning.session import run_step, values_of
-from backend.commissioning.steps import ProcedureContext, StepFinding, StepId
+from backend.commissioning.steps import StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SwitchDrives
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import MODES, Mode
+from backend.realtime.modes import MODES, Mode
 from backend.sample import INDEX
 from plant.parameters import load_parameters
 from plant.simulator import Simulator

@@ -19,7 +19,8 @@ from backend.realtime.commands import (
     SwitchDrives,
     TryMotor,
 )
-from backend.realtime.program import Law, Mode, Program, Segment
+from backend.realtime.modes import Mode
+from backend.realtime.program import Law, Program, Segment
 from plant.interface import Breakage
 from plant.safety_card import CardState
 from plant.virtual_daq import CardError

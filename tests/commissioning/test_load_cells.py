@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from backend.commissioning.procedure import StepFinding
 from backend.commissioning.session import values_of
-from backend.commissioning.steps import WEIGHT_MAX_N, StepFinding, StepId
+from backend.commissioning.steps import WEIGHT_MAX_N, StepId
 from backend.errors import OutOfRangeError
 from backend.realtime.commands import Inject
 from plant.interface import Breakage, Broken, Sensor

@@ -11,9 +11,11 @@ import pytest
 import plant
 from backend.banks.builder import tuning_command
 from backend.banks.tuning_settings import default_choice
-from backend.commissioning import steps
+from backend.commissioning import status
+from backend.commissioning.procedure import MeasuredNumber, StepFinding
 from backend.commissioning.session import BlockedError, KeptHands, Prompt, Session
-from backend.commissioning.steps import STEP, STEPS, MeasuredNumber, StepFinding, StepId, StepState, blocked_by
+from backend.commissioning.status import StepState, blocked_by
+from backend.commissioning.steps import STEP, STEPS, StepId
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.storage.commissioning import StoredStepResult
@@ -35,36 +37,36 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cell = CellCalibration("A", 10.7, 0.31, "calibrated")
     other = with_entries(motor_A={"gain": -1.0})
-    assert steps.in_effect(database, WIRING).calibrations == ()
-    steps.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), (cell,)), "Ada")
-    steps.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    found = steps.in_effect(database, WIRING)
+    assert status.in_effect(database, WIRING).calibrations == ()
+    status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), (cell,)), "Ada")
+    status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    found = status.in_effect(database, WIRING)
     assert found.directions_proven
     in_force = calibrated(WIRING, found.calibrations)
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert steps.in_effect(database, other) == BroughtUp(wired=fingerprint(other))
-    steps.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
-    assert not steps.in_effect(database, WIRING).directions_proven
+    assert status.in_effect(database, other) == BroughtUp(wired=fingerprint(other))
+    status.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
+    assert not status.in_effect(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
-    steps.keep(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
-    assert not steps.in_effect(database, WIRING).directions_proven
-    states = steps.states(steps.kept(database), WIRING, datetime.now(UTC))
+    status.keep(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
+    assert not status.in_effect(database, WIRING).directions_proven
+    states = status.states(status.kept(database), WIRING, datetime.now(UTC))
     assert states[StepId.DIRECTION][:2] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
-    steps.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    assert steps.in_effect(database, WIRING).directions_proven
+    status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    assert status.in_effect(database, WIRING).directions_proven
     database.close()
 
 
 def test_what_another_step_disproves_stands_as_a_failure_of_the_directions(tmp_path: Path) -> None:
     database = open_database(tmp_path)
-    steps.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    steps.keep(database, StepId.HOME, WIRING, FAILED, "Bo")
-    assert steps.in_effect(database, WIRING).directions_proven
-    steps.keep(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
-    assert not steps.in_effect(database, WIRING).directions_proven
-    told = steps.newest(database)[StepId.DIRECTION]
+    status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    status.keep(database, StepId.HOME, WIRING, FAILED, "Bo")
+    assert status.in_effect(database, WIRING).directions_proven
+    status.keep(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
+    assert not status.in_effect(database, WIRING).directions_proven
+    told = status.newest(database)[StepId.DIRECTION]
     assert (told.passed, told.text, told.who) == (False, "Homing: not well", "Bo")
     database.close()
 
@@ -73,14 +75,14 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     database = open_database(tmp_path)
     begun = datetime.now(UTC) - timedelta(seconds=1)
     wired, other = fingerprint(WIRING), fingerprint(with_entries(encoder_q={"direction": -1.0}))
-    zero = steps.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
+    zero = status.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
     step = STEP[StepId.ZERO]
-    assert steps.newest(database)[StepId.ZERO] == zero
+    assert status.newest(database)[StepId.ZERO] == zero
     assert zero.figures[1] == {"words": "nothing", "value": None, "unit": "N"}
     database.close()
 
     def state(stored: StoredStepResult | None = zero, wiring: str = wired, started: datetime = begun) -> StepState:
-        return steps.standing(step, stored, wiring, started).state
+        return status.standing(step, stored, wiring, started).state
 
     assert state() is StepState.CURRENT
     assert state(None) is StepState.NEVER
@@ -96,23 +98,23 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
     homed = with_entries(end_switch={"position": 0.4})
     before = [StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION]
     for step in before:
-        steps.keep(database, step, homed, PASSED, "Ada")
+        status.keep(database, step, homed, PASSED, "Ada")
     begun = datetime.now(UTC)
 
-    def states() -> dict[StepId, steps.StepStatus]:
-        return steps.states(steps.kept(database), homed, begun)
+    def states() -> dict[StepId, status.StepStatus]:
+        return status.states(status.kept(database), homed, begun)
 
     # The loop has been started since: homing needs no zero, pretension does.
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.OUT_OF_DATE, StepState.NEVER)
     assert blocked_by(STEP[StepId.HOME], states()) == ""
     assert "Zero or Homing" in blocked_by(STEP[StepId.PRETENSION], states())
-    steps.keep(database, StepId.HOME, homed, FAILED, "Ada")
+    status.keep(database, StepId.HOME, homed, FAILED, "Ada")
     assert states()[StepId.HOME].state is StepState.FAILED
     assert "Zero or Homing" in blocked_by(STEP[StepId.PRETENSION], states())
-    steps.keep(database, StepId.HOME, homed, PASSED, "Ada")
+    status.keep(database, StepId.HOME, homed, PASSED, "Ada")
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.CURRENT, StepState.CURRENT)
     assert blocked_by(STEP[StepId.PRETENSION], states()) == ""
-    without = steps.states(steps.kept(database), WIRING, begun)
+    without = status.states(status.kept(database), WIRING, begun)
     assert StepId.HOME not in without
     assert "end_switch.position" in blocked_by(STEP[StepId.HOME], without)
     database.close()
@@ -124,9 +126,9 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     begun, wired, step = datetime.now(UTC), fingerprint(WIRING), STEP[StepId.CALIBRATE]
 
     def calibrated_one(tendon: str) -> tuple[StoredStepResult, StepState, str]:
-        kept = steps.keep(database, step.id, WIRING, StepFinding(True, "well", (), (cells[tendon],)), "Ada")
-        newest = steps.newest(database)[step.id]
-        return kept, *steps.standing(step, newest, wired, begun)[:2]
+        kept = status.keep(database, step.id, WIRING, StepFinding(True, "well", (), (cells[tendon],)), "Ada")
+        newest = status.newest(database)[step.id]
+        return kept, *status.standing(step, newest, wired, begun)[:2]
 
     first, state, why = calibrated_one("A")
     assert state is StepState.NEVER
@@ -134,7 +136,7 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     assert calibrated_one("A")[1] is StepState.NEVER
     second, state, _ = calibrated_one("B")
     assert state is StepState.CURRENT
-    newest = steps.newest(database)[step.id]
+    newest = status.newest(database)[step.id]
     assert {found["tendon"] for found in newest.calibrations} == {"A", "B"}
     assert first.at < newest.at < second.at  # of the older of the two
     database.close()
@@ -142,11 +144,11 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("step", [step.id for step in STEPS if step.needs])
 def test_a_step_waits_for_those_before_it(step: StepId) -> None:
-    never = dict.fromkeys(StepId, steps.StepStatus(StepState.NEVER, ""))
-    done = dict.fromkeys(StepId, steps.StepStatus(StepState.CURRENT, ""))
+    never = dict.fromkeys(StepId, status.StepStatus(StepState.NEVER, ""))
+    done = dict.fromkeys(StepId, status.StepStatus(StepState.CURRENT, ""))
     assert all(STEP[need].title in blocked_by(STEP[step], never) for need in STEP[step].needs)
     assert blocked_by(STEP[step], done) == ""
-    untested = done | {StepId.WIRING_TEST: steps.StepStatus(StepState.FAILED, "")}
+    untested = done | {StepId.WIRING_TEST: status.StepStatus(StepState.FAILED, "")}
     assert blocked_by(STEP[step], untested) == "first: Wiring test"
 
 
@@ -159,27 +161,27 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     database = open_database(tmp_path)
     begun = datetime.now(UTC)
 
-    def standings() -> dict[StepId, steps.StepStatus]:
-        return steps.states(steps.kept(database), WIRING, begun)
+    def standings() -> dict[StepId, status.StepStatus]:
+        return status.states(status.kept(database), WIRING, begun)
 
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        steps.keep(database, step, WIRING, PASSED, "Ada")
+        status.keep(database, step, WIRING, PASSED, "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
-    steps.keep(database, StepId.TARE, WIRING, MEASURED, "Ada")
-    steps.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
+    status.keep(database, StepId.TARE, WIRING, MEASURED, "Ada")
+    status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
-    assert not steps.in_effect(database, WIRING).load_cells_measured
-    steps.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
+    assert not status.in_effect(database, WIRING).load_cells_measured
+    status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == ""
-    assert steps.in_effect(database, WIRING).load_cells_measured
-    assert not steps.in_effect(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
+    assert status.in_effect(database, WIRING).load_cells_measured
+    assert not status.in_effect(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
     # Older than it should be: the values in force are still those that were measured.
-    old = dict(steps.kept(database).results)
+    old = dict(status.kept(database).results)
     old[StepId.TARE] = replace(old[StepId.TARE], at=begun - timedelta(days=3))
-    aged = steps.states(steps.Kept(old, 0), WIRING, begun)
+    aged = status.states(status.Kept(old, 0), WIRING, begun)
     assert aged[StepId.TARE].state is StepState.OUT_OF_DATE
     assert blocked_by(STEP[StepId.PRETENSION], aged) == ""
-    steps.keep(database, StepId.TARE, WIRING, FAILED, "Ada")
+    status.keep(database, StepId.TARE, WIRING, FAILED, "Ada")
     assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare"
     database.close()
 
@@ -189,12 +191,12 @@ def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) 
     table = {"slope": math.nan, "offset": math.nan, "table": TABLE}
     wiring = with_entries(load_cell_A=table, load_cell_B=table)
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        steps.keep(database, step, wiring, PASSED, "Ada")
-    states = steps.states(steps.kept(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
+        status.keep(database, step, wiring, PASSED, "Ada")
+    states = status.states(status.kept(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
     assert blocked_by(STEP[StepId.PRETENSION], states) == ""
-    assert steps.in_effect(database, wiring).load_cells_measured
+    assert status.in_effect(database, wiring).load_cells_measured
     of_one = with_entries(load_cell_A=table)
-    assert not steps.in_effect(database, of_one).load_cells_measured
+    assert not status.in_effect(database, of_one).load_cells_measured
     database.close()
 
 
@@ -235,9 +237,9 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
 
 def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> None:
     database, begun = open_database(tmp_path), datetime.now(UTC)
-    zero = steps.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
+    zero = status.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
     wired = fingerprint(WIRING)
-    assert steps.standing(STEP[StepId.ZERO], zero, wired, begun).why == (
+    assert status.standing(STEP[StepId.ZERO], zero, wired, begun).why == (
         "it holds good for 1 day from when it was done"
     )
     database.close()
@@ -248,7 +250,7 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     tuning = tuning_command(PARAMETERS, default_choice(PARAMETERS).choice, None)
-    known = steps.in_effect(database, load_wiring(str(file)))
+    known = status.in_effect(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
     person = Prompt("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
     hands = KeptHands(database, supervisor.setup.plant)

@@ -8,7 +8,7 @@ import pytest
 
 from backend.commissioning.steps import STEPS, StepId
 from backend.realtime.commands import Refused, SetMode, SwitchDrives
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import Breakage, Broken, Sensor
 from tests.commissioning.rigs import WIRING, BroughtUpRig, played, with_entries

@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from backend.commissioning.procedure import Rows, StepFinding
 from backend.commissioning.procedures import DRIVEN_MIN_V, TURNED_BACK_RAD, let_go, near_pretension, peaks, uncut
-from backend.commissioning.steps import Rows, StepFinding, StepId
+from backend.commissioning.steps import StepId
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, SimulateManualInput, Stop, TryModule
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import Breakage, Broken, MotorCommand, Sensor
 from plant.manual_input import ManualInput

@@ -24,17 +24,8 @@ from backend.realtime.commands import (
 )
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import (
-    ContactDetection,
-    Excitation,
-    Law,
-    Mode,
-    Program,
-    Segment,
-    Shape,
-    TensionLeg,
-    VoltageStep,
-)
+from backend.realtime.modes import Mode
+from backend.realtime.program import ContactDetection, Excitation, Law, Program, Segment, Shape, TensionLeg, VoltageStep
 from backend.realtime.ring_buffer import Ring
 from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle

@@ -4,7 +4,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from backend.realtime.program import MODES
+from backend.realtime.modes import MODES
 from backend.sample import FIELDS
 from plant.interface import T_s
 from plant.parameters import SECTIONS

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from backend import app
+from backend import main
 from backend.auth import control_lease
 from backend.control import fault_detection, motion_primitives, motion_types
 from backend.control.step import KINDS, Resting
@@ -66,7 +66,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
     longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + process.SILENCE_S + motion_primitives.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._SHOWING.meaning
     # In comments and docstrings the constant is named: a number there would be held by nothing.
-    for module in (app, heartbeat):
+    for module in (main, heartbeat):
         assert not re.search(r"nothing for 0\.\d+ s|heartbeat every 0\.\d+ s", inspect.getsource(module)), module
 
 

@@ -8,7 +8,9 @@ import pytest
 from playwright.sync_api import expect
 
 import plant
-from backend.commissioning.steps import StepFinding, StepId, keep
+from backend.commissioning.procedure import StepFinding
+from backend.commissioning.status import keep
+from backend.commissioning.steps import StepId
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.execution.runner import RunPhase, RunRequest
+from backend.execution.progress import RunPhase
+from backend.execution.runner import RunRequest
 from backend.execution.simulation import dry_run, get_ready, progress_in
 from backend.experiments.library import ready_plan
 from backend.experiments.parser import ExperimentError, read

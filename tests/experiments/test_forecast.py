@@ -14,7 +14,7 @@ from backend.experiments.plans import (
     SpringIdentificationPlan,
 )
 from backend.realtime.commands import Accepted, RunProgram, SetMode, SetReferences
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.tuning.gains import LAM_MOTOR
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.bench_top import BenchTop

@@ -14,7 +14,7 @@ from backend.experiments.forecast import expected, start_from
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import Accepted, SetMode, SetReferences
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.reader import recorded_columns
 from backend.storage.database import open_database
 from plant.parameters import load_parameters

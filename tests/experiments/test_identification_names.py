@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 
 from backend.banks.builder import BankError, build_bank
 from backend.cli import app
-from backend.reports.model import Table, load_source
+from backend.reports.model import Table
 from backend.reports.provenance import lineage
+from backend.reports.run_data import load_source
 from backend.services.banks import _lineage
 from backend.services.runs import bank_view
 from backend.storage import banks, identifications, runs

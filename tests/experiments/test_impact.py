@@ -15,7 +15,8 @@ from backend.control.disturbance_observer import POLE
 from backend.experiments.library import ready_plan
 from backend.realtime.commands import Accepted, RunProgram
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import ContactDetection, Law, Mode, Program, Segment
+from backend.realtime.modes import Mode
+from backend.realtime.program import ContactDetection, Law, Program, Segment
 from backend.sample import NAMES
 from backend.tuning.gains import TuningParameters
 from plant.interface import T_s

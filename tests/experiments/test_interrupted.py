@@ -7,7 +7,8 @@ from itertools import cycle
 
 import pytest
 
-from backend.execution.runner import ExperimentRig, RunPhase, RunRequest, run_experiment
+from backend.execution.progress import RunPhase
+from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments import library
 from backend.experiments.library import ready_plan
@@ -15,7 +16,8 @@ from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Command, Inject, Stop
 from backend.reports.build import build_report
-from backend.reports.model import RunData, load_source, to_html
+from backend.reports.model import to_html
+from backend.reports.run_data import RunData, load_source
 from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
 from plant.interface import Breakage, Broken

@@ -8,7 +8,8 @@ import numpy as np
 from backend.analysis.identification import document_of, load_friction_of
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.recording.reader import Columns
-from backend.reports.model import Paragraph, RunData
+from backend.reports.model import Paragraph
+from backend.reports.run_data import RunData
 from backend.reports.sections import identifications_section
 from backend.storage.runs import EndState, Run
 from tests.identification.test_load_friction import C0, C1, computed

@@ -13,7 +13,7 @@ from backend.identification.motor import judge_motor
 from backend.models.identification import grade_of
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.model import RunData
+from backend.reports.run_data import RunData
 from backend.schemas.run import ChecklistState
 from backend.services import lineage
 from backend.storage import runs

@@ -19,7 +19,8 @@ from backend.models.identification import ChannelName
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.identification_report import again_command
-from backend.reports.model import Code, Paragraph, Report, RunData
+from backend.reports.model import Code, Paragraph, Report
+from backend.reports.run_data import RunData
 from backend.storage.identifications import Identification
 from plant.interface import T_s
 from plant.parameters import load_parameters

@@ -18,9 +18,11 @@ from backend.execution.simulation import headless_station
 from backend.experiments.library import experiments, ready_plan
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Refused, RunProgram
-from backend.realtime.program import Law, Mode, Program, Segment, Shape
+from backend.realtime.modes import Mode
+from backend.realtime.program import Law, Program, Segment, Shape
 from backend.reports.build import build_report
-from backend.reports.model import Report, RunData, Table, load_source
+from backend.reports.model import Report, Table
+from backend.reports.run_data import RunData, load_source
 from backend.storage.database import open_database
 from backend.tuning.gains import motor_loops
 from plant.interface import T_s

@@ -10,15 +10,8 @@ import pytest
 from backend.analysis.step_metrics import tracking_metrics
 from backend.banks.builder import BankError, build_bank, points_of, tuning_command
 from backend.errors import OutOfRangeError
-from backend.execution.runner import (
-    ExperimentRig,
-    NotReadyError,
-    RunPhase,
-    RunRequest,
-    RunResult,
-    create_run,
-    run_experiment,
-)
+from backend.execution.progress import RunPhase
+from backend.execution.runner import ExperimentRig, NotReadyError, RunRequest, RunResult, create_run, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan

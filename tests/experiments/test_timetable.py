@@ -14,7 +14,7 @@ from backend.experiments.plans import (
     SpringIdentificationPlan,
 )
 from backend.realtime.commands import Accepted, RunProgram
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop

@@ -8,7 +8,8 @@ import pytest
 
 from backend.analysis.identification import from_table, identify_motors, side_steps
 from backend.errors import OutOfRangeError
-from backend.execution.runner import ExperimentRig, RunPhase, RunRequest, run_experiment
+from backend.execution.progress import RunPhase
+from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
 from backend.execution.simulation import headless_station
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.prediction import predict_motor, predict_spring
@@ -17,7 +18,8 @@ from backend.models.settings import from_values
 from backend.realtime.commands import Stop
 from backend.recording.reader import recorded_columns
 from backend.reports.build import build_report
-from backend.reports.model import load_source, to_html, to_pdf
+from backend.reports.model import to_html, to_pdf
+from backend.reports.run_data import load_source
 from backend.storage import identifications
 from backend.storage.database import open_database
 from plant.dynamics import tension

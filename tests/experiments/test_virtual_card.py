@@ -11,7 +11,7 @@ from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, Plan, SpringIdentificationPlan
 from backend.realtime.commands import SetMode
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.reader import read_samples
 from backend.storage.database import open_database
 from plant.interface import SIMULATOR, PlantChoice, PlantError, PlantKind

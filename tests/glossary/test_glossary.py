@@ -10,7 +10,7 @@ import pytest
 from backend.analysis.evaluation import FIGURES, figure_documents
 from backend.analysis.step_metrics import Whole
 from backend.api.export import files
-from backend.commissioning.steps import StepState
+from backend.commissioning.status import StepState
 from backend.faults import EXPLAINED, Fault, Limit
 from backend.glossary.glossary import (
     EQUATIONS,
@@ -24,7 +24,7 @@ from backend.glossary.glossary import (
 )
 from backend.identification.models import Grade
 from backend.models.run import Outcome
-from backend.realtime.program import Cause, HomingEnd, Mode
+from backend.realtime.modes import Cause, HomingEnd, Mode
 from backend.sample import FIELDS
 from backend.schemas.run import ChecklistState
 from backend.schemas.state import ChainLinkView

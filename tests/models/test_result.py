@@ -12,7 +12,7 @@ from sqlalchemy import text
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS, OLDER
 from backend.reports.build import build_report, metrics_document
-from backend.reports.model import load_source
+from backend.reports.run_data import load_source
 from backend.services.runs import RunQuery, StoredRuns
 from backend.storage import results
 from backend.storage.database import Database

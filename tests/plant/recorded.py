@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from backend.realtime.commands import Accepted, Inject, SetMode, SetReferences
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.recording.reader import Columns
 from backend.sample import INDEX, NAMES
 from plant.interface import Breakage, Broken, Plant, Sensor

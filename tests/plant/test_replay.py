@@ -10,7 +10,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, PlantFailing, Reset, Stopped
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from plant import replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters

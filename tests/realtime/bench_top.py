@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from backend.realtime.commands import Accepted, Command, Event, Refused, SetMode
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import Mode, SetTuning
+from backend.realtime.modes import Mode
+from backend.realtime.program import SetTuning
 from backend.sample import INDEX
 from backend.tuning.gains import TuningParameters
 from plant.interface import Plant

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from backend.realtime.commands import Command, Refused, RunProgram, SetMode, SetReferences
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import ConfigureContactDetection, Law, Mode, Program, Segment, SetTuning
+from backend.realtime.modes import Mode
+from backend.realtime.program import ConfigureContactDetection, Law, Program, Segment, SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from backend.tuning.gains import PointModel, TuningParameters, designed_point

@@ -23,8 +23,9 @@ from backend.realtime.commands import (
 )
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
+from backend.realtime.modes import Mode
 from backend.realtime.process import warm_up
-from backend.realtime.program import ConfigureContactDetection, Excitation, Law, Mode, Program, Segment, Shape
+from backend.realtime.program import ConfigureContactDetection, Excitation, Law, Program, Segment, Shape
 from backend.realtime.ring_buffer import Ring
 from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle

@@ -7,7 +7,7 @@ from pathlib import Path
 from backend.realtime.commands import SetMode
 from backend.realtime.gains import tuning_for
 from backend.realtime.ipc import Setup
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
 from backend.tuning.gains import TuningParameters

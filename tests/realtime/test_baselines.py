@@ -10,8 +10,9 @@ import pytest
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Refused, RunProgram
 from backend.realtime.gains import tuning_for
+from backend.realtime.modes import Mode
 from backend.realtime.motions import BASELINES
-from backend.realtime.program import Law, Mode, Program, Segment
+from backend.realtime.program import Law, Program, Segment
 from backend.tuning.gains import TuningParameters, feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.simulation import Trajectory
 from plant.parameters import PlantParameters, load_parameters

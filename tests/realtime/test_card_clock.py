@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from backend.realtime.channel import Channel, channel_pair
 from backend.realtime.control_loop import Loop
-from backend.realtime.ipc import Channel, channel_pair
 from backend.realtime.process import Worker
 from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring

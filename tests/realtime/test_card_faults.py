@@ -25,7 +25,7 @@ from backend.realtime.commands import (
 )
 from backend.realtime.gains import tuning_for
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder

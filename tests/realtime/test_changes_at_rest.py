@@ -5,7 +5,7 @@ import pytest
 
 from backend.control.motion_primitives import LARGEST_STEP_V
 from backend.realtime.commands import SetMode, SetReferences
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from plant.parameters import load_parameters
 from tests.realtime.changes_at_rest import Moved, Session, changes_at_rest
 

@@ -9,7 +9,8 @@ import pytest
 
 from backend.control.motion_primitives import LARGEST_STEP_V
 from backend.realtime.commands import RunProgram, SetMode, SetReferences
-from backend.realtime.program import LEGAL, Excitation, Law, Mode, Program, Segment
+from backend.realtime.modes import LEGAL, Mode
+from backend.realtime.program import Excitation, Law, Program, Segment
 from plant.parameters import load_parameters
 from tests.docs.faults_page import PAGE
 from tests.realtime.changes_at_rest import Session

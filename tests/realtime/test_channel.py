@@ -12,11 +12,9 @@ from hypothesis import strategies as st
 from backend.errors import OutOfRangeError
 from backend.faults import Fault
 from backend.realtime import commands
+from backend.realtime.channel import MAX_BYTES, Channel, ChannelClosedError, channel_pair
 from backend.realtime.commands import Accepted, RunProgram, SetMode, Shutdown
 from backend.realtime.ipc import (
-    MAX_BYTES,
-    Channel,
-    ChannelClosedError,
     ChannelError,
     Failed,
     LongProgram,
@@ -24,23 +22,19 @@ from backend.realtime.ipc import (
     ProgramParts,
     Ready,
     Setup,
-    channel_pair,
     decode_from_loop,
     decode_to_loop,
     encode,
     packets,
 )
+from backend.realtime.modes import Cause, CommandRejectedError, HomingEnd, Mode
 from backend.realtime.program import (
     MAX_SEGMENTS,
     MAX_TUNINGS,
     MAX_WALLS,
-    Cause,
-    CommandRejectedError,
     EntryGains,
     Excitation,
-    HomingEnd,
     Law,
-    Mode,
     MotorGains,
     Program,
     Segment,

@@ -20,17 +20,8 @@ from backend.realtime.commands import (
 )
 from backend.realtime.contact import TAIL_S
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import (
-    MODE_CODE,
-    Cause,
-    ConfigureContactDetection,
-    ContactDetected,
-    Law,
-    Mode,
-    Program,
-    Segment,
-    Shape,
-)
+from backend.realtime.modes import MODE_CODE, Cause, Mode
+from backend.realtime.program import ConfigureContactDetection, ContactDetected, Law, Program, Segment, Shape
 from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters

@@ -27,7 +27,7 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.sample import INDEX
 from plant.interface import Breakage, Broken, Sensor
 from plant.parameters import PlantParameters, load_parameters

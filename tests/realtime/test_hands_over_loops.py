@@ -13,7 +13,8 @@ from backend.realtime.commands import (
     SwitchDrives,
 )
 from backend.realtime.ipc import Setup, decode_to_loop, encode
-from backend.realtime.program import Mode, SetTuning
+from backend.realtime.modes import Mode
+from backend.realtime.program import SetTuning
 from backend.realtime.supervisor import Supervisor
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import PlantParameters

@@ -21,7 +21,8 @@ from backend.realtime.commands import (
     Stopped,
 )
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import MODE_CODE, Law, Mode, Program, Segment, SetTuning
+from backend.realtime.modes import MODE_CODE, Mode
+from backend.realtime.program import Law, Program, Segment, SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant.parameters import PlantParameters

@@ -10,9 +10,10 @@ from contextlib import contextmanager
 import pytest
 
 from backend.realtime import heartbeat
+from backend.realtime.channel import Channel, channel_pair
 from backend.realtime.commands import Heartbeat
 from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender
-from backend.realtime.ipc import Channel, channel_pair, decode_to_loop
+from backend.realtime.ipc import decode_to_loop
 
 pytestmark = pytest.mark.live
 

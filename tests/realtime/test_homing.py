@@ -23,7 +23,8 @@ from backend.realtime.commands import (
 )
 from backend.realtime.commissioning_motions import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import MODE_CODE, HomingEnd, Mode, SetTuning
+from backend.realtime.modes import MODE_CODE, HomingEnd, Mode
+from backend.realtime.program import SetTuning
 from backend.sample import INDEX
 from plant.dynamics import PlantState
 from plant.manual_input import NO_HAND, ManualInput

@@ -10,8 +10,9 @@ from backend.control import motion_primitives, pid
 from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState
 from backend.realtime.commands import Inject, Refused, RunEnded, RunProgram, SetMode, SetReferences, Stop
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.motions import voltage_steps_of
-from backend.realtime.program import MODE_CODE, Law, Mode, Program, TensionLeg, VoltageStep
+from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
 from backend.tuning.gains import TuningParameters, cascade_tuning
 from plant.interface import Breakage, Broken, Measurement, Sensor
 from plant.parameters import PlantParameters, load_parameters

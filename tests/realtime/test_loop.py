@@ -8,18 +8,8 @@ from scipy.signal import max_len_seq
 
 from backend.realtime.commands import ModeChanged, Refused, RunEnded, RunProgram, SetMode, SetReferences
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import (
-    LEGAL,
-    MODE_CODE,
-    EntryGains,
-    Excitation,
-    Law,
-    Mode,
-    Program,
-    Segment,
-    SetTuning,
-    Shape,
-)
+from backend.realtime.modes import LEGAL, MODE_CODE, Mode
+from backend.realtime.program import EntryGains, Excitation, Law, Program, Segment, SetTuning, Shape
 from backend.sample import NAMES
 from backend.tuning.gains import TuningParameters
 from plant.interface import Measurement

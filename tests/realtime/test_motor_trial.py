@@ -14,7 +14,8 @@ from backend.realtime.commands import Accepted, Refused, SetMode, Stop, TryMotor
 from backend.realtime.commissioning_motions import ModuleTrial, MotorTrial
 from backend.realtime.gains import tuning_of
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import MODE_CODE, Mode, SetTuning
+from backend.realtime.modes import MODE_CODE, Mode
+from backend.realtime.program import SetTuning
 from backend.sample import INDEX
 from backend.tuning.gains import knowledge
 from plant.factory import make_plant

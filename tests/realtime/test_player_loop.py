@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
+from backend.realtime.channel import Channel, channel_pair
 from backend.realtime.commands import (
     Accepted,
     ApplyPush,
@@ -22,10 +23,10 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
-from backend.realtime.ipc import Channel, channel_pair, decode_from_loop, encode
+from backend.realtime.ipc import decode_from_loop, encode
+from backend.realtime.modes import Mode
 from backend.realtime.player import PlayerLoop
 from backend.realtime.process import Worker
-from backend.realtime.program import Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import Pacer
 from backend.sample import INDEX, NAMES

@@ -21,15 +21,13 @@ from backend.realtime.commands import (
     WallChanged,
 )
 from backend.realtime.gains import tuning_for
+from backend.realtime.modes import MODE_CODE, Cause, Mode
 from backend.realtime.program import (
     MAX_TOUCHES,
-    MODE_CODE,
-    Cause,
     ConfigureContactDetection,
     ContactDetected,
     ContactDetection,
     Law,
-    Mode,
     Program,
     Segment,
     Shape,

@@ -15,7 +15,8 @@ from backend.realtime.commands import (
     SetReferences,
     Stop,
 )
-from backend.realtime.program import Law, Mode, Program, Segment
+from backend.realtime.modes import Mode
+from backend.realtime.program import Law, Program, Segment
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.realtime.bench_top import BenchTop

@@ -7,7 +7,8 @@ import pytest
 
 from backend.realtime.commands import Accepted, ApplyPush, Refused, RunProgram, SetMode, SetReferences
 from backend.realtime.gains import tuning_for, tuning_of
-from backend.realtime.program import ConfigureContactDetection, Law, Mode, Program, Segment, SetTuning
+from backend.realtime.modes import Mode
+from backend.realtime.program import ConfigureContactDetection, Law, Program, Segment, SetTuning
 from backend.tuning.gains import UNSEEN_F, TuningParameters, knowledge
 from backend.tuning.simulation import NEAR_RAD, PUSH_N, push_forecast
 from plant.parameters import load_parameters

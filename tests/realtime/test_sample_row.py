@@ -6,7 +6,7 @@ import pytest
 from backend.faults import FAULT_CODE, Fault, Limit
 from backend.realtime.commands import SetReferences, Stop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import NAMES
 from backend.tuning.gains import TuningParameters
 from plant.interface import Measurement, MotorCommand, RawReading

@@ -7,7 +7,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stop, Stopped
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from plant.interface import Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator

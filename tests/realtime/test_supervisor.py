@@ -18,7 +18,8 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime import supervisor as supervisor_module
 from backend.realtime.commands import Accepted, Refused, SetMode, Stop, Stopped
 from backend.realtime.ipc import Setup
-from backend.realtime.program import MODE_CODE, Mode, SetTuning
+from backend.realtime.modes import MODE_CODE, Mode
+from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
 from backend.realtime.timing import timing

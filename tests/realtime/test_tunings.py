@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from backend.realtime.commands import Accepted, Command, Refused, Reset, RunProgram, SetMode, Stop, TuningChanged
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import Law, Mode, Program, Segment
+from backend.realtime.modes import Mode
+from backend.realtime.program import Law, Program, Segment
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from backend.tuning.gains import TuningParameters

@@ -12,7 +12,8 @@ import pytest
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Inject, Refused, Reset, SetMode, SwitchDrives
 from backend.realtime.ipc import Setup
-from backend.realtime.program import MODE_CODE, Mode, SetTuning
+from backend.realtime.modes import MODE_CODE, Mode
+from backend.realtime.program import SetTuning
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
 from plant.calibration import fingerprint

@@ -7,7 +7,8 @@ import pytest
 
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Obstruct, Refused, RunProgram, SetMode, SetReferences, Stopped
-from backend.realtime.program import MAX_WALLS, Law, Mode, Program, Segment, Shape, TensionLeg
+from backend.realtime.modes import Mode
+from backend.realtime.program import MAX_WALLS, Law, Program, Segment, Shape, TensionLeg
 from plant.dynamics import Obstacle
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator

@@ -8,6 +8,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime import process
+from backend.realtime.channel import MAX_BYTES
 from backend.realtime.commands import (
     Accepted,
     Command,
@@ -21,9 +22,10 @@ from backend.realtime.commands import (
     Shutdown,
     Stopped,
 )
-from backend.realtime.ipc import MAX_BYTES, PART_SEGMENTS, Ready, ToLoop, decode_to_loop, packets
+from backend.realtime.ipc import PART_SEGMENTS, Ready, ToLoop, decode_to_loop, packets
+from backend.realtime.modes import Mode
 from backend.realtime.process import BYTES_PER_TICK
-from backend.realtime.program import MAX_SEGMENTS, Law, Mode, Program, Segment, SetTuning
+from backend.realtime.program import MAX_SEGMENTS, Law, Program, Segment, SetTuning
 from backend.realtime.timing import RealTimeStatus
 from plant.parameters import PlantParameters
 from tests.docs.faults_page import documented_ms

@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from backend.realtime.channel import Channel, channel_pair
 from backend.realtime.control_loop import Loop
-from backend.realtime.ipc import Channel, Setup, channel_pair, decode_from_loop, encode
+from backend.realtime.ipc import Setup, decode_from_loop, encode
 from backend.realtime.process import Worker
 from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.faults import FAULTS
 from backend.realtime.commands import RunEnded
-from backend.realtime.program import Cause
+from backend.realtime.modes import Cause
 from backend.realtime.ring_buffer import WIDTH, Ring
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX

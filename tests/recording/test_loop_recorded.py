@@ -8,7 +8,7 @@ from backend.faults import Fault
 from backend.realtime.commands import Accepted, PretensionReached, SetMode, SetReferences, Stop
 from backend.realtime.gains import tuning_for
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import read_envelope, read_samples
 from backend.recording.recorder import Recorder

@@ -4,7 +4,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import RunEnded
-from backend.realtime.program import Cause, Why
+from backend.realtime.modes import Cause, Why
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
 from backend.recording.recorder import Recorder

@@ -5,8 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from backend.reports.experiment_report import tracking_report
-from backend.reports.model import Report, RunData
+from backend.reports.model import Report
 from backend.reports.plotting import forget_drawings
+from backend.reports.run_data import RunData
 from tests.reports.figure_labels import assert_it_reads_well
 from tests.reports.tracking_run import PLAN, samples, source_of
 

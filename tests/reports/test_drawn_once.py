@@ -9,8 +9,9 @@ import pytest
 
 from backend.analysis.disturbance_metrics import HoldWindow
 from backend.reports.experiment_report import tracking_report
-from backend.reports.model import RunData, to_html
+from backend.reports.model import to_html
 from backend.reports.plotting import cached_figure, forget_drawings
+from backend.reports.run_data import RunData
 from backend.units import AngleUnit
 
 Given = tuple[tuple[Any, ...], dict[str, Any]]

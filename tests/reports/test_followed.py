@@ -8,8 +8,9 @@ import pytest
 
 from backend.models.run import StepFigures
 from backend.reports.experiment_report import PapersLaw, beside, papers_law, tracking_report
-from backend.reports.model import Fact, Figure, Report, RunData, Table, to_html
+from backend.reports.model import Fact, Figure, Report, Table, to_html
 from backend.reports.provenance import tuning_facts
+from backend.reports.run_data import RunData
 from backend.tuning.gains import TuningParameters, cascade_tuning
 from backend.tuning.simulation import run
 from backend.units import AngleUnit

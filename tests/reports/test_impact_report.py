@@ -12,7 +12,8 @@ from backend.execution.simulation import headless_station
 from backend.experiments.library import ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.reports.build import build_report
-from backend.reports.model import NO_FIGURE, Figure, RunData, Table, load_source, to_html
+from backend.reports.model import NO_FIGURE, Figure, Table, to_html
+from backend.reports.run_data import RunData, load_source
 from backend.reports.sections import hits_table, reaction_tables
 from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database

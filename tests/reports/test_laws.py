@@ -13,7 +13,8 @@ from backend.experiments.plans import LoopSettings
 from backend.models.settings import declared_values
 from backend.realtime.program import Law
 from backend.reports.build import build_report
-from backend.reports.model import Report, RunData, Table
+from backend.reports.model import Report, Table
+from backend.reports.run_data import RunData
 from backend.tuning.gains import TuningParameters, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.simulation import run
 from plant.parameters import load_parameters

@@ -7,7 +7,7 @@ import pytest
 
 from backend.models.run import CRITERIA, METRICS
 from backend.reports.build import build_report, metrics_document
-from backend.reports.model import RunData
+from backend.reports.run_data import RunData
 from backend.schemas.run import EvaluationView
 from backend.services.runs import experiment_view, run_view
 from tests.reports.tracking_run import PLAN, samples, source_of

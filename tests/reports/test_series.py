@@ -19,9 +19,11 @@ from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
 from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read
-from backend.reports.model import Report, RunData, Table, to_html, to_pdf
+from backend.reports.model import Report, Table, to_html, to_pdf
 from backend.reports.rendering import render_series
-from backend.reports.series import load_series, series_report
+from backend.reports.run_data import RunData
+from backend.reports.series import series_report
+from backend.reports.series_source import load_series
 from backend.reports.verification import Verified, stored_samples, verify, verify_pdf, verify_series
 from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry

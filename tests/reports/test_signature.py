@@ -140,7 +140,7 @@ def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: byt
 
 def test_nothing_loads_the_library_but_a_signature() -> None:
     code = (
-        "import sys, backend.app, backend.cli.report, backend.reports.signing\n"
+        "import sys, backend.main, backend.app, backend.cli.report, backend.reports.signing\n"
         "backend.reports.signing.read_signature(b'<html></html>')\n"
         "print('cryptography' in sys.modules)"
     )

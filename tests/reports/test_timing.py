@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from backend.models.run import SETTINGS, KeptGrant
-from backend.reports.model import RunData, Table
-from backend.reports.sections import timing_section
+from backend.reports.model import Table
+from backend.reports.run_data import RunData
+from backend.reports.timing import timing_section
 
 
 def rows(source: RunData) -> dict[str, tuple[str, ...]]:

@@ -12,8 +12,9 @@ import pytest
 from matplotlib.figure import Figure as Drawn
 
 from backend.reports.build import build_report
-from backend.reports.model import Code, Figure, Paragraph, Report, RunData, Table
+from backend.reports.model import Code, Figure, Paragraph, Report, Table
 from backend.reports.plotting import forget_drawings
+from backend.reports.run_data import RunData
 from backend.units import AngleUnit
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS

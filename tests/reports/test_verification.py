@@ -28,8 +28,9 @@ from backend.reports.evidence import (
     read,
     to_element,
 )
-from backend.reports.model import RunData, load_source, to_html, to_pdf
+from backend.reports.model import to_html, to_pdf
 from backend.reports.plotting import forget_drawings
+from backend.reports.run_data import RunData, load_source
 from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify
 from backend.storage.database import open_database
 from plant.parameters import load_parameters

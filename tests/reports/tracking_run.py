@@ -9,7 +9,7 @@ from backend.analysis.evaluation import tracking_document
 from backend.analysis.step_metrics import tracking_metrics
 from backend.experiments.library import kept_values, ready_plan
 from backend.experiments.plans import ExperimentPlan
-from backend.reports.model import RunData
+from backend.reports.run_data import RunData
 from backend.sample import STORED_NAMES
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.results import Result

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 from backend.analysis.evaluation import FIGURES
 from backend.models.settings import SettingError
-from backend.reports import sheet
+from backend.reports import study_map
 from backend.storage.studies import StoredPoint
 from backend.studies.maps import LEAST_IS_WORST, NEITHER_IS_WORST, PICKS, WORST, axis_labels, map_of, shares, spreadings
 from backend.studies.point import LOOP_FIGURES, UNSTABLE, PointResult
@@ -74,10 +74,12 @@ def test_neighbours_at_an_axis_read_differently() -> None:
 
 def test_a_picture_tells_its_numbers_apart(tmp_path: Path) -> None:
     drawn = tmp_path / "map.svg"
-    sheet.draw_map([[10.0051, None], [10.0093, 10.0]], ("λ_q [s]", ["0.5", "0.8"]), ("S", ["1", "2"]), "F [N]", drawn)
+    study_map.draw_map(
+        [[10.0051, None], [10.0093, 10.0]], ("λ_q [s]", ["0.5", "0.8"]), ("S", ["1", "2"]), "F [N]", drawn
+    )
     for number in ("10.0051", "10.0093"):
         assert number in drawn.read_text()
-    sheet.draw_map([[None]], ("x", ["1"]), ("y", ["1"]), "F [N]", drawn)
+    study_map.draw_map([[None]], ("x", ["1"]), ("y", ["1"]), "F [N]", drawn)
 
 
 XY = {"x": (1, 2), "y": (1,)}
@@ -168,13 +170,13 @@ def test_a_map_of_a_share_has_the_interval_of_each_cell() -> None:
 
 
 def test_colours_tell_apart_what_differs_by_more_than_a_twentieth() -> None:
-    low, high = sheet.colour_range([8.847, 8.856])
+    low, high = study_map.colour_range([8.847, 8.856])
     assert high - low == pytest.approx(0.05 * 8.856)
     assert (low + high) / 2.0 == pytest.approx(8.8515)
-    assert sheet.colour_range([8.0, 9.0]) == (8.0, 9.0)
-    assert sheet.colour_range([-0.01, 0.02]) == (-0.01, 0.02)
+    assert study_map.colour_range([8.0, 9.0]) == (8.0, 9.0)
+    assert study_map.colour_range([-0.01, 0.02]) == (-0.01, 0.02)
     for alike in ([0.0], [3.0, 3.0], []):
-        low, high = sheet.colour_range(alike)
+        low, high = study_map.colour_range(alike)
         assert high > low
 
 
@@ -182,7 +184,7 @@ def test_numbers_are_readable_on_any_colour() -> None:
     """Contrast of text as WCAG 2.1 defines it: 4.5 at least."""
     for share in np.linspace(0.0, 1.0, 101):
         colour = matplotlib.colormaps["viridis"](share)
-        ink = 1.0 if sheet.ink_on(colour) == "white" else 0.0
+        ink = 1.0 if study_map.ink_on(colour) == "white" else 0.0
         parts = np.array(colour[:3])
         linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
         lightest, darkest = sorted((float(linear @ (0.2126, 0.7152, 0.0722)), ink), reverse=True)

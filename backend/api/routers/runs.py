@@ -12,7 +12,7 @@ from backend.api.dependencies import AnglesRead, Operator, RowId, ServiceInUse, 
 from backend.exports.formats import MEDIA_TYPES, DataFormat
 from backend.exports.mcap import layout
 from backend.plain_text import as_file_name
-from backend.reports.series import MOST_RUNS
+from backend.reports.series_source import MOST_RUNS
 from backend.schemas.base import Finite, Schema
 from backend.schemas.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
 from backend.schemas.run import (

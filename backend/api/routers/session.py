@@ -6,7 +6,7 @@ from backend.api.dependencies import Operator, ServiceInUse, SignedIn
 from backend.auth.authentication import User
 from backend.schemas.preferences import Preferences
 from backend.schemas.run import Checklist
-from backend.schemas.state import (
+from backend.schemas.session import (
     FreshTokens,
     Health,
     NameRequest,

@@ -76,7 +76,7 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
     try:
         person = authentication.sign_in(shown_by(request), token, name)
     except RequestRejectedError as error:
-        return message_page(STATUS[error.because], str(error))
+        return message_page(STATUS[error.category], str(error))
     answer = RedirectResponse("./", status_code=303)  # from here: a proxy may have a path before it
     grant(authentication, request, answer, person)
     await authentication.sessions.save()

@@ -12,7 +12,7 @@ from backend.identification.motor import VoltageStepRecord
 from backend.realtime.commands import Refused, RunProgram, SetMode
 from backend.realtime.control_loop import Loop
 from backend.realtime.gains import tuning_for
-from backend.realtime.program import Mode
+from backend.realtime.modes import Mode
 from backend.sample import INDEX
 from backend.tuning.gains import TuningParameters
 from plant.dynamics import AT_REST

@@ -14,7 +14,8 @@ from backend.experiments.library import ready_plan
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Command, SetMode, SetReferences
 from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import ConfigureContactDetection, Mode
+from backend.realtime.modes import Mode
+from backend.realtime.program import ConfigureContactDetection
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from backend.storage.banks import Bank

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from backend.banks.tuning_settings import NAMES
 from backend.realtime.contact import PUSHED_IN
-from backend.realtime.program import LEGAL, MOVING, Mode
+from backend.realtime.modes import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import MINE, Moment, State

@@ -1,0 +1,162 @@
+"""The service: starts the loop process, puts its parts together, runs them and ends them.
+
+Modules that take long to import are imported where they are used: the loop process loads in parallel.
+"""
+
+import asyncio
+import gc
+import os
+import socket
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from backend import logs, workers
+from backend.auth.sessions import TokenFiles, Tokens
+from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
+from backend.realtime.launching import launch
+from backend.server.descriptors import raise_limit
+from backend.server.listening import Ending, address_on, listening_on
+from backend.settings import Settings
+from backend.supervision import Part, Supervision
+from backend.workers import refuse_forks
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+    from backend.realtime.supervisor import Supervisor
+    from backend.realtime.timing import RealTimeStatus
+    from backend.recording.recorder import Recorder
+
+
+NICENESS = -10
+SWITCH_S = 0.5e-3
+"""Each thread that answers somebody may keep Python's lock from the event loop, and so from STOP, for so long [s]."""
+
+LIBRARIES = Part("The loading of libraries", "The first preview or forecast takes some seconds longer.")
+
+
+def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
+    """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers.
+
+    Raises AlreadyRunningError, DataFolderError, CannotListenError, and what keeps a part from starting.
+    """
+    os.umask(UMASK)
+    logs.begin()
+    raise_limit()
+    refuse_forks()
+    with only_service_on(settings.data) as folder, listening_on(settings.host, settings.port) as listening:
+        make_private(settings.data)
+        _ask_for_priority()
+        sys.setswitchinterval(SWITCH_S)
+        with _garbage_kept():
+            asyncio.run(_serve(settings, folder, listening, ready))
+
+
+async def _serve(
+    settings: Settings, folder: HeldFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
+) -> None:
+    parts, ending = AsyncExitStack(), Ending()
+
+    @asynccontextmanager
+    async def lifespan(_app: "FastAPI") -> AsyncIterator[None]:
+        async with parts:
+            yield
+
+    try:
+        files = TokenFiles(settings.data) if settings.require_token else None
+        launched = await launch(settings.params)
+        parts.push_async_callback(launched.discard)
+        supervision = Supervision()
+        parts.push_async_callback(supervision.close)
+
+        from backend.app import bootstrap
+
+        foundation = bootstrap(settings, launched, supervision, parts)
+        starting = asyncio.create_task(foundation.supervisor.start(), name="start of the loop")
+        parts.push_async_callback(_abandon, starting, foundation.supervisor)
+        await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
+        from backend.api.app import create_app
+        from backend.app import build_services
+        from backend.auth.authentication import Authentication
+        from backend.auth.sessions import Sessions
+        from backend.server.server import Server, put_routes_together
+        from backend.storage.events import EventKind
+
+        authentication = Authentication(files, Sessions(settings.data))
+        # All who listen to the loop are there before the event loop gets to hear from it.
+        assembled = build_services(settings, foundation, folder, authentication, supervision, parts)
+        # The service's own commands ask at the address that it listens on.
+        app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
+        app.state.service, app.state.authentication = assembled.service, authentication
+        await put_routes_together(app)
+        _leave_what_was_made()
+        parts.callback(lambda: assembled.journal.record(EventKind.NOTE, ending.cause))
+        await _join_loop(starting, foundation.supervisor, assembled.recorder, ending, supervision, parts)
+        parts.push_async_callback(lambda: assembled.service.ordered_runs.close(ending.cause))
+    except BaseException:
+        await parts.aclose()
+        raise
+    address = address_on(settings.host, listening.getsockname()[1])
+
+    def load_the_rest() -> None:
+        workers.load(*workers.SCIENCE)
+        foundation.figures.keep()
+
+    def announce() -> None:
+        folder.say_address(address, settings.public_url)
+        assembled.draw()
+        ready(address, files.tokens if files else None)
+        supervision.keep_thread(LIBRARIES, load_the_rest, lambda: None)
+
+    await Server(app, announce, ending).serve([listening])
+
+
+@contextmanager
+def _garbage_kept() -> Iterator[None]:
+    """Look for no garbage while nearly all that is made stays; whoever has started says so by ``gc.enable``."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def _leave_what_was_made() -> None:
+    """Leave what the start has made to the end of the process: to look through it takes a third of a second."""
+    gc.freeze()
+    gc.enable()
+
+
+async def _join_loop(
+    starting: "asyncio.Task[RealTimeStatus]",
+    supervisor: "Supervisor",
+    recorder: "Recorder",
+    ending: Ending,
+    supervision: Supervision,
+    stack: AsyncExitStack,
+) -> None:
+    """Wait until the loop ticks and record it; both end before the other parts do."""
+    from backend.recording.recorder import PART as RECORDER
+
+    await starting
+    recorder.follow(supervisor.ring)
+    stack.push_async_callback(asyncio.to_thread, recorder.close)
+    stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
+    stack.push_async_callback(lambda: supervisor.stop(ending.cause))
+
+
+async def _abandon(starting: "asyncio.Task[RealTimeStatus]", supervisor: "Supervisor") -> None:
+    """End a loop process that nobody got to use."""
+    if not starting.done():
+        starting.cancel()
+        await asyncio.wait((starting,))
+    if starting.cancelled() or starting.exception() is not None or supervisor.alive:
+        await supervisor.stop("the service could not start")
+
+
+def _ask_for_priority() -> None:
+    """Come before ordinary programs where the machine grants it: the loop stops where it hears nothing."""
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)

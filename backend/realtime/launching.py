@@ -1,0 +1,52 @@
+"""Launches a loop process that loads its modules while the service does, and waits for its first message."""
+
+import asyncio
+import sys
+from asyncio.subprocess import DEVNULL, Process
+from contextlib import suppress
+
+from backend.realtime.channel import Channel, channel_pair
+from backend.realtime.ring_buffer import Ring
+from plant.safety_card import Card
+
+
+class LoopProcess:
+    """A loop process that nobody has told yet what to drive, with the memory that it shares; outputs untouched.
+
+    ``take`` it, or ``discard`` it.
+    """
+
+    def __init__(self, process: Process, ring: Ring, card: Card, channel: Channel) -> None:
+        self.process, self.ring, self.card, self.channel = process, ring, card, channel
+        self._taken = False
+
+    def take(self) -> "LoopProcess | None":
+        """Own the process from now on; None where somebody does, or where it has ended."""
+        if self._taken or self.process.returncode is not None:
+            return None
+        self._taken = True
+        return self
+
+    async def discard(self) -> None:
+        """End the process unless it was taken."""
+        if not self._taken:
+            self._taken = True
+            self.channel.close()
+            with suppress(ProcessLookupError):
+                self.process.kill()
+            await self.process.wait()
+
+
+async def launch(parameters: str) -> LoopProcess:
+    """Start a loop process; it gets ready for a plant of ``parameters`` before it is told which."""
+    ring, card = Ring.create(), Card.create()
+    channel, theirs = channel_pair()
+    with theirs:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-P",  # the working directory may hold a signal.py, or another package called backend
+            *("-m", "backend.realtime.process", str(ring.fd), str(theirs.fileno()), str(card.fd), parameters),
+            stdin=DEVNULL,
+            pass_fds=(ring.fd, theirs.fileno(), card.fd),
+        )
+    return LoopProcess(process, ring, card, channel)

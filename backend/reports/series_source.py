@@ -1,0 +1,49 @@
+"""The runs of a series, loaded: as many and as long as one report can hold."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+from backend.analysis.evaluation import catch_up
+from backend.errors import ErrorCode, RequestRejectedError
+from backend.reports.run_data import RunData, load_source
+from backend.storage import recordings, runs
+from backend.storage.database import Database
+from backend.storage.orm import UnknownRecordError
+from backend.storage.runs import EndState, RunKind
+from backend.units import AngleUnit
+
+MOST_RUNS = 100
+MOST_SAMPLES = 3_000_000
+"""All runs together: their samples are in memory at once, 50 minutes of them."""
+
+
+def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -> list[RunData]:
+    """Gather what is stored of each run; one that was left behind gets its result first.
+
+    Raises RequestRejectedError, UnknownRecordError, before samples are read.
+    """
+    chosen = list(dict.fromkeys(numbers))
+    if not 2 <= len(chosen) <= MOST_RUNS:
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
+        )
+    samples = 0
+    with database.reading() as session:
+        for number in chosen:
+            run = runs.get(session, number)
+            with suppress(UnknownRecordError):  # of a run that ended before its first sample there is no recording
+                samples += recordings.extent(session, number).count
+            if run.kind == RunKind.SESSION:
+                raise RequestRejectedError(
+                    ErrorCode.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
+                )
+            if run.end_state == EndState.RUNNING:
+                raise RequestRejectedError(
+                    ErrorCode.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
+                )
+    if samples > MOST_SAMPLES:
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
+        )
+    catch_up(database, chosen)
+    return [load_source(database, number, angles) for number in chosen]
