@@ -33,8 +33,8 @@ from backend.reports.model import (
     ReportSection,
     Table,
     to_html,
-    to_pdf,
 )
+from backend.reports.pdf import to_pdf
 from backend.reports.provenance import definitions_facts, verdict_of
 from backend.reports.run_data import RunData, load_source
 from backend.reports.timing import timing_section

@@ -11,7 +11,8 @@ from backend.reports.run_data import RunData
 def render(source: RunData, kind: str) -> bytes:
     """Return the report as "html" or "pdf"."""
     from backend.reports.build import build_report
-    from backend.reports.model import to_html, to_pdf
+    from backend.reports.model import to_html
+    from backend.reports.pdf import to_pdf
 
     report = build_report(source)
     return to_pdf(report) if kind == "pdf" else to_html(report).encode()
@@ -19,7 +20,8 @@ def render(source: RunData, kind: str) -> bytes:
 
 def render_series(sources: Sequence[RunData], kind: str) -> bytes:
     """Return the report of a series as "html" or "pdf"."""
-    from backend.reports.model import to_html, to_pdf
+    from backend.reports.model import to_html
+    from backend.reports.pdf import to_pdf
     from backend.reports.series import series_report
 
     report = series_report(sources)

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from backend.errors import ErrorCode, RequestRejectedError
 from backend.plain_text import as_lines
-from backend.reports.model import missing_letters, sentence, with_boxes
+from backend.reports.pdf import missing_letters, sentence, with_boxes
 
 # Sheet ---------------------------------------------------------------------------------------------
 #

@@ -47,7 +47,8 @@ from backend.reports.evidence import (
     without_element,
 )
 from backend.reports.evidence import read as read_evidence
-from backend.reports.model import to_html, to_pdf
+from backend.reports.model import to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
 from backend.reports.series import series_report
 from backend.sample import ADDED_LATER, STORED_NAMES

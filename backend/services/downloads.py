@@ -122,7 +122,7 @@ AT_ONCE = 6
 """Downloads of samples under way at a time, each with a process of its own."""
 
 _LOG = logging.getLogger(__name__)
-_REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.model"
+_REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.pdf"
 
 
 class Downloads:

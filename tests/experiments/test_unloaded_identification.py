@@ -18,7 +18,8 @@ from backend.models.settings import from_values
 from backend.realtime.commands import Stop
 from backend.recording.reader import recorded_columns
 from backend.reports.build import build_report
-from backend.reports.model import to_html, to_pdf
+from backend.reports.model import to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import load_source
 from backend.storage import identifications
 from backend.storage.database import open_database

@@ -7,7 +7,8 @@ import numpy as np
 import typst
 from matplotlib.image import imread
 
-from backend.reports.model import Report, fonts, typeset
+from backend.reports.model import Report
+from backend.reports.pdf import fonts, typeset
 
 HEIGHT_MM, TOP_MM, BOTTOM_MM = 297.0, 22.0, 277.0
 """Of a page, and where its text begins and ends."""

@@ -14,7 +14,8 @@ from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
 from backend.reports.experiment_report import lines_of
-from backend.reports.model import NO_FIGURE, Figure, Report, Table, to_html, to_pdf
+from backend.reports.model import NO_FIGURE, Figure, Report, Table, to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData, load_source
 from backend.reports.series import series_report
 from backend.reports.verification import Verified, verify

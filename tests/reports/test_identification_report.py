@@ -12,7 +12,8 @@ from backend.identification.models import Model
 from backend.models.run import MeasuredFigure as Measured
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.model import Figure, Report, Table, to_html, to_pdf
+from backend.reports.model import Figure, Report, Table, to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.plotting import forget_drawings, simulated_from_rest
 from backend.reports.run_data import RunData
 from backend.sample import STORED_NAMES

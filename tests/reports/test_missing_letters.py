@@ -6,9 +6,10 @@ from dataclasses import replace
 import pytest
 from pypdf import PdfReader
 
-from backend.reports import model
+from backend.reports import model, pdf
 from backend.reports.build import build_report
-from backend.reports.model import BOX, missing_letters, sentence, to_html, to_pdf, with_boxes
+from backend.reports.model import to_html
+from backend.reports.pdf import BOX, missing_letters, sentence, to_pdf, with_boxes
 from backend.reports.sheet import sheet_pdf
 from tests.reports.tracking_run import PLAN, samples, source_of
 
@@ -18,7 +19,7 @@ THERE = "aäλφЖعﻉ−≈′₂²·…“”"
 
 def test_letters_that_the_fonts_have_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     assert missing_letters([THERE, "λ_q′"]) == set()
-    plain = "".join(model._PLAIN - {"\n"})
+    plain = "".join(pdf._PLAIN - {"\n"})
     monkeypatch.setattr(model, "_PLAIN", frozenset("\n"))
     assert missing_letters([plain]) == set()
     assert missing_letters([TITLE, THERE]) == set("阻抗測試😀")

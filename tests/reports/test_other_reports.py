@@ -11,7 +11,8 @@ from backend.analysis.evaluation import figure_documents
 from backend.experiments.library import ready_plan
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.model import Figure, Report, Table, to_html, to_pdf
+from backend.reports.model import Figure, Report, Table, to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 from tests.reports.tracking_run import PLAN, samples, source_of

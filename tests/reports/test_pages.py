@@ -8,7 +8,8 @@ import pytest
 from pypdf import PdfReader
 
 from backend.reports.build import build_report
-from backend.reports.model import Code, Paragraph, Report, ReportSection, to_pdf
+from backend.reports.model import Code, Paragraph, Report, ReportSection
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
 from tests.reports.pages import filled_shares
 from tests.reports.test_identification_report import PLAYED, identification

@@ -19,7 +19,8 @@ from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
 from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read
-from backend.reports.model import Report, Table, to_html, to_pdf
+from backend.reports.model import Report, Table, to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.rendering import render_series
 from backend.reports.run_data import RunData
 from backend.reports.series import series_report

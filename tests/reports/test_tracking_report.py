@@ -13,7 +13,8 @@ from backend.exports.base import of_columns
 from backend.models.run import CRITERIA, METRICS
 from backend.reports.build import write_files
 from backend.reports.experiment_report import tracking_report
-from backend.reports.model import Figure, Report, Table, to_html, to_pdf
+from backend.reports.model import Figure, Report, Table, to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
 from backend.storage.database import Database
 from tests.reports.tracking_run import PLAN, samples, source_of

@@ -28,7 +28,8 @@ from backend.reports.evidence import (
     read,
     to_element,
 )
-from backend.reports.model import to_html, to_pdf
+from backend.reports.model import to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.plotting import forget_drawings
 from backend.reports.run_data import RunData, load_source
 from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify

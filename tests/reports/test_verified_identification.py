@@ -19,7 +19,8 @@ from backend.experiments.plans import (
 )
 from backend.reports.build import build_report
 from backend.reports.evidence import ACCOUNT, LAYOUT, ReportManifest, account_hash, element_of, read, to_element
-from backend.reports.model import to_html, to_pdf
+from backend.reports.model import to_html
+from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData, load_source
 from backend.reports.verification import Verified, verify
 from backend.storage.database import open_database
