@@ -146,9 +146,9 @@ class Operator:
         return self.page.get_by_role("figure", name=figure, exact=True).get_by_role("button", name=signal, exact=True)
 
     def reading(self, figure: str, signal: str) -> float:
-        """Newest value of a signal as the chart's legend shows it; nan while there is none."""
+        """Value of a signal in the legend of a chart; of an envelope about its middle; nan while there is none."""
         chart = self.page.get_by_role("figure", name=figure, exact=True)
-        shown = chart.locator(f"[data-role=value-{signal}]").inner_text().replace("\u2212", "-")
+        shown = chart.locator(f"[data-role=value-{signal}]").inner_text().replace("\u2212", "-").removeprefix("≈ ")
         return math.nan if shown == "\u2013" else float(shown)
 
     def picture(self, figure: str) -> bytes:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from pypdf import PdfReader
 
-from backend.reports import model, pdf
+from backend.reports import pdf
 from backend.reports.build import build_report
 from backend.reports.model import to_html
 from backend.reports.pdf import BOX, missing_letters, sentence, to_pdf, with_boxes
@@ -20,7 +20,7 @@ THERE = "aäλφЖعﻉ−≈′₂²·…“”"
 def test_letters_that_the_fonts_have_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
     assert missing_letters([THERE, "λ_q′"]) == set()
     plain = "".join(pdf._PLAIN - {"\n"})
-    monkeypatch.setattr(model, "_PLAIN", frozenset("\n"))
+    monkeypatch.setattr(pdf, "_PLAIN", frozenset("\n"))
     assert missing_letters([plain]) == set()
     assert missing_letters([TITLE, THERE]) == set("阻抗測試😀")
 
