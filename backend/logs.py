@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Callable
 from threading import Lock
+from typing import Literal
 
 from backend.plain_text import as_line, as_lines
 
@@ -13,6 +14,16 @@ WINDOW_S = 30.0
 
 KINDS = 500
 """Kinds of lines that are remembered."""
+
+Level = Literal["debug", "info", "warning", "error"]
+"""Least level that is written."""
+
+_ALWAYS = "always"
+EVENT = {_ALWAYS: True}
+"""``extra`` of a line that is written however many there are of its kind: what happened to the actuator."""
+
+_LIBRARIES = ("alembic", "asyncio", "matplotlib", "numba", "uvicorn", "websockets")
+"""Libraries that write lines of their own at lower levels, which say nothing of the service."""
 
 _FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
@@ -27,7 +38,9 @@ class RateLimit(logging.Filter):
         self._kinds: dict[object, tuple[float, int]] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether to write ``record``."""
+        """Return whether to write ``record``; an event of the service is written always."""
+        if record.__dict__.get(_ALWAYS, False):
+            return True
         error = record.exc_info[0] if record.exc_info else None
         kind = (record.name, record.pathname, record.lineno, error)
         now = self._clock()
@@ -60,9 +73,11 @@ class _Lines(logging.Formatter):
         return as_lines(super().format(record))
 
 
-def begin() -> None:
-    """Write everything of level warning and above to standard error, through one handler with the limit."""
+def begin(level: Level = "warning") -> None:
+    """Write everything of ``level`` and above to standard error, through one handler with the limit."""
     handler = logging.StreamHandler()
     handler.addFilter(RateLimit())
     handler.setFormatter(_Lines(_FORMAT))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+    for name in _LIBRARIES:
+        logging.getLogger(name).setLevel(logging.WARNING)

@@ -5,6 +5,7 @@ Modules that take long to import are imported where they are used: the loop proc
 
 import asyncio
 import gc
+import logging
 import os
 import socket
 import sys
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from backend.recording.recorder import Recorder
 
 
+_log = logging.getLogger(__name__)
+
 NICENESS = -10
 SWITCH_S = 0.5e-3
 """Each thread that answers somebody may keep Python's lock from the event loop, and so from STOP, for so long [s]."""
@@ -43,7 +46,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     Raises AlreadyRunningError, DataFolderError, CannotListenError, and what keeps a part from starting.
     """
     os.umask(UMASK)
-    logs.begin()
+    logs.begin(settings.log_level)
     raise_limit()
     refuse_forks()
     with only_service_on(settings.data) as folder, listening_on(settings.host, settings.port) as listening:
@@ -105,12 +108,16 @@ async def _serve(
         foundation.figures.keep()
 
     def announce() -> None:
+        _log.info("service started: plant %s, data folder %s, address %s", settings.plant, settings.data, address)
         folder.say_address(address, settings.public_url)
         assembled.draw()
         ready(address, files.tokens if files else None)
         supervision.keep_thread(LIBRARIES, load_the_rest, lambda: None)
 
-    await Server(app, announce, ending).serve([listening])
+    try:
+        await Server(app, announce, ending).serve([listening])
+    finally:
+        _log.info("service stopped: %s", ending.cause)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from backend.errors import require_station_name
+from backend.logs import Level
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
 from plant.errors import ErrorCode, SinewError
 from plant.interface import DEFAULT_WIRING, PlantChoice, PlantKind
@@ -76,7 +77,8 @@ class Settings(BaseSettings):
     the start; None: on a terminal only, as what is not a terminal is a log that others keep and read. Flight
     records of trips beyond ``flight_records`` or ``flight_records_MB`` give way to new ones, captures of triggers
     likewise. Recordings beyond ``recordings_GB`` may go once they are older than ``recordings_keep_days``, which is
-    for a person to decide. ``station`` tells rigs apart that share a database.
+    for a person to decide. ``station`` tells rigs apart that share a database. The log on standard error holds
+    ``log_level`` and above; start, stop, connections, modes and runs are at info.
     """
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
@@ -102,6 +104,7 @@ class Settings(BaseSettings):
     flight_records_MB: int = Field(default=100, ge=1, le=100_000)
     recordings_GB: float = Field(default=20.0, gt=0.0, le=100_000.0)
     recordings_keep_days: int = Field(default=30, ge=0, le=36_500)
+    log_level: Level = "warning"
 
     @model_validator(mode="after")
     def _no_open_door(self) -> "Settings":

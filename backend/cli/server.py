@@ -416,6 +416,10 @@ def serve(
         bool | None,
         typer.Option("--show-link/--hide-link", help="Print the sign-in link. [on a terminal only: logs are kept]"),
     ] = None,
+    log_level: Annotated[
+        str | None,
+        typer.Option(help="Least level of the log: debug, info, warning or error. [warning]"),
+    ] = None,
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
@@ -436,6 +440,7 @@ def serve(
         data=data,
         station=station,
         show_link=show_link,
+        log_level=log_level,
     )
     require_available(settings.plant_choice)
     shown = sys.stdout.isatty() if settings.show_link is None else settings.show_link

@@ -307,6 +307,7 @@ class Supervisor:
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be given up
         self._process, self._channel = launched.process, (channel := launched.channel)
         self.started_with = self.setup.brought_up
+        _LOG.info("loop process %d started", self._process.pid)
         with suppress(ChannelClosedError):  # its end is noticed and told by _watch
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
@@ -469,6 +470,7 @@ class Supervisor:
             channel.close()
         was_alive, self.granted, self._process = self.alive, None, None
         self._reason = _reason_of_end(status, self._reason)
+        _LOG.info("loop process %d: %s", process.pid, self._reason)
         died = LoopExitedError(f"the control loop is not running: {self._reason}")
         if self._ready is not None and not self._ready.done():
             self._ready.set_exception(died)

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from itertools import islice
 from typing import Protocol
 
+from backend.logs import EVENT
 from backend.plain_text import as_line
 from backend.schemas.state import EventMessage, MarkKind
 from backend.storage import events
@@ -108,6 +109,8 @@ class EventLog:
             _log.error("event not stored: %s", entry.text)
 
     def _keep(self, entry: _Entry) -> None:
+        by, run = f" by {entry.who}" if entry.who else "", "" if entry.run is None else f", run {entry.run}"
+        _log.info("%s: %s%s%s", entry.kind, entry.text, by, run, extra=EVENT)
         if len(self._waiting) - self._under_way < self._bound:
             self._waiting.append(entry)
         else:

@@ -1,5 +1,6 @@
 """Routes of the system, commissioning, live stream and built pages."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from backend.schemas.commissioning import BringUpView, DrivesSwitch, StepValues
 from backend.schemas.state import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
 from backend.server.deployment import COOKIE_PATH, PUBLIC
 from backend.server.security import LIVE, authentication_of, grant, message_page, shown_by
+
+_log = logging.getLogger(__name__)
 
 # Bring up ------------------------------------------------------------------------------------------
 #
@@ -149,7 +152,11 @@ async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
     person, service = signed_in(websocket), service_of(websocket)
     await websocket.accept()
-    await serve(service.live, websocket, lambda ping: service.control.heard(person, ping.control))
+    _log.info("live stream to %s opened", person.name)
+    try:
+        await serve(service.live, websocket, lambda ping: service.control.heard(person, ping.control))
+    finally:
+        _log.info("live stream to %s closed", person.name)
 
 
 # System --------------------------------------------------------------------------------------------

@@ -1,0 +1,53 @@
+"""The log at level info names start, stop, processes, connections and modes; by default it has none of them."""
+
+import logging
+import os
+import re
+import signal
+from pathlib import Path
+
+import pytest
+
+from backend.logs import EVENT, LINES, RateLimit
+from tests.api.conftest import client_with, wait_for
+from tests.api.test_endings import wait_for_end
+from tests.e2e.service import running_service
+
+
+def lines_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str | None) -> list[str]:
+    """Return the lines of level info of a service that went to pretension and was ended."""
+    if level is not None:
+        monkeypatch.setenv("SINEW_LOG_LEVEL", level)
+    with running_service(tmp_path, params="ideal") as service:
+        with client_with(service, "token") as operator:
+            operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+            wait_for(operator, "pretension_done", True)
+        os.kill(service.pid, signal.SIGTERM)
+        wait_for_end(service)
+    return [line for line in service.log.read_text().splitlines() if " INFO " in line]
+
+
+def test_info_names_what_happens_with_its_identifiers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = lines_of(tmp_path, monkeypatch, "info")
+    text = "\n".join(lines)
+    started = re.search(r"loop process (\d+) started", text)
+    assert started is not None
+    assert f"loop process {started[1]}: ended with status 0" in text
+    assert re.search(r"service started: plant simulator, data folder \S+, address http://127\.0\.0\.1:\d+", text)
+    assert re.search(r"mode: off → pretension by operator", text)
+    assert "service stopped: " in text
+
+
+def test_by_default_it_has_warnings_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SINEW_LOG_LEVEL", raising=False)
+    lines = lines_of(tmp_path, monkeypatch, None)
+    assert lines == []
+
+
+def test_events_are_written_however_many_there_are() -> None:
+    def written(extra: dict[str, bool]) -> int:
+        limit, log = RateLimit(lambda: 0.0), logging.getLogger("test")
+        record = log.makeRecord("test", logging.INFO, "here.py", 1, "a line", (), None, extra=extra)
+        return sum(limit.filter(record) for _ in range(100))
+
+    assert (written({}), written(EVENT)) == (LINES, 100)
