@@ -159,7 +159,7 @@ def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: 
     for label, name, ends in (
         ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} to {limits['F_push_max']:g} N"),
         ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} to {limits['F_contact_max']:g} N"),
-        ("Damping of the wall [s/m]", "wall.c_wall", f"0 to {math.floor(1e3 * limits['c_wall_max']) / 1e3:g} s/m"),
+        ("Damping of the wall [s/m]", "wall.c_wall", f"0 to {math.floor(1e2 * limits['c_wall_max']) / 1e2:g} s/m"),
         ("S_ref value [N·m/rad]", "references.S_ref", "N·m/rad"),
         ("λ_q value [s]", "tuning.lam_q", " s"),
     ):
