@@ -28,7 +28,7 @@ import type { ControlForm } from "./service/handOver";
 import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
 import { useFreshness } from "./service/useFreshness";
-import { useTelling } from "./service/useTelling";
+import { useNotifications } from "./service/useNotifications";
 import { RequestError } from "./wire/client";
 import { keepsCookies } from "./wire/kept";
 
@@ -95,7 +95,7 @@ function Shell() {
   const pages = usePages();
   useFreshness();
   useScheme();
-  useTelling();
+  useNotifications();
   useLiveFormulas();
   useHotkeys([
     ["?", toggle],

@@ -25,7 +25,7 @@ const TO_THE_LEFT = { hover: 0.1, cursor: 0.85, marks: 0.7 };
 const ABOUT = "≈ ";
 
 /** A value as it can be told: of one sample, of about that time, or none, and why. */
-interface Told {
+interface CursorValue {
   readonly value: number;
   readonly about: boolean;
   readonly why: string;
@@ -176,8 +176,8 @@ export class Readout {
       return;
     }
     const [a, b] = this.cursors.map((time_s) => scaled(this.cursorValue(panel, name, time_s), factor)) as [
-      Told,
-      Told,
+      CursorValue,
+      CursorValue,
     ];
     this.tell(own, `cursor-0-${name}`, a, decimals, "1: ");
     this.tell(own, `cursor-1-${name}`, b, decimals, "2: ");
@@ -187,21 +187,21 @@ export class Readout {
   }
 
   /** The sample at or before a time; of a recording whose samples are not all here, about it until it has come. */
-  private valueAt(panel: Panel, name: string, time_s: number): Told {
+  private valueAt(panel: Panel, name: string, time_s: number): CursorValue {
     const here = this.isHere(time_s);
     const exact = here ? null : (this.moments?.at(name, time_s) ?? null);
     return this.told(panel, time_s, exact ?? this.source.at(name, time_s), !here && exact === null);
   }
 
   /** The same at a cursor, whose value is to be read off: it is not told before it is there. */
-  private cursorValue(panel: Panel, name: string, time_s: number): Told {
+  private cursorValue(panel: Panel, name: string, time_s: number): CursorValue {
     if (this.isHere(time_s) || this.moments === null) return this.valueAt(panel, name, time_s);
     const value = this.moments.at(name, time_s);
     if (value !== null) return this.told(panel, time_s, value, false);
     return { value: Number.NaN, about: false, why: this.moments.problem || UNDER_WAY };
   }
 
-  private told(panel: Panel, time_s: number, value: number, about: boolean): Told {
+  private told(panel: Panel, time_s: number, value: number, about: boolean): CursorValue {
     if (!Number.isNaN(value)) return { value, about, why: "" };
     const measured = panel.traces.some(({ name }) => !Number.isNaN(this.source.at(name, time_s)));
     return { value, about, why: measured ? NOT_IN_FORCE : NO_SAMPLE };
@@ -214,7 +214,7 @@ export class Readout {
   private tell(
     own: HTMLElement | null,
     role: string,
-    { value, about, why }: Told,
+    { value, about, why }: CursorValue,
     decimals: number,
     before = "",
   ) {
@@ -246,6 +246,6 @@ export class Readout {
   }
 }
 
-function scaled({ value, ...told }: Told, factor: number): Told {
+function scaled({ value, ...told }: CursorValue, factor: number): CursorValue {
   return { ...told, value: factor * value };
 }

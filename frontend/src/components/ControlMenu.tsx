@@ -10,7 +10,7 @@ import { counted } from "../samples/words";
 import { useSignOut } from "../service/commands";
 import { type ControlForm, isAsked, othersToGetControl } from "../service/handOver";
 import { sessionQuery } from "../service/queries";
-import { useStanding } from "../service/useStanding";
+import { useErrorLifetime } from "../service/useErrorLifetime";
 import { answeredBy } from "../wire/client";
 import { giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
 import type { State } from "../wire/types";
@@ -37,7 +37,7 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
   const name = holder === null ? "nobody" : mine ? "you" : holder.name;
   const asking = useLive((live) => live.state?.wishes ?? NO_WISHES).filter(isAsked);
   const others = othersToGetControl(people, me?.name);
-  const refusal = useStanding(take.error ?? giveUp.error ?? signOut.error)?.message;
+  const refusal = useErrorLifetime(take.error ?? giveUp.error ?? signOut.error)?.message;
   return (
     <Menu position="bottom-end" width={300} withInitialFocusPlaceholder={false}>
       <Menu.Target>

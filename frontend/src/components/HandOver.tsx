@@ -16,7 +16,7 @@ import {
   useTakeHanded,
 } from "../service/handOver";
 import { sessionQuery } from "../service/queries";
-import { useStanding } from "../service/useStanding";
+import { useErrorLifetime } from "../service/useErrorLifetime";
 import { heldEpoch, watchHeld } from "../wire/control";
 import type { State } from "../wire/types";
 import { AnswerForm, AskForm, OfferForm } from "./ControlForms";
@@ -107,7 +107,7 @@ function NoticeLine({ notice, more, onRead, onForm }: NoticeLineProps) {
   const answer = useAnswer();
   const take = useTakeHanded();
   const { wish, text, deeds, urgent } = notice;
-  const refusal = useStanding(answer.error ?? take.error)?.message;
+  const refusal = useErrorLifetime(answer.error ?? take.error)?.message;
   const takes = wish.standing === "handed" && deeds.includes("take") && askedHere(wish);
   const taken = useRef<number | null>(null);
   const { mutate: takeNow } = take;

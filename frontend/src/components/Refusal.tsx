@@ -5,8 +5,8 @@ import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useToldAtField } from "../service/refusedFields";
 import { isAboutControl } from "../service/standing";
+import { useErrorLifetime } from "../service/useErrorLifetime";
 import { useNoControl } from "../service/useNoControl";
-import { useStanding } from "../service/useStanding";
 import styles from "./Refusal.module.css";
 import { TakeControl } from "./TakeControl";
 
@@ -28,7 +28,7 @@ interface RefusalProps {
 }
 
 export function Refusal({ error, about, id, text, forFields = false, hint = "", children }: RefusalProps) {
-  const standing = useStanding(error, about);
+  const standing = useErrorLifetime(error, about);
   const angles = useAngles();
   const elsewhere = useToldAtField(standing) && !forFields;
   const said = standing === null ? text : elsewhere ? null : standing.message;

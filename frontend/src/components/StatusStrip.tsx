@@ -13,9 +13,9 @@ import { useReset } from "../service/commands";
 import type { ControlForm } from "../service/handOver";
 import { isAboutControl } from "../service/standing";
 import { flightOf, flightsQuery } from "../service/system";
+import { useErrorLifetime } from "../service/useErrorLifetime";
 import { useMayCommand } from "../service/useMayCommand";
 import { useNoControl } from "../service/useNoControl";
-import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
 import { Explained } from "./Explained";
 import { HandOver } from "./HandOver";
@@ -44,7 +44,7 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
   const now_ms = useNow(500);
   const reset = useReset();
   const may = useMayCommand();
-  const refused = useStanding(reset.error);
+  const refused = useErrorLifetime(reset.error);
   const noControl = useNoControl();
   const status = currentStatus(
     state,

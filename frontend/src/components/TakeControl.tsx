@@ -3,14 +3,14 @@
 import { Button, type ButtonProps } from "@mantine/core";
 import { useMutation } from "@tanstack/react-query";
 import { useLive } from "../live/react";
-import { useStanding } from "../service/useStanding";
+import { useErrorLifetime } from "../service/useErrorLifetime";
 import { answeredBy } from "../wire/client";
 import { takeControl } from "../wire/control";
 
 export function TakeControl(look: Pick<ButtonProps, "variant" | "color">) {
   const holder = useLive((live) => live.state?.holder?.name ?? null);
   const take = useMutation({ mutationFn: () => answeredBy(takeControl(true)) });
-  const refused = useStanding(take.error);
+  const refused = useErrorLifetime(take.error);
   return (
     <>
       <Button

@@ -4,7 +4,7 @@ import type { ReactNode } from "react";
 import { TbAlertTriangle, TbCheck } from "react-icons/tb";
 import type { Experiment } from "../wire/types";
 import { Explained, type Meaning } from "./Explained";
-import { Told } from "./Told";
+import { LocalizedText } from "./LocalizedText";
 import styles from "./Verdict.module.css";
 
 interface VerdictProps {
@@ -21,7 +21,7 @@ export function Verdict({ good, of, children }: VerdictProps) {
       <Icon size={16} aria-hidden="true" />
       <span>
         <Explained of={of} quiet>
-          {typeof children === "string" ? <Told text={children} /> : children}
+          {typeof children === "string" ? <LocalizedText text={children} /> : children}
         </Explained>
       </span>
     </span>

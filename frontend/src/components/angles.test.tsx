@@ -10,9 +10,9 @@ import type { Angles } from "../samples/quantity";
 import { AnglesContext } from "../service/angles";
 import { PANELS, POSITION, readIn } from "../theme/layouts";
 import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
+import { LocalizedText } from "./LocalizedText";
 import { NumberField } from "./NumberField";
 import { SettingField } from "./SettingField";
-import { Told } from "./Told";
 
 /** π/3, a sixth of the circle. */
 const SIXTH = 1.0471975511965976;
@@ -152,6 +152,6 @@ it("draws the joint's chart, its limits and its readouts in the person's unit, a
 });
 
 it("reads a text of the service in the person's unit", () => {
-  open(<Told text="q = 1.602 rad, S = 10 N·m/rad" />);
+  open(<LocalizedText text="q = 1.602 rad, S = 10 N·m/rad" />);
   expect(text()).toContain("q = 91.79°, S = 10 N·m/rad");
 });

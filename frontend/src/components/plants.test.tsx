@@ -14,8 +14,8 @@ const fetched = vi.hoisted(() => {
 import type { ReactElement } from "react";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
+import { DisturbanceCard } from "../pages/operate/DisturbanceCard";
 import { ModeCard } from "../pages/operate/ModeCard";
-import { PushCard } from "../pages/operate/PushCard";
 import { WallCard } from "../pages/operate/WallCard";
 import DeveloperPage from "../pages/system/DeveloperPage";
 import type { PlantView, State } from "../wire/types";
@@ -121,7 +121,7 @@ it.each([
 });
 
 it.each(KINDS)("offers a push by command where the joint is simulated: %s", (kind) => {
-  open(<PushCard />, kind);
+  open(<DisturbanceCard />, kind);
   expect(screen.queryByText("simulated plants only") !== null).toBe(PLANTS[kind].simulated);
 });
 

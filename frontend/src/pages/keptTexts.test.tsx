@@ -19,7 +19,7 @@ import { LiveStore } from "../live/store";
 import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
 import { RemarkForm } from "./log/RemarkForm";
-import { TouchCard } from "./operate/TouchCard";
+import { ContactCard } from "./operate/ContactCard";
 import { TuningChanges } from "./operate/TuningChanges";
 import { TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/NoteCard";
@@ -81,7 +81,7 @@ const BOXES: [string, ReactNode, string][] = [
   ["Note", <NoteCard key="note" run={RUN} />, "typed"],
   ["Note of the event", <RemarkForm key="remark" entry={ENTRY} onDone={onDone} />, "typed"],
   ["Tags of the event", <RemarkForm key="tags" entry={ENTRY} onDone={onDone} />, "typed words"],
-  ["Gives way from [N]", <TouchCard key="touch" />, "3.5"],
+  ["Gives way from [N]", <ContactCard key="touch" />, "3.5"],
   [
     "Length of the trial [s]",
     <TuningChanges key="trial" tuning={tuning} staged={STAGING} locked={null} />,

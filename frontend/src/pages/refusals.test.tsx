@@ -31,7 +31,7 @@ import { ExperimentForm } from "./experiments/ExperimentForm";
 import { BankBuilder } from "./identify/BankBuilder";
 import { IdentificationForm } from "./identify/IdentificationForm";
 import { SpringTableForm } from "./identify/SpringTableForm";
-import { PushCard } from "./operate/PushCard";
+import { DisturbanceCard } from "./operate/DisturbanceCard";
 import { TuningChanges } from "./operate/TuningChanges";
 import { WallCard } from "./operate/WallCard";
 import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
@@ -121,7 +121,7 @@ it.each<Case>([
     ["duration_s"],
     field("Length of the trial [s]"),
   ],
-  ["push", <PushCard key="" />, [press("Push")], "/api/push", ["F_push"], field("Push [N]")],
+  ["push", <DisturbanceCard key="" />, [press("Push")], "/api/push", ["F_push"], field("Push [N]")],
   [
     "angle of a wall",
     <WallCard key="" />,
@@ -148,7 +148,7 @@ it.each<Case>([
   ],
   [
     "time of a push",
-    <PushCard key="" />,
+    <DisturbanceCard key="" />,
     [press("Push")],
     "/api/push",
     ["duration_s"],

@@ -13,7 +13,7 @@ function fault(tick: number, code: Fault["code"] = "force_limit"): Fault {
   };
 }
 
-interface Told {
+interface LocalizedText {
   fault?: Fault;
   run?: number;
   phase?: Task["phase"];
@@ -21,7 +21,7 @@ interface Told {
   kind?: State["plant"]["kind"];
 }
 
-function state(part: Told): State {
+function state(part: LocalizedText): State {
   return {
     plant: { kind: part.kind ?? "simulator" },
     link: { starts: part.starts ?? 1 },
@@ -31,7 +31,7 @@ function state(part: Told): State {
 }
 
 /** What is heard in each of the states, one after the other. */
-function heard(...parts: Told[]) {
+function heard(...parts: LocalizedText[]) {
   const happenings = new Happenings();
   return parts.map((part) =>
     happenings

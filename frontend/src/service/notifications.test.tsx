@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { clicked, look, shown, tones, useBrowser } from "./browser.fixture";
-import { keepLookedAt, type Told, tell } from "./notifications";
+import { keepLookedAt, type LocalizedText, tell } from "./notifications";
 
 const BOTH = { notification: true, sound: true };
 
-function told(tag = "sinew-run-3", open = () => undefined): Told {
+function told(tag = "sinew-run-3", open = () => undefined): LocalizedText {
   return { tag, title: "Tracking, run 3: completed", body: "Steps", open };
 }
 

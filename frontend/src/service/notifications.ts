@@ -3,7 +3,7 @@
 /** What the browser says of notifications of this page; "insecure" and "missing" where it has none. */
 export type Allowed = NotificationPermission | "insecure" | "missing";
 
-export interface Told {
+export interface LocalizedText {
   /** What happened, by its own name: the same in every tab. */
   readonly tag: string;
   readonly title: string;
@@ -60,7 +60,7 @@ export function keepLookedAt(): () => void {
 }
 
 /** Tell it in these ways, unless a tab of this page is looked at, or another one has told it. */
-export async function tell(told: Told, ways: Ways): Promise<void> {
+export async function tell(told: LocalizedText, ways: Ways): Promise<void> {
   if (await isLookedAt()) return;
   await Promise.all([
     ways.notification && allowed() === "granted" && once(`sinew-told-${told.tag}`, () => show(told)),
@@ -97,7 +97,7 @@ async function soundOnce(tag: string): Promise<void> {
   await once(`sinew-heard-${tag}`, () => sound(ready));
 }
 
-function show({ tag, title, body, open }: Told): void {
+function show({ tag, title, body, open }: LocalizedText): void {
   try {
     const shown = new Notification(title, { tag, body, icon: "./sinew.svg", silent: true });
     shown.onclick = () => {

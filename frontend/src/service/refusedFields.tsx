@@ -5,7 +5,7 @@ import { inWords } from "../samples/quantity";
 import { RequestError } from "../wire/client";
 import { useAngles } from "./angles";
 import { useDescribedBy } from "./useDescribedBy";
-import { useStanding } from "./useStanding";
+import { useErrorLifetime } from "./useErrorLifetime";
 
 interface Refused {
   /** Place of the field to blame: one that is on the page; null where there is none. */
@@ -39,7 +39,7 @@ interface RefusedFieldsProps {
 export function RefusedFields({ error, foreseen, about, only, children }: RefusedFieldsProps) {
   const places = useRef(new Set<string>()).current;
   const angles = useAngles();
-  const answered = useStanding(error, about);
+  const answered = useErrorLifetime(error, about);
   const standing = answered ?? foreseen ?? null;
   const refused = useMemo(() => {
     const path = standing instanceof RequestError ? standing.problem?.path?.join(".") : undefined;

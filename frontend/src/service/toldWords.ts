@@ -4,9 +4,9 @@ import { type Angles, inWords } from "../samples/quantity";
 import { heading, inWordsOf } from "../samples/words";
 import type { Fault, Run } from "../wire/types";
 import type { Trip } from "./happenings";
-import type { Allowed, Told } from "./notifications";
+import type { Allowed, LocalizedText } from "./notifications";
 
-type Words = Omit<Told, "open">;
+type Words = Omit<LocalizedText, "open">;
 
 /** A run that is over: its kind, its number, how it ended; what it was, and why it ended so. */
 export function wordsOfRun({ id, kind, title, end_state, end_reason }: Run, angles: Angles): Words {

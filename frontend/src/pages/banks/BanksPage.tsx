@@ -10,8 +10,8 @@ import { BankComparison } from "./BankComparison";
 import { BankEntries } from "./BankEntries";
 import { BankImport } from "./BankImport";
 import { BankTable } from "./BankTable";
+import { DefaultGainsCard } from "./DefaultGainsCard";
 import { InForce } from "./InForce";
-import { WithoutBank } from "./WithoutBank";
 
 export default function BanksPage() {
   const { id } = useParams();
@@ -36,7 +36,7 @@ export default function BanksPage() {
           <BankTable banks={all} selected={selected?.id} />
         )}
       </Card>
-      {banks.data?.length === 0 && <WithoutBank />}
+      {banks.data?.length === 0 && <DefaultGainsCard />}
       {selected && <BankEntries bank={selected} />}
       {selected && all.length > 1 && <BankComparison key={selected.id} bank={selected} all={all} />}
     </div>

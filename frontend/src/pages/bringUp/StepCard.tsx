@@ -7,10 +7,10 @@ import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX, TbPlayerPlay } fro
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
+import { LocalizedText } from "../../components/LocalizedText";
 import { NumberField } from "../../components/NumberField";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
-import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, duration, NOT_MEASURED, significant } from "../../samples/format";
@@ -77,11 +77,11 @@ export function StepCard({ step, number, open }: StepCardProps) {
       <div className={styles.halves} data-open={open}>
         <div className={page.fields}>
           <p className={styles.text}>
-            <Told text={instruction} />
+            <LocalizedText text={instruction} />
           </p>
           {why !== "" && state !== "never" && (
             <p className={styles.why} data-standing={standing}>
-              <Told text={capital(why)} />
+              <LocalizedText text={capital(why)} />
             </p>
           )}
           {running === null ? (
@@ -181,12 +181,12 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
       <div className={styles.phase}>
         {!asked && <Loader size={14} aria-hidden="true" />}
         <output aria-label="Progress">
-          <Told text={capital(phase)} />
+          <LocalizedText text={capital(phase)} />
         </output>
         <span className={page.dim}>{duration(elapsed_s)}</span>
       </div>
       <output aria-label="What to do now" className={styles.asked} data-asked={asked}>
-        {asked && <Told text={confirm} />}
+        {asked && <LocalizedText text={confirm} />}
         {asked && virtual && <span className={page.dim}> On this virtual card, Confirm does it.</span>}
       </output>
       <OperatorsOnly>

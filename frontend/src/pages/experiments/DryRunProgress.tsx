@@ -4,7 +4,7 @@ import { Button, Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { duration } from "../../samples/format";
 import { dryRunProgressQuery } from "../../service/dryRun";
-import type { DryRunProgress as Told } from "../../wire/types";
+import type { DryRunProgress as DryRunNews } from "../../wire/types";
 import page from "../Page.module.css";
 
 export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
@@ -26,7 +26,7 @@ export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
   );
 }
 
-function inWords(told: Told | undefined): string {
+function inWords(told: DryRunNews | undefined): string {
   if (!told?.under_way || told.doing === "starting") return "Waiting for the simulator";
   if (told.doing === "pretension") return "Winding up the tendons";
   if (told.doing === "evaluation") return "Evaluating";

@@ -6,9 +6,9 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { LocalizedText } from "../../components/LocalizedText";
 import { plantWord } from "../../components/PlantBadge";
 import { RunState } from "../../components/RunState";
-import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
 import type { useDryRun } from "../../service/dryRun";
@@ -18,7 +18,7 @@ import type { DryRun, ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
 import { Figures } from "./Figures";
-import { OrderWords } from "./OrderWords";
+import { RunSummary } from "./RunSummary";
 
 interface DryRunResultProps {
   readonly dryRun: ReturnType<typeof useDryRun>;
@@ -54,7 +54,7 @@ function ShownDryRun({ dryRun, kinds, name }: ShownProps) {
         {data !== undefined && <Played name={name} title={title} result={data} />}
         {error !== null && (
           <p className={page.empty}>
-            {title}: not played. <Told text={error.message} />
+            {title}: not played. <LocalizedText text={error.message} />
           </p>
         )}
         {dryRun.isPending && (
@@ -79,10 +79,10 @@ function Played({ name, title, result }: PlayedProps) {
     <div className={page.fields}>
       <span>
         {title}, {duration(result.duration_s)} simulated; nothing moved and nothing was stored.{" "}
-        <RunState state={result.status} /> <Told text={result.message} />
+        <RunState state={result.status} /> <LocalizedText text={result.message} />
       </span>
       <Outcome of={result} />
-      <OrderWords name={name} settings={result.settings} />
+      <RunSummary name={name} settings={result.settings} />
       <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
       {result.samples && (
         <DryRunCurves samples={result.samples} duration_s={result.duration_s} name="sinew-dry-run" />

@@ -3,8 +3,8 @@
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
+import { LocalizedText } from "../../components/LocalizedText";
 import { RunState } from "../../components/RunState";
-import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime } from "../../samples/format";
@@ -13,7 +13,7 @@ import type { Experiment } from "../../wire/types";
 import page from "../Page.module.css";
 import { RunCharts } from "../runs/RunCharts";
 import { Figures } from "./Figures";
-import { OrderWords } from "./OrderWords";
+import { RunSummary } from "./RunSummary";
 
 export function ExperimentResult({ id }: { id: number }) {
   const { data, error } = useQuery(experimentQuery(id));
@@ -30,9 +30,9 @@ export function ExperimentResult({ id }: { id: number }) {
       <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
         <div className={page.fields}>
           <span>
-            {data.title}, run {data.id}, {dateTime(data.created)}. <Told text={data.message} />
+            {data.title}, run {data.id}, {dateTime(data.created)}. <LocalizedText text={data.message} />
           </span>
-          <OrderWords name={data.name} settings={data.settings} />
+          <RunSummary name={data.name} settings={data.settings} />
           {running ? <ExperimentProgress experiment={data} /> : <Findings experiment={data} />}
         </div>
       </Card>

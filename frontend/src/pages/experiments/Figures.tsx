@@ -14,7 +14,7 @@ import page from "../Page.module.css";
 interface FiguresProps {
   readonly criteria: readonly Criterion[];
   readonly metrics: readonly Metric[];
-  /** Told in the names of the tables where it is not the experiment itself. */
+  /** LocalizedText in the names of the tables where it is not the experiment itself. */
   readonly of?: string;
 }
 

@@ -38,7 +38,7 @@ interface OwnExperimentsProps {
   readonly asRun: number | null;
   /** The run of the address is being opened: a reload opens the draft, not the run again. */
   onRunOpened(): void;
-  /** Told the name of what was kept: it can be run now. */
+  /** LocalizedText the name of what was kept: it can be run now. */
   onKept(name: string): void;
 }
 

@@ -1,6 +1,6 @@
 /** What an experiment that is being composed would give on the simulator, and whether that is of what stands there now. */
 
-import { Told } from "../../components/Told";
+import { LocalizedText } from "../../components/LocalizedText";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
 import { counted } from "../../samples/words";
@@ -28,7 +28,7 @@ export function Preview({ checked, current, problem }: PreviewProps) {
           <span>{inWords(checked)}</span>
           {checked.dry_run && (
             <>
-              <Told text={checked.dry_run.message} />
+              <LocalizedText text={checked.dry_run.message} />
               <Outcome of={checked.dry_run} />
               <Figures criteria={checked.dry_run.criteria} metrics={[]} of="preview" />
               {checked.dry_run.samples && (

@@ -14,8 +14,8 @@ import type { ExperimentKind } from "../../wire/types";
 import { whyNoStart } from "../operate/allowed";
 import { NextMode } from "../operate/NextMode";
 import page from "../Page.module.css";
-import { OrderWords } from "./OrderWords";
 import { tuningOf } from "./order";
+import { RunSummary } from "./RunSummary";
 
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);
@@ -45,7 +45,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                       {item.kept && ", kept from before the restart"}
                     </span>
                     <br />
-                    <OrderWords name={item.name} settings={item.settings} inForce={tuningOf(state)} />
+                    <RunSummary name={item.name} settings={item.settings} inForce={tuningOf(state)} />
                   </span>
                   <OperatorsOnly>
                     <ActionIcon

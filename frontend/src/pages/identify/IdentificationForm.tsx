@@ -29,7 +29,7 @@ import { NextMode } from "../operate/NextMode";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 import { type Kind, labelOf, originOf, requestOf, type Values, valuesOf } from "./order";
-import type { Told } from "./PredictionView";
+import type { LocalizedText } from "./PredictionView";
 import { SpringTableForm } from "./SpringTableForm";
 
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
@@ -46,7 +46,7 @@ interface FormProps {
   onStarted(run: number): void;
   onTable(id: number): void;
   /** What the run in the form would do. */
-  onForecast(told: Told): void;
+  onForecast(told: LocalizedText): void;
 }
 
 export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps) {

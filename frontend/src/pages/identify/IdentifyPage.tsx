@@ -12,7 +12,7 @@ import { IdentificationForm } from "./IdentificationForm";
 import { IdentificationList } from "./IdentificationList";
 import { IdentificationResult } from "./IdentificationResult";
 import { ParametersCard } from "./ParametersCard";
-import { PredictionView, type Told } from "./PredictionView";
+import { type LocalizedText, PredictionView } from "./PredictionView";
 import { SpringTableResult } from "./SpringResult";
 import { SpringTableList } from "./SpringTableList";
 import { TrendCard } from "./TrendCard";
@@ -25,7 +25,7 @@ export default function IdentifyPage() {
   const [chosen, setChosen] = useState<ReadonlySet<number>>(new Set());
   const tables = useQuery(springTablesQuery);
   const [tableId, setTable] = useState<number | null>(null);
-  const [told, setTold] = useState<Told>({ prediction: undefined, problem: undefined });
+  const [told, setTold] = useState<LocalizedText>({ prediction: undefined, problem: undefined });
   const table = tables.data?.find((item) => item.id === tableId);
   const newest = identifications.data?.[0]?.id;
   const selected = id === undefined ? newest : Number(id);

@@ -12,12 +12,12 @@ import page from "../Page.module.css";
 import { ForecastMap } from "./ForecastMap";
 import styles from "./Identify.module.css";
 
-export interface Told {
+export interface LocalizedText {
   readonly prediction: Prediction | undefined;
   readonly problem: string | undefined;
 }
 
-export function PredictionView({ prediction, problem }: Told) {
+export function PredictionView({ prediction, problem }: LocalizedText) {
   const angles = useAngles();
   const isRunning = useLive((live) => live.state?.task != null);
   if (isRunning) {

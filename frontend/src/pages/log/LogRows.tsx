@@ -4,8 +4,8 @@ import { ActionIcon, Table } from "@mantine/core";
 import { memo, useState } from "react";
 import { TbAlertTriangle, TbPencil } from "react-icons/tb";
 import { Link } from "wouter";
+import { LocalizedText } from "../../components/LocalizedText";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
-import { Told } from "../../components/Told";
 import { fixed, instant } from "../../samples/format";
 import { inWords } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
@@ -54,7 +54,7 @@ const Row = memo(({ entry }: { entry: LogEntry }) => {
         {alarm && <TbAlertTriangle size={14} aria-hidden="true" />} {NAMES[entry.kind]}
       </Table.Td>
       <Table.Td className={styles.text ?? ""}>
-        <Told text={entry.text} />
+        <LocalizedText text={entry.text} />
       </Table.Td>
       <Table.Td className={styles.who ?? ""}>
         {entry.who || <span className={page.dim}>by itself</span>}

@@ -11,9 +11,9 @@ import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
+import { useErrorLifetime } from "../../service/useErrorLifetime";
 import type { Previewed } from "../../service/usePreview";
 import { useSentValue } from "../../service/useSentValue";
-import { useStanding } from "../../service/useStanding";
 import { LAMBDAS } from "../../wire/sample.gen";
 import type { Tuning, TuningPreview } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -58,7 +58,7 @@ export function LambdaControl(props: LambdaControlProps) {
     ? `${fixed(sent.value, DECIMALS)} s is not sent yet: Enter takes it, Escape leaves it.`
     : null;
   const refusal = problem === null && target === null ? sent.refusal : null;
-  const refused = useStanding(refusal, value) !== null;
+  const refused = useErrorLifetime(refusal, value) !== null;
   const drafted = sent.editing ? sent.value : undefined;
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview

@@ -9,8 +9,8 @@ import { fixed } from "../../samples/format";
 import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
+import { useErrorLifetime } from "../../service/useErrorLifetime";
 import { useSentValue } from "../../service/useSentValue";
-import { useStanding } from "../../service/useStanding";
 import type { Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -36,7 +36,7 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
   const limit = useSentValue(tuning.u_plan, (u_plan) => setTuning({ motion: "time-optimal", u_plan }));
   const [problem, setProblem] = useState<string | null>(null);
   const refusal = problem === null ? (choose.error ?? limit.refusal) : null;
-  const refused = useStanding(limit.refusal, tuning.u_plan) !== null;
+  const refused = useErrorLifetime(limit.refusal, tuning.u_plan) !== null;
   const angles = useAngles();
   const { u_plan_min, u_plan_max } = tuning;
   return (

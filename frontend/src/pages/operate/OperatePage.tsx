@@ -4,15 +4,15 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { useLive } from "../../live/react";
 import { TriggerCard } from "../system/TriggerCard";
 import { CardJumps } from "./CardJumps";
+import { ContactCard } from "./ContactCard";
+import { DisturbanceCard } from "./DisturbanceCard";
 import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
 import styles from "./Operate.module.css";
 import { PlayerCard } from "./PlayerCard";
-import { PushCard } from "./PushCard";
 import { ReferencesCard } from "./ReferencesCard";
 import { SceneCard } from "./SceneCard";
-import { TouchCard } from "./TouchCard";
 import { TuningCard } from "./TuningCard";
 import { ViewOnly } from "./ViewOnly";
 import { WallCard } from "./WallCard";
@@ -42,8 +42,8 @@ function Controls() {
       <ModeCard />
       <ReferencesCard />
       <TuningCard />
-      <TouchCard />
-      <PushCard />
+      <ContactCard />
+      <DisturbanceCard />
       <WallCard />
       <TriggerCard />
     </OperatorsOnly>

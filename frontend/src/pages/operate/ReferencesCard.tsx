@@ -14,10 +14,10 @@ import { FINER, rangeOf, readingOf, toSI, withUnit } from "../../samples/quantit
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import type { Entry } from "../../service/glossary";
+import { useErrorLifetime } from "../../service/useErrorLifetime";
 import { useNoControl, useNoRetuning } from "../../service/useNoControl";
 import { useReferenceOrders } from "../../service/useReferenceOrders";
 import { useSentValue } from "../../service/useSentValue";
-import { useStanding } from "../../service/useStanding";
 import type { Limits, State } from "../../wire/types";
 import { whyNoReferences } from "./allowed";
 import { MotionControl } from "./MotionControl";
@@ -119,7 +119,7 @@ function ReferenceControl(props: ReferenceControlProps) {
     ? `${withUnit(fixed(sent.value, decimals), unit)} is not sent yet: Enter commands it, Escape leaves it.`
     : null;
   const refusal = problem === null && target === null ? sent.refusal : null;
-  const refused = useStanding(refusal, inForce) !== null;
+  const refused = useErrorLifetime(refusal, inForce) !== null;
   return (
     <div className={styles.control}>
       <div className={styles.referenceRow}>

@@ -13,12 +13,12 @@ import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
 import { useNoRetuning } from "../../service/useNoControl";
 import { type Previewed, usePreview, usePreviewedStiffness } from "../../service/usePreview";
-import { type LambdaName, useStaged } from "../../service/useStaged";
+import { type LambdaName, useStagedTuning } from "../../service/useStagedTuning";
 import { HUES } from "../../theme/signals";
 import type { PreviewedStep, Tuning, TuningPreview } from "../../wire/types";
+import { DisturbanceFeedforwardControl } from "./DisturbanceFeedforwardControl";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
-import { RejectionControl } from "./RejectionControl";
 import { TuningChanges } from "./TuningChanges";
 
 const LAMBDAS = [
@@ -39,7 +39,7 @@ export function TuningCard() {
 function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const setTuning = useSetTuning();
   const locked = useNoRetuning();
-  const staged = useStaged();
+  const staged = useStagedTuning();
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
   const wanted = (name: LambdaName) => staged.values[name] ?? tuning[name];
@@ -86,7 +86,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           <StepForecast of={step} previewed={previewed} u_max={u_max} />
         </Fragment>
       ))}
-      <RejectionControl
+      <DisturbanceFeedforwardControl
         tuning={tuning}
         previewed={previewed}
         disabled={locked !== null}

@@ -18,7 +18,7 @@ import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { ON_TRIAL, whyNoRejection } from "../../service/retuning";
 import { isNumberOrText, useDraft } from "../../service/useDraft";
 import { useNoControl } from "../../service/useNoControl";
-import type { LambdaName, Staging } from "../../service/useStaged";
+import type { LambdaName, Staging } from "../../service/useStagedTuning";
 import type { SavedTuning, Trial, Tuning } from "../../wire/types";
 import styles from "./TuningChanges.module.css";
 

@@ -9,8 +9,8 @@ import { RecordedSource } from "../../charts/recordedSource";
 import { ShiftedSource } from "../../charts/shiftedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { LocalizedText } from "../../components/LocalizedText";
 import { plantWord } from "../../components/PlantBadge";
-import { Told } from "../../components/Told";
 import { useLive } from "../../live/react";
 import { fixed, instant } from "../../samples/format";
 import { useAngles } from "../../service/angles";
@@ -48,7 +48,7 @@ export default function FlightPage() {
             </dd>
             <dt>What happened</dt>
             <dd>
-              <Told text={flight.text} />
+              <LocalizedText text={flight.text} />
             </dd>
             {flight.who !== "" && (
               <>

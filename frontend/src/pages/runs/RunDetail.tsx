@@ -3,8 +3,8 @@
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
+import { LocalizedText } from "../../components/LocalizedText";
 import { RunState, unevaluated } from "../../components/RunState";
-import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
 import { capital } from "../../samples/words";
@@ -150,7 +150,7 @@ function Facts({ run }: { run: Run }) {
         <dt>Ended</dt>
         <dd>
           {run.ended === null ? "still running" : dateTime(run.ended)}
-          {run.end_reason !== "" && <Told text={`: ${run.end_reason}`} />}
+          {run.end_reason !== "" && <LocalizedText text={`: ${run.end_reason}`} />}
         </dd>
         <dt>Completeness</dt>
         <dd>

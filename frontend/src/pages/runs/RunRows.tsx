@@ -121,7 +121,7 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
   </>
 ));
 
-/** Told only where the recording lacks something, or where that is not known. */
+/** LocalizedText only where the recording lacks something, or where that is not known. */
 function Missing({ samples }: { samples: number | null }) {
   if (samples === 0) return null;
   return (

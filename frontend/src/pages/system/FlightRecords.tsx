@@ -3,7 +3,7 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
-import { Told } from "../../components/Told";
+import { LocalizedText } from "../../components/LocalizedText";
 import { dateTime, fixed } from "../../samples/format";
 import { flightsQuery } from "../../service/system";
 import page from "../Page.module.css";
@@ -40,7 +40,7 @@ export function FlightRecords() {
                   </Table.Td>
                   <Table.Td>{KINDS[flight.kind]}</Table.Td>
                   <Table.Td>
-                    <Told text={flight.text} />
+                    <LocalizedText text={flight.text} />
                   </Table.Td>
                   <Table.Td>{flight.who}</Table.Td>
                   <Table.Td>

@@ -25,7 +25,7 @@ function isPush(value: unknown): value is typeof PUSH {
   return isPlainRecord(value) && typeof value.F_push === "number" && typeof value.duration_s === "number";
 }
 
-export function PushCard() {
+export function DisturbanceCard() {
   const F_push_max = useLive((live) => live.state?.limits.F_push_max ?? 0);
   return F_push_max > 0 ? <PushControls F_push_max={F_push_max} /> : null;
 }

@@ -19,7 +19,7 @@ export interface Staging extends Staged {
   discard(): void;
 }
 
-export function useStaged(): Staging {
+export function useStagedTuning(): Staging {
   const [staged, set] = useLocalStorage<Staged>({
     key: "sinew-staged-tuning",
     defaultValue: NOTHING,

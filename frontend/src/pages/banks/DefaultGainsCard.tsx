@@ -10,14 +10,14 @@ import { HUES } from "../../theme/signals";
 import type { Tuning } from "../../wire/types";
 import { StepPreview } from "../operate/StepPreview";
 import page from "../Page.module.css";
-import styles from "./WithoutBank.module.css";
+import styles from "./DefaultGainsCard.module.css";
 
 const LOOPS = [
   { loop: "position", lam: "lam_q", symbol: "λ_q", hue: HUES.q },
   { loop: "stiffness", lam: "lam_S", symbol: "λ_S", hue: HUES.S },
 ] as const;
 
-export function WithoutBank() {
+export function DefaultGainsCard() {
   const tuning = useLive((live) => live.state?.tuning);
   return (
     <>

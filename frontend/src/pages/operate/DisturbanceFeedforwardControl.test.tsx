@@ -4,7 +4,7 @@ import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Pushed, State, Tuning, TuningPreview } from "../../wire/types";
-import { RejectionControl } from "./RejectionControl";
+import { DisturbanceFeedforwardControl } from "./DisturbanceFeedforwardControl";
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
@@ -32,7 +32,7 @@ function open(
   render(
     <MantineProvider>
       <LiveProvider store={store}>
-        <RejectionControl
+        <DisturbanceFeedforwardControl
           tuning={{ k_ext } as Tuning}
           previewed={{ preview, stale, missing: "being computed" }}
           disabled={false}

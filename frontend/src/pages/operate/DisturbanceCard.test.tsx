@@ -14,7 +14,7 @@ const fetched = vi.hoisted(() => {
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State } from "../../wire/types";
-import { PushCard } from "./PushCard";
+import { DisturbanceCard } from "./DisturbanceCard";
 
 let store: LiveStore;
 
@@ -25,7 +25,7 @@ function open(mode: State["mode"], F_push_max: number): void {
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
         <LiveProvider store={store}>
-          <PushCard />
+          <DisturbanceCard />
         </LiveProvider>
       </QueryClientProvider>
     </MantineProvider>,

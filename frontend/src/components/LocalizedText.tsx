@@ -3,6 +3,6 @@
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 
-export function Told({ text }: { text: string }) {
+export function LocalizedText({ text }: { text: string }) {
   return <>{inWords(text, useAngles())}</>;
 }

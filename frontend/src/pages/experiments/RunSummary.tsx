@@ -14,7 +14,7 @@ interface OrderWordsProps {
   readonly inForce?: Values;
 }
 
-export function OrderWords({ name, settings, inForce }: OrderWordsProps) {
+export function RunSummary({ name, settings, inForce }: OrderWordsProps) {
   const angles = useAngles();
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: banks = [] } = useQuery(banksQuery);

@@ -25,7 +25,7 @@ function isNumber(value: unknown): value is number {
   return typeof value === "number";
 }
 
-export function TouchCard() {
+export function ContactCard() {
   const touch = useLive((live) => live.state?.touch);
   const limits = useLive((live) => live.state?.limits);
   return touch && limits ? <TouchControls touch={touch} limits={limits} /> : null;

@@ -18,7 +18,7 @@ const LOOK_MS = 500;
 const AGAIN_MS = 500;
 const AFTER_FAILURE_MS = 5000;
 
-export function useTelling(): void {
+export function useNotifications(): void {
   const store = useLiveStore();
   const { preferences } = usePreferences();
   const { notify, sound, angles } = preferences;

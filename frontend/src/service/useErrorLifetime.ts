@@ -6,7 +6,7 @@ import { heldEpoch, watchHeld } from "../wire/control";
 import { circumstances, NOTHING, stands } from "./standing";
 
 /** `error` until what caused it is gone; `about` is what the request would have changed, as it is in force. */
-export function useStanding(error: Error | null | undefined, about?: unknown): Error | null {
+export function useErrorLifetime(error: Error | null | undefined, about?: unknown): Error | null {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const refused = error ?? null;
   const now = useLive((live) => (refused === null ? "" : circumstances(refused, live, epoch, about)));

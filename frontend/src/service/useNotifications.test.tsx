@@ -17,7 +17,7 @@ import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import type { Flight, State } from "../wire/types";
 import { look, shown, useBrowser } from "./browser.fixture";
-import { useTelling } from "./useTelling";
+import { useNotifications } from "./useNotifications";
 
 const NOW = Date.parse("2026-03-01T12:00:00Z");
 /** The service's clock is not the page's. */
@@ -64,7 +64,7 @@ beforeEach(() => {
   });
   store = new LiveStore(0);
   store.setState(state({ tick: 0 }));
-  renderHook(() => useTelling(), {
+  renderHook(() => useNotifications(), {
     wrapper: ({ children }) => <LiveProvider store={store}>{children}</LiveProvider>,
   });
 });

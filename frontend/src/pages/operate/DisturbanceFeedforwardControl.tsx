@@ -11,9 +11,9 @@ import { angleWithUnit } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { fieldEntry } from "../../service/fieldHelp";
 import { whyNoEstimate } from "../../service/retuning";
+import { useErrorLifetime } from "../../service/useErrorLifetime";
 import type { Previewed } from "../../service/usePreview";
 import { useSentValue } from "../../service/useSentValue";
-import { useStanding } from "../../service/useStanding";
 import type { Pushed, Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -34,14 +34,14 @@ interface RejectionControlProps {
   onCommit(k_ext: number): Promise<unknown>;
 }
 
-export function RejectionControl(props: RejectionControlProps) {
+export function DisturbanceFeedforwardControl(props: RejectionControlProps) {
   const { tuning, previewed, disabled, onDraft, onCommit } = props;
   const { k_ext } = tuning;
   const reason = useLive((live) => whyNoEstimate(live.state));
   const sent = useSentValue(k_ext, onCommit);
   const [problem, setProblem] = useState<string | null>(null);
   const refusal = problem === null ? sent.refusal : null;
-  const refused = useStanding(refusal, k_ext) !== null;
+  const refused = useErrorLifetime(refusal, k_ext) !== null;
   const rejects = sent.value > 0;
   const angles = useAngles();
   const [typed, setTyped] = useState<number>();
