@@ -7,14 +7,14 @@ import { tuningInWords } from "../../service/tuningWords";
 import page from "../Page.module.css";
 import { changesInWords, tuningChanges, type Values } from "./order";
 
-interface OrderWordsProps {
+interface RunSummaryProps {
   readonly name: string;
   readonly settings: Readonly<Record<string, unknown>>;
   /** Of an order that waits: the tuning in force, to which it is compared. */
   readonly inForce?: Values;
 }
 
-export function RunSummary({ name, settings, inForce }: OrderWordsProps) {
+export function RunSummary({ name, settings, inForce }: RunSummaryProps) {
   const angles = useAngles();
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: banks = [] } = useQuery(banksQuery);

@@ -24,7 +24,7 @@ const STEP = 0.1;
 const PUSH_N = 5;
 const DECIMALS = 2;
 
-interface RejectionControlProps {
+interface DisturbanceFeedforwardControlProps {
   readonly tuning: Tuning;
   readonly previewed: Previewed;
   /** A run has the tuning: nothing of it is taken. */
@@ -34,7 +34,7 @@ interface RejectionControlProps {
   onCommit(k_ext: number): Promise<unknown>;
 }
 
-export function DisturbanceFeedforwardControl(props: RejectionControlProps) {
+export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardControlProps) {
   const { tuning, previewed, disabled, onDraft, onCommit } = props;
   const { k_ext } = tuning;
   const reason = useLive((live) => whyNoEstimate(live.state));
@@ -92,7 +92,7 @@ export function DisturbanceFeedforwardControl(props: RejectionControlProps) {
  * How far and how long a held push moves the joint, and how hard the joint feels; behind the arrows with the rejection.
  * The stiffness S of the springs is what it was: what one feels is force over deviation.
  */
-function PushForecast({ previewed }: Pick<RejectionControlProps, "previewed">) {
+function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "previewed">) {
   const angles = useAngles();
   const { preview, stale, missing } = previewed;
   const forecast = preview?.pushed;
