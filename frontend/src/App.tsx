@@ -22,13 +22,12 @@ import { CookiesBlockedPage } from "./pages/CookiesBlockedPage";
 import { OperatePage } from "./pages/operate/OperatePage";
 import { EXPERIMENTS, RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
-import { AnglesContext } from "./service/angles";
-import { useLiveFormulas } from "./service/formulas";
-import type { ControlForm } from "./service/handOver";
-import { usePreferences } from "./service/preferences";
+import type { ControlForm } from "./service/control";
+import { useNotifications } from "./service/notifications";
+import { AnglesContext, usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
-import { useFreshness } from "./service/useFreshness";
-import { useNotifications } from "./service/useNotifications";
+import { useFreshness } from "./service/references";
+import { useLiveFormulas } from "./service/signals";
 import { RequestError } from "./wire/client";
 import { keepsCookies } from "./wire/kept";
 

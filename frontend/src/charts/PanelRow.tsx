@@ -5,7 +5,7 @@ import { type ReactNode, useEffect, useRef } from "react";
 import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
 import { Written } from "../components/SignalName";
 import { fixed } from "../samples/format";
-import { useDerived } from "../service/formulas";
+import { useDerived } from "../service/signals";
 import {
   type Edited,
   neighbour,

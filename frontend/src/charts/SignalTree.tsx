@@ -4,7 +4,7 @@ import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { TbPlus } from "react-icons/tb";
 import { Written } from "../components/SignalName";
-import { useDerived } from "../service/formulas";
+import { useDerived } from "../service/signals";
 import styles from "./LayoutEditor.module.css";
 import { found, signalChoices } from "./signalChoices";
 import { DRAGGED } from "./useSignalDrop";

@@ -2,7 +2,7 @@
 
 import type { Figures, Spectra } from "../samples/figures";
 import type { Stretch } from "../samples/stretch";
-import type { Waiting } from "../service/ranges";
+import type { Waiting } from "../service/signals";
 
 /** Values at one time, by signal; NaN where the sample there has none, and where there is no sample. */
 export type Moment = ReadonlyMap<string, number>;

@@ -9,7 +9,7 @@ const ranges = vi.hoisted(() => ({
       [run, from_s, to_s, ...names].join(" "),
   ),
 }));
-vi.mock("../service/ranges", () => ranges);
+vi.mock("../service/signals", () => ranges);
 
 import { StoredRuns } from "./storedRuns";
 

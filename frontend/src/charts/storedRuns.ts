@@ -11,7 +11,7 @@ import {
   rangeStatistics,
   valuesAt,
   type Waiting,
-} from "../service/ranges";
+} from "../service/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import { parted } from "./comparedSource";
 import type { Moment, StoredData } from "./stored";

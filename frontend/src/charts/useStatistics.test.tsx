@@ -2,7 +2,7 @@ import { act, renderHook } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import type { Figures } from "../samples/figures";
 import type { Stretch } from "../samples/stretch";
-import type { Waiting } from "../service/ranges";
+import type { Waiting } from "../service/signals";
 import type { StoredData } from "./stored";
 import { useStatistics } from "./useStatistics";
 

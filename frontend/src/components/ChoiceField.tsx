@@ -2,7 +2,7 @@
 
 import { NativeSelect, type NativeSelectProps } from "@mantine/core";
 import type { Entry } from "../service/glossary";
-import { useRefusedInput } from "../service/refusedFields";
+import { useRefusedInput } from "../service/refusals";
 import { help } from "./help";
 
 interface ChoiceFieldProps extends Omit<NativeSelectProps, "error" | "onChange"> {

@@ -4,7 +4,7 @@ import { Button } from "@mantine/core";
 import { useEffect, useState } from "react";
 import { TbAlertTriangle } from "react-icons/tb";
 import { useLive } from "../live/react";
-import { afterTold, lossSentence, NO_CONTROL } from "../service/controlLoss";
+import { afterTold, lossSentence, NO_CONTROL } from "../service/control";
 import { givenUpEpoch, heldEpoch } from "../wire/control";
 import styles from "./ControlLoss.module.css";
 import { TakeControl } from "./TakeControl";

@@ -3,7 +3,7 @@
 import { Button, Checkbox } from "@mantine/core";
 import { useState } from "react";
 import { TbDownload, TbExternalLink } from "react-icons/tb";
-import { useFormulas } from "../service/formulas";
+import { useFormulas } from "../service/signals";
 
 const DATA = [
   { format: "csv", label: "Data (CSV)" },

@@ -3,11 +3,11 @@
 import { Button } from "@mantine/core";
 import { useState } from "react";
 import { dateTime } from "../samples/format";
-import type { Draft } from "../service/useDraft";
+import type { FormDraft } from "../service/drafts";
 import styles from "./DraftMark.module.css";
 
 interface DraftMarkProps {
-  readonly draft: Pick<Draft<unknown>, "since" | "stored">;
+  readonly draft: Pick<FormDraft<unknown>, "since" | "stored">;
   /** What the draft is of, for screen readers: "experiment". */
   readonly of: string;
   /** What stands first in the mark. */

@@ -1,8 +1,8 @@
 /** An entry of the glossary, as it is shown in place and in the list of all. */
 
 import { inWords, readingOf } from "../samples/quantity";
-import { useAngles } from "../service/angles";
 import { type Entry, KIND_TITLES } from "../service/glossary";
+import { useAngles } from "../service/preferences";
 import styles from "./Explained.module.css";
 import { Written } from "./SignalName";
 

@@ -8,8 +8,7 @@ import {
   useEffect,
   useState,
 } from "react";
-import { close, current, explain, left } from "../service/explaining";
-import { type Entry, entryOf } from "../service/glossary";
+import { close, current, type Entry, entryOf, explain, left } from "../service/glossary";
 import styles from "./Explained.module.css";
 import { useGroup, useTabStop } from "./Terms";
 

@@ -13,10 +13,10 @@ import {
   type Notice,
   noticeOf,
   useAnswer,
+  useErrorLifetime,
   useTakeHanded,
-} from "../service/handOver";
+} from "../service/control";
 import { sessionQuery } from "../service/queries";
-import { useErrorLifetime } from "../service/useErrorLifetime";
 import { heldEpoch, watchHeld } from "../wire/control";
 import type { State } from "../wire/types";
 import { AnswerForm, AskForm, OfferForm } from "./ControlForms";

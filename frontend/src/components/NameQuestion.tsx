@@ -5,7 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { useSetName } from "../service/commands";
 import { sessionQuery } from "../service/queries";
-import { RefusedFields } from "../service/refusedFields";
+import { RefusedFields } from "../service/refusals";
 import { keepText, readKept } from "../wire/kept";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";

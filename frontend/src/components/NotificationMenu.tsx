@@ -3,9 +3,9 @@
 import { ActionIcon, Menu } from "@mantine/core";
 import { useState } from "react";
 import { TbBell, TbBellOff } from "react-icons/tb";
+import { whyNotTold } from "../service/log";
 import { allowed, askForPermission, playTone } from "../service/notifications";
 import { usePreferences } from "../service/preferences";
-import { whyNotTold } from "../service/toldWords";
 import styles from "./NotificationMenu.module.css";
 
 const WHEN =

@@ -4,10 +4,9 @@ import { TextInput, type TextInputProps } from "@mantine/core";
 import { useRef, useState } from "react";
 import { notANumber } from "../samples/number";
 import { boxText, inSI } from "../samples/quantity";
-import { useAngles } from "../service/angles";
 import type { Entry } from "../service/glossary";
-import { useRefusedInput } from "../service/refusedFields";
-import { useDescribedBy } from "../service/useDescribedBy";
+import { useAngles } from "../service/preferences";
+import { useDescribedBy, useRefusedInput } from "../service/refusals";
 import { help } from "./help";
 
 interface NumberFieldProps

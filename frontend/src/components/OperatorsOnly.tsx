@@ -1,7 +1,7 @@
 /** What only an operator may use: a viewer is not offered it. */
 
 import type { ReactNode } from "react";
-import { useMayCommand } from "../service/useMayCommand";
+import { useMayCommand } from "../service/control";
 
 export function OperatorsOnly({
   children,

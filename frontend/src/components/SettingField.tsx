@@ -2,8 +2,8 @@
 
 import { labelWith, rangeText } from "../samples/quantity";
 import { capital } from "../samples/words";
-import { useAngles } from "../service/angles";
-import { settingEntry } from "../service/fieldHelp";
+import { settingEntry } from "../service/glossary";
+import { useAngles } from "../service/preferences";
 import type { Setting } from "../wire/types";
 import { ChoiceField } from "./ChoiceField";
 import { NumberField } from "./NumberField";

@@ -2,7 +2,7 @@
 
 import { useEffect } from "react";
 import { useLive } from "../live/react";
-import { useStop } from "../service/useStop";
+import { useStop } from "../service/references";
 import { hearState, showElsewhere } from "../stop/stop";
 import styles from "./StatusStrip.module.css";
 import { stopSentence } from "./status";

@@ -2,7 +2,7 @@
 
 import { Switch, type SwitchProps } from "@mantine/core";
 import type { Entry } from "../service/glossary";
-import { useRefusedInput } from "../service/refusedFields";
+import { useRefusedInput } from "../service/refusals";
 import { help } from "./help";
 
 interface SwitchFieldProps extends Omit<SwitchProps, "error" | "onChange"> {

@@ -2,7 +2,7 @@
 
 import { TextInput, type TextInputProps } from "@mantine/core";
 import type { Entry } from "../service/glossary";
-import { useRefusedInput } from "../service/refusedFields";
+import { useRefusedInput } from "../service/refusals";
 import { help } from "./help";
 
 interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {

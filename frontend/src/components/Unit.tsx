@@ -1,7 +1,7 @@
 /** The unit of a row, as this person reads it. */
 
 import { readingNear } from "../samples/quantity";
-import { useAngles } from "../service/angles";
+import { useAngles } from "../service/preferences";
 import { Absent } from "./Absent";
 
 /** `near` is the figure of the row in SI, whose prefix the unit takes. */

@@ -7,7 +7,7 @@ import { SegmentsEditor } from "../pages/experiments/SegmentsEditor";
 import { limitLines } from "../pages/operate/limitLines";
 import { SettingsCard } from "../pages/runs/SettingsCard";
 import type { Angles } from "../samples/quantity";
-import { AnglesContext } from "../service/angles";
+import { AnglesContext } from "../service/preferences";
 import { PANELS, POSITION, readIn } from "../theme/layouts";
 import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
 import { LocalizedText } from "./LocalizedText";

@@ -24,7 +24,7 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { useDryRun } from "../service/dryRun";
+import { useDryRun } from "../service/experiments";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BankImport";
 import { ExperimentForm } from "./experiments/ExperimentForm";

@@ -9,7 +9,7 @@ import { LiveStore } from "../live/store";
 import { SegmentsEditor } from "../pages/experiments/SegmentsEditor";
 import { RequestError } from "../wire/client";
 import type { Setting } from "../wire/types";
-import { lastRefusal, RefusedFields } from "./refusedFields";
+import { lastRefusal, RefusedFields } from "./refusals";
 
 const AMPLITUDE = { name: "q_amplitude", meaning: "position steps", unit: "rad", default: 1 } as Setting;
 const HOLD = { name: "q_hold", meaning: "position held", unit: "rad", default: 0 } as Setting;

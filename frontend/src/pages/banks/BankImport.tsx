@@ -6,8 +6,7 @@ import { TbUpload } from "react-icons/tb";
 import { useLocation } from "wouter";
 import { Refusal } from "../../components/Refusal";
 import { useImportBank } from "../../service/commands";
-import { RefusedFields, useRefusedInput } from "../../service/refusedFields";
-import { useDescribedBy } from "../../service/useDescribedBy";
+import { RefusedFields, useDescribedBy, useRefusedInput } from "../../service/refusals";
 import type { BankFile } from "../../wire/types";
 import page from "../Page.module.css";
 

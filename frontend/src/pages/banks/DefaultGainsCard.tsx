@@ -5,7 +5,7 @@ import { Card } from "../../components/Card";
 import { SignalName } from "../../components/SignalName";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { usePreview, usePreviewedStiffness } from "../../service/usePreview";
+import { usePreview, usePreviewedStiffness } from "../../service/tuning";
 import { HUES } from "../../theme/signals";
 import type { Tuning } from "../../wire/types";
 import { StepPreview } from "../operate/StepPreview";

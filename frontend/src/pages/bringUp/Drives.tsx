@@ -5,7 +5,7 @@ import { TbHandStop, TbPlugConnected } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { dateTime } from "../../samples/format";
-import { useStepCommand } from "../../service/bringUp";
+import { useStepCommand } from "../../service/system";
 import type { BringUp } from "../../wire/types";
 import styles from "./BringUp.module.css";
 

@@ -6,7 +6,7 @@ import { SignalName } from "../../components/SignalName";
 import { useLive, useLiveStore, useNow, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { angleText, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { unitOf } from "../../theme/signals";
 import { FIELDS } from "../../wire/sample.gen";
 import type { BringUpStep } from "../../wire/types";

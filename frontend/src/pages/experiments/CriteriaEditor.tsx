@@ -3,8 +3,8 @@
 import { ActionIcon, Button, NativeSelect, TextInput } from "@mantine/core";
 import { TbPlus, TbX } from "react-icons/tb";
 import { labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { useRefusedInput, useRefusedWithin } from "../../service/refusedFields";
+import { useAngles } from "../../service/preferences";
+import { useRefusedInput, useRefusedWithin } from "../../service/refusals";
 import type { Metric } from "../../wire/types";
 import page from "../Page.module.css";
 import type { Bound } from "./document";

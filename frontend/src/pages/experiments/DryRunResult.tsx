@@ -11,7 +11,7 @@ import { plantWord } from "../../components/PlantBadge";
 import { RunState } from "../../components/RunState";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
-import type { useDryRun } from "../../service/dryRun";
+import type { useDryRun } from "../../service/experiments";
 import { useStandardPanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
 import type { DryRun, ExperimentKind } from "../../wire/types";

@@ -3,8 +3,8 @@
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { boxText, inSI, labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { useRefusedInput } from "../../service/refusedFields";
+import { useAngles } from "../../service/preferences";
+import { useRefusedInput } from "../../service/refusals";
 import type { Value } from "./document";
 
 interface ExpressionFieldProps {

@@ -6,8 +6,8 @@ import { Unit } from "../../components/Unit";
 import { Verdict } from "../../components/Verdict";
 import { measured, NOT_MEASURED } from "../../samples/format";
 import { type Angles, inWords, readingNear, readingOf, told } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
 import { figureEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
 import type { Criterion, Metric } from "../../wire/types";
 import page from "../Page.module.css";
 

@@ -9,13 +9,13 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useReplaceDraft } from "../../components/ReplaceDraft";
 import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
+import { isText, useDraft } from "../../service/drafts";
 import {
   experimentAsRunQuery,
   experimentTextQuery,
   experimentVersionsQuery,
-} from "../../service/ownExperiments";
-import { lastRefusal, RefusedFields } from "../../service/refusedFields";
-import { isText, useDraft } from "../../service/useDraft";
+} from "../../service/experiments";
+import { lastRefusal, RefusedFields } from "../../service/refusals";
 import { RequestError } from "../../wire/client";
 import type { ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";

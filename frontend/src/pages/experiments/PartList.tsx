@@ -3,8 +3,8 @@
 import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import type { DragEvent } from "react";
 import { TbArrowDown, TbArrowUp, TbCopy, TbGripVertical, TbPlus, TbRepeat, TbX } from "react-icons/tb";
-import { useAngles } from "../../service/angles";
-import { useRefusedInput, useRefusedWithin } from "../../service/refusedFields";
+import { useAngles } from "../../service/preferences";
+import { useRefusedInput, useRefusedWithin } from "../../service/refusals";
 import type { PartPlayed } from "../../wire/types";
 import { innerOf, numberOf, type Part, type Place } from "./document";
 import { ExpressionField } from "./ExpressionField";

@@ -1,9 +1,9 @@
 /** All that an experiment is run with, or was, in two lines: its own settings, and the tuning. */
 
 import { useQuery } from "@tanstack/react-query";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { banksQuery, experimentKindsQuery } from "../../service/queries";
-import { tuningInWords } from "../../service/tuningWords";
+import { tuningInWords } from "../../service/tuning";
 import page from "../Page.module.css";
 import { changesInWords, tuningChanges, type Values } from "./order";
 

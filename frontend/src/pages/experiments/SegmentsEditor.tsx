@@ -7,9 +7,9 @@ import { ChoiceField } from "../../components/ChoiceField";
 import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
 import { labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
 import { symbolEntry } from "../../service/glossary";
-import { useRefusedWithin } from "../../service/refusedFields";
+import { useAngles } from "../../service/preferences";
+import { useRefusedWithin } from "../../service/refusals";
 import styles from "./SegmentsEditor.module.css";
 import {
   further,

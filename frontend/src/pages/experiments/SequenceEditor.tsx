@@ -2,7 +2,7 @@
 
 import { TextInput } from "@mantine/core";
 import { useEffect, useMemo, useRef, useState } from "react";
-import { useRefusedInput } from "../../service/refusedFields";
+import { useRefusedInput } from "../../service/refusals";
 import type { PartPlayed } from "../../wire/types";
 import page from "../Page.module.css";
 import {

@@ -3,8 +3,8 @@
 import { Button, Table } from "@mantine/core";
 import { useQueries, useQuery } from "@tanstack/react-query";
 import { dateTime } from "../../samples/format";
-import { useAngles } from "../../service/angles";
-import { experimentTextQuery, experimentVersionsQuery } from "../../service/ownExperiments";
+import { experimentTextQuery, experimentVersionsQuery } from "../../service/experiments";
+import { useAngles } from "../../service/preferences";
 import page from "../Page.module.css";
 import { differences } from "./differences";
 import { asDocument, type Document } from "./document";

@@ -3,7 +3,7 @@
 import { notANumber } from "../../samples/number";
 import { type Angles, boxText, offered, told } from "../../samples/quantity";
 import { counted } from "../../samples/words";
-import { bankInWords } from "../../service/tuningWords";
+import { bankInWords } from "../../service/tuning";
 import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
 
 export type Value = boolean | number | string;

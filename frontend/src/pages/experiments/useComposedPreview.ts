@@ -7,7 +7,7 @@
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useLive } from "../../live/react";
-import { composedPreviewQuery, lookedOverQuery } from "../../service/ownExperiments";
+import { composedPreviewQuery, lookedOverQuery } from "../../service/experiments";
 import type { CheckedExperiment } from "../../wire/types";
 
 const REST_MS = 600;

@@ -10,7 +10,7 @@ import { useLive } from "../../live/react";
 import { fixed, percent, significant } from "../../samples/format";
 import { labelWith, readingOf, told } from "../../samples/quantity";
 import { structureInWords } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { curvesQuery, differenceInUseQuery, tuningKey } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { ChannelCurves, Correlation, Identification, Model } from "../../wire/types";

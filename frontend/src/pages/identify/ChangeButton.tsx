@@ -4,8 +4,7 @@ import { Button } from "@mantine/core";
 import { useId } from "react";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
-import { useMayCommand } from "../../service/useMayCommand";
-import { useNoControl } from "../../service/useNoControl";
+import { useMayCommand, useNoControl } from "../../service/control";
 import { NextMode } from "../operate/NextMode";
 import styles from "./Identify.module.css";
 

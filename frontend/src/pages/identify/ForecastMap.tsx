@@ -4,7 +4,7 @@ import { useMemo } from "react";
 import { useCanvas } from "../../charts/useCanvas";
 import { useLiveStore } from "../../live/react";
 import { angleText, labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { Prediction } from "../../wire/types";
 import { paintPlane } from "../operate/paintPlane";
 import { useBankEntries } from "../operate/useBankEntries";

@@ -10,7 +10,7 @@ import { SeriesReports } from "../../components/SeriesReports";
 import { SignalName } from "../../components/SignalName";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { heading } from "../../samples/words";
-import { useMayCommand } from "../../service/useMayCommand";
+import { useMayCommand } from "../../service/control";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
 import { sessionOf } from "./candidates";

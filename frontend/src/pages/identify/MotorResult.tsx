@@ -10,7 +10,7 @@ import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { capital } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { curvesQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { Identification, Motor, MotorCurves } from "../../wire/types";

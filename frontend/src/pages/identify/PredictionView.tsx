@@ -6,7 +6,7 @@ import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { duration, fixed, significant } from "../../samples/format";
 import { angleText, inWords, labelWith, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { Prediction } from "../../wire/types";
 import page from "../Page.module.css";
 import { ForecastMap } from "./ForecastMap";

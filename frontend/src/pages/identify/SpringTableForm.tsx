@@ -6,7 +6,7 @@ import { ChoiceField } from "../../components/ChoiceField";
 import { Refusal } from "../../components/Refusal";
 import { TextField } from "../../components/TextField";
 import { useAddSpringTable } from "../../service/commands";
-import { RefusedFields, useRefusedInput } from "../../service/refusedFields";
+import { RefusedFields, useRefusedInput } from "../../service/refusals";
 import page from "../Page.module.css";
 
 const DECIMALS = [

@@ -8,7 +8,7 @@ import { LocalizedText } from "../../components/LocalizedText";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { fixed, instant } from "../../samples/format";
 import { inWords } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { LogEntry } from "../../wire/types";
 import page from "../Page.module.css";
 import { addressOf } from "../runs/address";

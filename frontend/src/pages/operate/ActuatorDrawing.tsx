@@ -4,7 +4,7 @@ import { useMemo } from "react";
 import { useCanvas } from "../../charts/useCanvas";
 import { useLiveStore, useSampleAge } from "../../live/react";
 import { age } from "../../samples/format";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import styles from "./ActuatorDrawing.module.css";
 import { actuatorPose, type Signals } from "./actuatorPose";
 import { paintActuator } from "./paintActuator";

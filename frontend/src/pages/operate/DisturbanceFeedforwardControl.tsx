@@ -8,12 +8,12 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { angleWithUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { fieldEntry } from "../../service/fieldHelp";
-import { whyNoEstimate } from "../../service/retuning";
-import { useErrorLifetime } from "../../service/useErrorLifetime";
-import type { Previewed } from "../../service/usePreview";
-import { useSentValue } from "../../service/useSentValue";
+import { useErrorLifetime } from "../../service/control";
+import { useSentValue } from "../../service/drafts";
+import { fieldEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
+import type { Previewed } from "../../service/tuning";
+import { whyNoEstimate } from "../../service/tuning";
 import type { Pushed, Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
 

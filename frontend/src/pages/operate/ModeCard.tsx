@@ -8,7 +8,7 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { capital, heading } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoControl } from "../../service/control";
 import type { Mode, State } from "../../wire/types";
 import styles from "./Operate.module.css";
 

@@ -6,11 +6,11 @@ import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
-import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
-import { fieldEntry } from "../../service/fieldHelp";
-import { useErrorLifetime } from "../../service/useErrorLifetime";
-import { useSentValue } from "../../service/useSentValue";
+import { useErrorLifetime } from "../../service/control";
+import { useSentValue } from "../../service/drafts";
+import { fieldEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
 import type { Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
 

@@ -3,8 +3,7 @@
 import { Button } from "@mantine/core";
 import { useLive } from "../../live/react";
 import { useSetMode } from "../../service/commands";
-import { useMayCommand } from "../../service/useMayCommand";
-import { useNoControl } from "../../service/useNoControl";
+import { useMayCommand, useNoControl } from "../../service/control";
 import type { State } from "../../wire/types";
 
 /** What needs a mode: a run needs tension, a change of parameters needs the motors off. */

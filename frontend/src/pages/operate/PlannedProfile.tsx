@@ -4,7 +4,7 @@ import { useQuery } from "@tanstack/react-query";
 import { SignalName } from "../../components/SignalName";
 import { fixed } from "../../samples/format";
 import { readingOf, withUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { plannedQuery } from "../../service/queries";
 import { paintOf, traceFor } from "../../theme/signals";
 import type { Planned } from "../../wire/types";

@@ -9,9 +9,9 @@ import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/stat
 import { useLive } from "../../live/react";
 import { counted } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
-import { usePauseOrder } from "../../service/pauseOrder";
-import { lastRefusal } from "../../service/refusedFields";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoControl } from "../../service/control";
+import { usePauseOrder } from "../../service/experiments";
+import { lastRefusal } from "../../service/refusals";
 import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";

@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { sceneAddress } from "../../components/cameras";
 import { SceneFrame } from "../../components/SceneFrame";
 import { paintsInSoftware } from "../../drawing/canvas";
-import { useSceneView } from "../../service/useSceneView";
+import { useSceneView } from "../../service/runs";
 import { HUES, paintOf } from "../../theme/signals";
 import { ActuatorDrawing } from "./ActuatorDrawing";
 import styles from "./Operate.module.css";

@@ -9,11 +9,16 @@ import { MotorMargins } from "../../components/MotorMargins";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { type Angles, told } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
-import { useNoRetuning } from "../../service/useNoControl";
-import { type Previewed, usePreview, usePreviewedStiffness } from "../../service/usePreview";
-import { type LambdaName, useStagedTuning } from "../../service/useStagedTuning";
+import { useNoRetuning } from "../../service/control";
+import { useAngles } from "../../service/preferences";
+import {
+  type LambdaName,
+  type Previewed,
+  usePreview,
+  usePreviewedStiffness,
+  useStagedTuning,
+} from "../../service/tuning";
 import { HUES } from "../../theme/signals";
 import type { PreviewedStep, Tuning, TuningPreview } from "../../wire/types";
 import { DisturbanceFeedforwardControl } from "./DisturbanceFeedforwardControl";

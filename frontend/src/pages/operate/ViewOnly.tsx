@@ -4,8 +4,8 @@ import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { angleWithUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { motionInWords } from "../../service/tuningWords";
+import { useAngles } from "../../service/preferences";
+import { motionInWords } from "../../service/tuning";
 import page from "../Page.module.css";
 
 export function ViewOnly() {

@@ -1,6 +1,6 @@
 /** What the service would refuse at present, and why: a control whose command it would not take is not offered. Pure. */
 
-import { ON_TRIAL } from "../../service/retuning";
+import { ON_TRIAL } from "../../service/tuning";
 import type { Mode, State } from "../../wire/types";
 import { whyNot } from "./ModeCard";
 

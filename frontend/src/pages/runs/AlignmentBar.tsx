@@ -1,7 +1,7 @@
 /** Which run the others are compared with, and what of each is brought to one moment. */
 
 import { NativeSelect } from "@mantine/core";
-import type { ComparisonAsked } from "../../service/comparison";
+import type { ComparisonAsked } from "../../service/runs";
 import { NAMES } from "../log/kinds";
 import page from "../Page.module.css";
 import {

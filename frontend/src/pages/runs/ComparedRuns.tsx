@@ -5,7 +5,7 @@ import { useMemo } from "react";
 import { useLocation } from "wouter";
 import { Card } from "../../components/Card";
 import { fixed } from "../../samples/format";
-import { type ComparisonAsked, comparisonQuery } from "../../service/comparison";
+import { type ComparisonAsked, comparisonQuery } from "../../service/runs";
 import type { Run, RunComparison } from "../../wire/types";
 import page from "../Page.module.css";
 import { AlignmentBar } from "./AlignmentBar";

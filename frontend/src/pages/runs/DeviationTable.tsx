@@ -5,7 +5,7 @@ import type { ReactNode } from "react";
 import { Absent, Shown } from "../../components/Absent";
 import { fixed, significant } from "../../samples/format";
 import { labelWith, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { Differences, RunDifference } from "../../wire/types";
 import page from "../Page.module.css";
 

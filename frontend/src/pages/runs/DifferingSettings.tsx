@@ -5,7 +5,7 @@ import { Absent } from "../../components/Absent";
 import { Unit } from "../../components/Unit";
 import { settingValue } from "../../samples/format";
 import { type Angles, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { ComparedSetting, RunComparison } from "../../wire/types";
 import page from "../Page.module.css";
 

@@ -13,7 +13,7 @@ import { LocalizedText } from "../../components/LocalizedText";
 import { plantWord } from "../../components/PlantBadge";
 import { useLive } from "../../live/react";
 import { fixed, instant } from "../../samples/format";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { runQuery } from "../../service/queries";
 import { flightSamplesQuery, flightsQuery, showFlightMoment } from "../../service/system";
 import { usePanels } from "../../theme/usePanels";

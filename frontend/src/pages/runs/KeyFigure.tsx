@@ -6,8 +6,8 @@ import { Verdict } from "../../components/Verdict";
 import { measured } from "../../samples/format";
 import { readingOf, told, withUnit } from "../../samples/quantity";
 import { heading } from "../../samples/words";
-import { useAngles } from "../../service/angles";
 import { entryOf } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
 import type { Run } from "../../wire/types";
 import styles from "./Runs.module.css";
 

@@ -6,7 +6,7 @@ import { useMemo } from "react";
 import { TbCheck, TbCopy } from "react-icons/tb";
 import { Link } from "wouter";
 import { inWords } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { LineageNode } from "../../wire/types";
 import { BOX, laidOut, type Placed } from "./lineageLayout";
 import styles from "./Runs.module.css";

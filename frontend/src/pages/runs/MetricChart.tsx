@@ -10,7 +10,7 @@ import { Card } from "../../components/Card";
 import { dateTime } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { inWordsOf } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { metricHistoryQuery, searchWordsQuery } from "../../service/queries";
 import type { MetricHistory } from "../../wire/types";
 import page from "../Page.module.css";

@@ -7,9 +7,9 @@ import { DraftMark } from "../../components/DraftMark";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useSetNote } from "../../service/commands";
-import { RefusedFields, useRefusedInput } from "../../service/refusedFields";
-import { isText, useDraft } from "../../service/useDraft";
-import { useMayCommand } from "../../service/useMayCommand";
+import { useMayCommand } from "../../service/control";
+import { isText, useDraft } from "../../service/drafts";
+import { RefusedFields, useRefusedInput } from "../../service/refusals";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 

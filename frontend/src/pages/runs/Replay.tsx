@@ -10,7 +10,7 @@ import { sceneAddress } from "../../components/cameras";
 import { SceneFrame } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
 import { showMoment } from "../../service/commands";
-import { useSceneView } from "../../service/useSceneView";
+import { useSceneView } from "../../service/runs";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 import { useMoments } from "./useMoments";

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { comparedPanels } from "../../charts/comparedSource";
-import { curvesOf } from "../../service/comparison";
+import { curvesOf } from "../../service/runs";
 import { panelsOf, STANDARD } from "../../theme/layouts";
 import { unitOf } from "../../theme/signals";
 import type { Differences } from "../../wire/types";

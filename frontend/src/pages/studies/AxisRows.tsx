@@ -5,7 +5,7 @@ import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
 import { NumberField } from "../../components/NumberField";
 import { boxText, inSI, labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import page from "../Page.module.css";
 import styles from "./StudyForm.module.css";
 import { type Axis, type Value, valuesIn } from "./studyDocument";

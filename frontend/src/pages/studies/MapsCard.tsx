@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { fixed, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { counted } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { MapPick } from "../../service/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
 import page from "../Page.module.css";

@@ -8,7 +8,7 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { counted } from "../../samples/words";
-import { lastRefusal } from "../../service/refusedFields";
+import { lastRefusal } from "../../service/refusals";
 import { isUnderWay, type MapPick, studyQuery, useResumeStudy, useStopStudy } from "../../service/studies";
 import type { Study } from "../../wire/types";
 import page from "../Page.module.css";

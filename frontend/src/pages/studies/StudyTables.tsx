@@ -8,7 +8,7 @@ import { Unit } from "../../components/Unit";
 import { fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { counted } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { StudyDetail, StudyFigure, StudyShare } from "../../wire/types";
 import page from "../Page.module.css";
 

@@ -2,7 +2,7 @@
 
 import { useQuery } from "@tanstack/react-query";
 import { offered } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import { experimentKindsQuery } from "../../service/queries";
 import { plantNumbersQuery } from "../../service/studies";
 import { isOfTheLoop } from "../experiments/order";

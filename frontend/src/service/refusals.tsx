@@ -1,11 +1,25 @@
-/** A refusal stands at the field it speaks of: each field of a form asks here whether it is the one. */
-
 import { createContext, type ReactNode, type RefObject, useContext, useEffect, useMemo, useRef } from "react";
 import { inWords } from "../samples/quantity";
 import { RequestError } from "../wire/client";
-import { useAngles } from "./angles";
-import { useDescribedBy } from "./useDescribedBy";
-import { useErrorLifetime } from "./useErrorLifetime";
+import { useErrorLifetime } from "./control";
+import { useAngles } from "./preferences";
+
+/** Mantine names what describes its own inputs; here another element is named, for as long as there is one. */
+
+export function useDescribedBy(input: RefObject<HTMLElement | null>, id: string | undefined): void {
+  useEffect(() => {
+    const element = input.current;
+    if (id === undefined || element === null) return;
+    const before = element.getAttribute("aria-describedby");
+    element.setAttribute("aria-describedby", [before, id].filter(Boolean).join(" "));
+    return () => {
+      if (before === null) element.removeAttribute("aria-describedby");
+      else element.setAttribute("aria-describedby", before);
+    };
+  }, [input, id]);
+}
+
+/** A refusal stands at the field it speaks of: each field of a form asks here whether it is the one. */
 
 interface Refused {
   /** Place of the field to blame: one that is on the page; null where there is none. */

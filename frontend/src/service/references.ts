@@ -1,13 +1,16 @@
+import { useMutation, useQueryClient } from "@tanstack/react-query";
+import { useEffect, useSyncExternalStore } from "react";
+import { useLive, useLiveStore } from "../live/react";
+import type { LiveStore } from "../live/store";
+import { listenToStop, type StopState, stopState } from "../stop/stop";
+import { answered, api } from "../wire/client";
+import type { References, State } from "../wire/types";
+import { RESTS_ON_PARAMETERS } from "./comparedModels";
+
 /**
  * References are sent in pairs, and a person orders one of them: the other one goes along as it was ordered last, by
  * whatever part of the page, for the state that tells it may still be on its way.
  */
-
-import { useMutation } from "@tanstack/react-query";
-import { useLiveStore } from "../live/react";
-import type { LiveStore } from "../live/store";
-import { answered, api } from "../wire/client";
-import type { References, State } from "../wire/types";
 
 /** The state tells within this time what was accepted [ms]; after it what is in force counts again. */
 const TOLD_WITHIN_MS = 1200;
@@ -80,4 +83,45 @@ function isKnown(told: State["references"]): told is State["references"] & Refer
 
 function isSame(one: References, other: References): boolean {
   return Math.abs(one.q_ref - other.q_ref) < SAME && Math.abs(one.S_ref - other.S_ref) < SAME;
+}
+
+/** Asks again for lists and results when something has happened that changes them. */
+
+const CHANGED_BY_TASKS = ["identifications", "experiments", "runs", "banks", "queue", "checklist"] as const;
+/** After so many failed connections the reason may be that the session has ended. */
+const FAILURES = 2;
+
+export function useFreshness(): void {
+  const queries = useQueryClient();
+  const task = useLive((live) => live.state?.task?.run ?? null);
+  const recording = useLive((live) => live.state?.recording_run ?? null);
+  const starts = useLive((live) => live.state?.link.starts ?? null);
+  const bank = useLive((live) => live.state?.tuning.bank?.id ?? null);
+  const failing = useLive((live) => live.link.failures >= FAILURES);
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the begin and the end of a task or a recording are the reason
+  useEffect(() => {
+    for (const key of CHANGED_BY_TASKS) void queries.invalidateQueries({ queryKey: [key] });
+  }, [queries, task, recording]);
+
+  // parameters come into force with a new loop process, whoever applied them
+  useEffect(() => {
+    if (starts === null) return;
+    for (const key of RESTS_ON_PARAMETERS) void queries.invalidateQueries({ queryKey: [key] });
+  }, [queries, starts]);
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: another bank, whoever activated it, is the reason
+  useEffect(() => {
+    for (const key of ["banks", "tuning"]) void queries.invalidateQueries({ queryKey: [key] });
+  }, [queries, bank]);
+
+  useEffect(() => {
+    if (failing) void queries.invalidateQueries({ queryKey: ["session"] });
+  }, [queries, failing]);
+}
+
+/** What became of the last press of STOP, which works without the application. */
+
+export function useStop(): StopState {
+  return useSyncExternalStore(listenToStop, stopState);
 }
