@@ -11,7 +11,9 @@ const ranges = vi.hoisted(() => ({
 }));
 vi.mock("../service/signals", () => ranges);
 
-import { StoredRuns } from "./storedRuns";
+// Tests that only compute share their modules: another one may have loaded this one without the stand-in.
+vi.resetModules();
+const { StoredRuns } = await import("./storedRuns");
 
 const quiet = () => ({ signal: new AbortController().signal, onShare: vi.fn() });
 const NUMBERS = {

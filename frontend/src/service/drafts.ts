@@ -157,11 +157,7 @@ export interface FormDraft<T> {
  *   initial: value without a draft; JSON data.
  *   isValid: whether stored data is a value of this form. An older version of the page may have stored other data.
  */
-export function useDraft<T>(
-  form: string,
-  initial: T,
-  isValid: (value: unknown) => value is T,
-): FormDraft<T> {
+export function useDraft<T>(form: string, initial: T, isValid: (value: unknown) => value is T): FormDraft<T> {
   const person = useQuery(sessionQuery).data?.name;
   const of = { person, form };
   const text = useSyncExternalStore(watchDrafts, () => storedDraft(of));

@@ -1,7 +1,7 @@
 // @vitest-environment jsdom
 import { cleanup, render, screen } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
-import type { ViewControl } from "../../charts/useViewport";
+import type { ViewControl } from "../../charts/viewport";
 import type { DryRun } from "../../wire/types";
 
 vi.mock("../../charts/Charts", () => ({
@@ -14,7 +14,7 @@ vi.mock("../../charts/Charts", () => ({
 }));
 vi.mock("../../theme/usePanels", () => ({ useStandardPanels: () => [] }));
 vi.mock("../../wire/curves", () => ({ excerptOf: () => ({ from_s: 0, t: [], columns: {} }) }));
-vi.mock("../../charts/recordedSource", () => ({
+vi.mock("../../charts/sources", () => ({
   RecordedSource: class {
     setOverview() {}
   },

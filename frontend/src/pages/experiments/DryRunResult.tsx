@@ -3,8 +3,8 @@
 import { CloseButton } from "@mantine/core";
 import { useEffect, useMemo, useRef } from "react";
 import { Charts } from "../../charts/Charts";
-import { RecordedSource } from "../../charts/recordedSource";
-import { useViewport } from "../../charts/useViewport";
+import { RecordedSource } from "../../charts/sources";
+import { useViewport } from "../../charts/viewport";
 import { Card } from "../../components/Card";
 import { LocalizedText } from "../../components/LocalizedText";
 import { plantWord } from "../../components/PlantBadge";

@@ -3,8 +3,8 @@
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
 import { useCallback, useEffect, useState } from "react";
 import { TbPlayerPauseFilled, TbPlayerPlayFilled } from "react-icons/tb";
-import { type Playhead, usePlayhead } from "../../charts/playhead";
-import type { PlotSource } from "../../charts/source";
+import type { PlotSource } from "../../charts/sources";
+import { type Playhead, usePlayhead } from "../../charts/viewport";
 import { CameraChoice } from "../../components/CameraChoice";
 import { sceneAddress } from "../../components/cameras";
 import { SceneFrame } from "../../components/SceneFrame";

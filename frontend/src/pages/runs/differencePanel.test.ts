@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { comparedPanels } from "../../charts/comparedSource";
+import { comparedPanels } from "../../charts/sources";
 import { curvesOf } from "../../service/runs";
 import { panelsOf, STANDARD } from "../../theme/layouts";
 import { unitOf } from "../../theme/signals";

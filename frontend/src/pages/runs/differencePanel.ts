@@ -1,7 +1,7 @@
 /** The panel of a signal's differences: in the looks of the runs that they are of, with the tolerance band. Pure. */
 
-import { markOf, traceOf } from "../../charts/comparedSource";
 import type { LimitLine } from "../../charts/decorations";
+import { markOf, traceOf } from "../../charts/sources";
 import type { Angles } from "../../samples/quantity";
 import { readIn } from "../../theme/layouts";
 import { type Panel, scaleOf, traceFor } from "../../theme/signals";

@@ -1,6 +1,6 @@
 /** Points over dates, laid out in pixels, with their axes. Pure. */
 
-import { tickLabels } from "../../charts/ticks";
+import { tickLabels } from "../../charts/plot";
 import { dateTime } from "../../samples/format";
 
 export interface Point {

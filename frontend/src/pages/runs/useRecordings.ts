@@ -2,7 +2,7 @@
 
 import { useDebouncedValue } from "@mantine/hooks";
 import { useEffect, useMemo } from "react";
-import { RecordedSource } from "../../charts/recordedSource";
+import { RecordedSource } from "../../charts/sources";
 import { stretch, type Viewport } from "../../charts/viewport";
 import { significant } from "../../samples/format";
 import type { Stretch } from "../../samples/stretch";

@@ -4,7 +4,7 @@ import { Button } from "@mantine/core";
 import { useQueryClient } from "@tanstack/react-query";
 import { type FormEvent, useEffect } from "react";
 import { Link } from "wouter";
-import { signalChoices } from "../../charts/signalChoices";
+import { signalChoices } from "../../charts/SignalTree";
 import { Card } from "../../components/Card";
 import { ChoiceField } from "../../components/ChoiceField";
 import { NumberField } from "../../components/NumberField";

@@ -1,20 +1,64 @@
-/** Power density or amplitude over frequency of what was in sight, or between the cursors, when it was opened. */
-
 import { Modal, NativeSelect, Progress, SegmentedControl, useComputedColorScheme } from "@mantine/core";
 import { useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import { SignalName } from "../components/SignalName";
-import type { SignalSpectrum, Spectra } from "../samples/figures";
+import { type SignalSpectrum, type Spectra, spectraOf } from "../samples/figures";
 import { fixed, significant } from "../samples/format";
 import type { Spectrum } from "../samples/spectrum";
+import type { Stretch } from "../samples/stretch";
+import type { SampleTable } from "../samples/table";
 import { dashOf, type Panel } from "../theme/signals";
-import { basisWords, grouped } from "./basisWords";
-import { readColours } from "./colours";
+import { PERIOD_S } from "../wire/sample.gen";
+import { readColours } from "./Legend";
+import { TraceLine } from "./PanelRow";
+import { logLabels } from "./plot";
 import { decadeRange } from "./range";
 import styles from "./Spectrum.module.css";
-import { TraceLine } from "./TraceLine";
-import { logLabels } from "./ticks";
-import { type SpectrumOrder, useSpectra } from "./useSpectra";
+import { basisWords, grouped } from "./statistics";
+import type { StoredData } from "./storedRuns";
+
+/** Spectra of a range: of the page's own samples at once, or computed by the service, which takes a moment. */
+
+/** What the spectrum is to be of: what was in sight, or between the cursors, when it was asked for. */
+export interface SpectrumOrder {
+  readonly range: Stretch;
+  /** Null where the service has every sample. */
+  readonly table: SampleTable | null;
+  readonly stored: StoredData | null;
+}
+
+export interface ShownSpectra {
+  readonly spectra: Spectra | null;
+  readonly share: number;
+  readonly problem: string;
+}
+
+const NOTHING: ShownSpectra = { spectra: null, share: 0, problem: "" };
+
+/** `names` has to be the same array as long as it says the same. What is under way ends when nobody shows it any more. */
+export function useSpectra({ range, table, stored }: SpectrumOrder, names: readonly string[]): ShownSpectra {
+  const [shown, setShown] = useState(NOTHING);
+  useEffect(() => {
+    if (table !== null) {
+      setShown({ ...NOTHING, spectra: spectraOf(table, names, PERIOD_S) });
+      return;
+    }
+    if (stored === null) return;
+    const leave = new AbortController();
+    const tell = (told: Partial<ShownSpectra>) => {
+      if (!leave.signal.aborted) setShown((before) => ({ ...before, ...told }));
+    };
+    setShown(NOTHING);
+    stored
+      .spectra(names, range, { signal: leave.signal, onShare: (share) => tell({ share }) })
+      .then((spectra) => tell({ spectra, share: 1 }))
+      .catch((error: Error) => tell({ problem: error.message }));
+    return () => leave.abort();
+  }, [range, table, stored, names]);
+  return shown;
+}
+
+/** Power density or amplitude over frequency of what was in sight, or between the cursors, when it was opened. */
 
 type Quantity = "density" | "amplitude";
 

@@ -1,13 +1,16 @@
-/** One signal over another: the points of a stretch, the axes for them, and their drawing. */
-
+import { useMemo } from "react";
 import type { Extent } from "../samples/decimate";
+import { fixed } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
 import { dashOf, type Panel, type Trace } from "../theme/signals";
-import { AXIS_WIDTH, RIGHT_MARGIN } from "./plot";
+import styles from "./Charts.module.css";
+import { Legend } from "./Legend";
+import { AXIS_WIDTH, RIGHT_MARGIN, tickLabels } from "./plot";
 import { roundStep, steadyRange, type ValueRange } from "./range";
-import type { Pairs, PlotSource } from "./source";
-import { tickLabels } from "./ticks";
-import type { Surface } from "./useCanvas";
+import type { Pairs, PlotSource } from "./sources";
+import { type Drawing, type Surface, useCanvas } from "./useCanvas";
+
+/** One signal over another: the points of a stretch, the axes for them, and their drawing. */
 
 export type Plane = Panel & { readonly over: NonNullable<Panel["over"]> };
 
@@ -162,4 +165,73 @@ export function paintPlane({ context: pen, width, height, colours }: Surface, dr
     pen.lineWidth = 1;
     pen.stroke();
   }
+}
+
+/** Signals over signals, over the stretch that the charts above show. */
+
+interface PlaneProps {
+  readonly plane: Plane;
+  /** Place among all panels. */
+  readonly place: number;
+  readonly source: PlotSource;
+  readonly hidden: ReadonlySet<string>;
+  seen(): Stretch;
+  /** The moment that the legends tell. */
+  looked(): number;
+  onToggle(name: string): void;
+}
+
+export function PlaneFigure({ plane, place, source, hidden, seen, looked, onToggle }: PlaneProps) {
+  const drawing = useMemo(
+    () => drawingOf(plane, source, hidden, seen, looked),
+    [plane, source, hidden, seen, looked],
+  );
+  const canvas = useCanvas(drawing);
+  return (
+    <figure className={styles.plane} aria-label={plane.title} data-panel={place}>
+      <Legend panel={plane} hidden={hidden} onToggle={onToggle} onHighlight={() => undefined} />
+      <div className={styles.planeHost} aria-hidden="true">
+        <canvas ref={canvas} className={styles.planeCanvas} />
+      </div>
+    </figure>
+  );
+}
+
+function drawingOf(
+  plane: Plane,
+  source: PlotSource,
+  hidden: ReadonlySet<string>,
+  seen: () => Stretch,
+  looked: () => number,
+): Drawing {
+  let ranges: PlaneRanges | null = null;
+  return {
+    signature: () => {
+      const { from_s, to_s } = seen();
+      return [source.version(), from_s, to_s, looked()].map((part) => fixed(part, 3)).join(" ");
+    },
+    paint: (surface) => {
+      const drawn = drawnNow(plane, source, hidden, seen(), looked(), ranges);
+      ranges = drawn.ranges;
+      paintPlane(surface, drawn);
+    },
+  };
+}
+
+/** What is to be drawn of a stretch. */
+export function drawnNow(
+  plane: Plane,
+  source: PlotSource,
+  hidden: ReadonlySet<string>,
+  seen: Stretch,
+  looked_s: number,
+  before: PlaneRanges | null,
+): DrawnPlane {
+  const traces = plane.traces.filter(({ name }) => !hidden.has(name));
+  const curves = traces.map((trace) => pointsOf(source, plane, trace, seen));
+  const dots = traces.map(({ name }) => ({
+    x: source.at(plane.over.name, looked_s) * plane.over.factor,
+    y: source.at(name, looked_s) * plane.factor,
+  }));
+  return { traces, curves, dots, ranges: rangesFor(before, plane, curves) };
 }

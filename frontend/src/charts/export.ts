@@ -1,13 +1,18 @@
-/** What the charts show as one drawing at print size: vectors, with its axes, readings and where it comes from. Pure. */
-
-import { fixed } from "../samples/format";
+import { useState } from "react";
+import { dateTime, fixed, short } from "../samples/format";
+import { statistics } from "../samples/statistics";
 import type { Stretch } from "../samples/stretch";
-import { dashOf, type Panel, type Trace } from "../theme/signals";
+import { type SampleTable, toCsv } from "../samples/table";
+import { dashOf, type Panel, type Trace, unitOf } from "../theme/signals";
+import { answered, api, RequestError } from "../wire/client";
 import { type LimitLine, linesOf, type PlacedMark } from "./decorations";
-import { type DrawnPlane, extentOf, gridOf, type Plane } from "./plane";
+import { type DrawnPlane, drawnNow, extentOf, gridOf, type Plane } from "./plane";
+import { printedTime, splitsOf, stepFor, timeText, timeTitle, withShortPaths } from "./plot";
 import { roundedRange, type ValueRange } from "./range";
-import type { PlotSource } from "./source";
-import { printedTime, splitsOf, stepFor, timeTitle } from "./timeAxis";
+import type { PlotSource } from "./sources";
+import type { StoredData } from "./storedRuns";
+
+/** What the charts show as one drawing at print size: vectors, with its axes, readings and where it comes from. Pure. */
 
 /** Width in print, and of the drawing's own units, in which letters are as large as in a caption. */
 export const WIDTH_MM = 180;
@@ -262,4 +267,186 @@ function round(value: number): number {
 
 function escaped(words: string): string {
   return words.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll('"', "&quot;");
+}
+
+/** Hands a file to the browser's downloads, and makes pictures of drawings. */
+
+/** Vectors, the same with its letters for print, or dots at print size. */
+export type PictureKind = "svg" | "pdf" | "png";
+
+export function save(content: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(content);
+  link.download = name;
+  link.click();
+  // the download has begun once this task has ended
+  setTimeout(() => URL.revokeObjectURL(link.href));
+}
+
+/** Let the browser download what the service writes, under the name that it gives; however long, nothing is held here. */
+export function saveFrom(address: string): void {
+  const link = document.createElement("a");
+  link.href = address;
+  link.download = "";
+  link.click();
+}
+
+/** The moment as part of a file name: 2026-03-01-14-05-09, in the person's own zone. */
+export function stamp(when: Date): string {
+  const parts = [
+    when.getMonth() + 1,
+    when.getDate(),
+    when.getHours(),
+    when.getMinutes(),
+    when.getSeconds(),
+  ].map((part) => String(part).padStart(2, "0"));
+  return [when.getFullYear(), ...parts].join("-");
+}
+
+/** Dots to the inch in print. */
+const DPI = 300;
+const REMEDY = "hide some signals, or save it as SVG.";
+const TOO_LARGE = `It has too many curves for a PDF: ${REMEDY}`;
+/** The service gives a body so long; a link that is too slow for it breaks off without an answer. */
+const NOT_SENT = `It could not be sent to the service. If the link is slow, ${REMEDY}`;
+const MM_PER_INCH = 25.4;
+
+/** A drawing as a picture of so many millimetres in width. Rejects where the browser cannot draw it. */
+async function pngOf(svg: string, width_mm: number): Promise<Blob> {
+  const image = new Image();
+  const address = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
+  try {
+    image.src = address;
+    await image.decode();
+    const canvas = document.createElement("canvas");
+    canvas.width = Math.round((width_mm / MM_PER_INCH) * DPI);
+    canvas.height = Math.round((canvas.width * image.height) / image.width);
+    canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
+    return await new Promise((resolve, reject) => {
+      canvas.toBlob((content) => (content === null ? reject(new Error("no picture")) : resolve(content)));
+    });
+  } finally {
+    URL.revokeObjectURL(address);
+  }
+}
+
+/** A drawing as a file. Rejects, with words that can be shown, where it cannot be made. */
+export async function picture(svg: string, kind: PictureKind): Promise<Blob> {
+  const plain = withPlainColours(svg);
+  if (kind === "pdf") return await pdfOf(plain);
+  return kind === "svg" ? new Blob([plain], { type: "image/svg+xml" }) : await pngOf(plain, WIDTH_MM);
+}
+
+/** A drawing as a PDF of its size, which the service makes. Throws Error, with words that can be shown. */
+async function pdfOf(svg: string): Promise<Blob> {
+  const body = { svg: withShortPaths(svg) };
+  try {
+    return await answered(api.POST("/api/chart-sheet.pdf", { body, parseAs: "blob" }));
+  } catch (error) {
+    const status = error instanceof RequestError ? error.status : null;
+    if (status === 413) throw new Error(TOO_LARGE);
+    throw status === 0 || status === 408 ? new Error(NOT_SENT) : error;
+  }
+}
+
+/** A drawing whose colours every program knows: what only browsers reckon with, as they show it. */
+function withPlainColours(svg: string): string {
+  return svg.replaceAll(/oklch\([^)]*\)/g, shown);
+}
+
+function shown(colour: string): string {
+  const canvas = document.createElement("canvas");
+  const context = canvas.getContext("2d");
+  if (context === null) return colour;
+  context.fillStyle = colour;
+  context.fillRect(0, 0, 1, 1);
+  const parts = [...context.getImageData(0, 0, 1, 1).data.subarray(0, 3)];
+  return `#${parts.map((part) => part.toString(16).padStart(2, "0")).join("")}`;
+}
+
+/** Saving what the charts show: a picture of it, and its data. */
+
+interface Saving {
+  /** Begin of the names of files. */
+  readonly name: string;
+  readonly names: readonly string[];
+  readonly stored: StoredData | null;
+  sheet(): Sheet;
+  /** The visible range, or that between the cursors. */
+  range(): Stretch;
+  table(): SampleTable;
+}
+
+export function useSaving({ name, names, stored, sheet, range, table }: Saving) {
+  const [unsaved, setUnsaved] = useState<string | null>(null);
+
+  async function savePicture(kind: PictureKind): Promise<void> {
+    try {
+      save(await picture(svgOf(sheet()), kind), `${name}-${stamp(new Date())}.${kind}`);
+      setUnsaved(null);
+    } catch (error) {
+      setUnsaved(`The picture was not saved: ${(error as Error).message}`);
+    }
+  }
+
+  /** Of a recording the service writes every sample; else the page writes what it has. */
+  function saveData(): void {
+    setUnsaved(null);
+    if (stored === null) {
+      const content = toCsv(table(), unitOf);
+      save(new Blob([content], { type: "text/csv" }), `${name}-${stamp(new Date())}.csv`);
+      return;
+    }
+    const file = stored.file(names, range());
+    if (file === null) setUnsaved(`No data were saved: ${stored.fileOf} has no sample in this range.`);
+    else saveFrom(file);
+  }
+
+  return { savePicture, saveData, unsaved };
+}
+
+/** What a picture of the charts says of itself: run, plant, tuning and time. Pure but for the clock. */
+
+export interface Origin {
+  /** "run 12", or what else is drawn. */
+  readonly of: string;
+  /** SIM, RIG, or another word for what moved; "" for what lies between runs, which has no tuning either. */
+  readonly plant: string;
+  readonly bank: string;
+}
+
+const TUNING = { lam_q: "λ_q", lam_S: "λ_S" } as const;
+
+interface Drawn extends Omit<Sheet, "planes" | "foot"> {
+  readonly planes: readonly Plane[];
+  readonly looked_s: number;
+}
+
+/** All that is on a sheet of what is drawn now. */
+export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, bank }: Origin): Sheet {
+  const { source, hidden, seen, epoch_s } = drawn;
+  const [from, to] = [seen.from_s, seen.to_s].map((time_s) => timeText(time_s, 0.001, epoch_s));
+  const of_day = epoch_s === null ? " since the start" : "";
+  return {
+    ...drawn,
+    planes: planes.map((plane) => ({ plane, drawn: drawnNow(plane, source, hidden, seen, looked_s, null) })),
+    foot: [
+      [of, plant, ...(plant === "" ? [] : lambdas(source, seen)), bank]
+        .filter((part) => part !== "")
+        .join(" · "),
+      `${from} to ${to}${of_day} · saved ${dateTime(new Date().toISOString())}`,
+    ],
+  };
+}
+
+/** λ as the samples in sight have it: two numbers where it was changed meanwhile. */
+function lambdas(source: PlotSource, seen: Stretch): string[] {
+  const { t, raw, columns } = source.table(Object.keys(TUNING), seen);
+  return Object.entries(TUNING).map(([name, symbol]) => {
+    const column = columns.find((one) => one.name === name);
+    if (column === undefined) return `${symbol} not recorded`;
+    const { minimum, maximum } = statistics(column, t, raw);
+    if (Number.isNaN(minimum)) return `${symbol} not in force`;
+    return `${symbol} ${minimum === maximum ? short(minimum) : `${short(minimum)} to ${short(maximum)}`} s`;
+  });
 }
