@@ -3,7 +3,7 @@
 import { useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
-import { Terms } from "../components/Terms";
+import { Terms } from "../components/Explained";
 import { usePreferences } from "../service/preferences";
 import type { Panel } from "../theme/signals";
 import styles from "./Charts.module.css";

@@ -2,7 +2,7 @@ import { Popover } from "@mantine/core";
 import { useState } from "react";
 import { TbArrowsMaximize, TbArrowsMinimize } from "react-icons/tb";
 import { Explained, entriesOf, explaining } from "../components/Explained";
-import { Written } from "../components/SignalName";
+import { Written } from "../components/values";
 import { symbolEntries } from "../service/glossary";
 import { usePreferences } from "../service/preferences";
 import { PALETTE, type Panel, paintOf, signalOf, type Trace, variableOf } from "../theme/signals";

@@ -1,7 +1,7 @@
 import { ActionIcon, NativeSelect } from "@mantine/core";
 import { type ReactNode, useEffect, useRef } from "react";
 import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
-import { Written } from "../components/SignalName";
+import { Written } from "../components/values";
 import { fixed } from "../samples/format";
 import { useDerived } from "../service/signals";
 import {

@@ -1,7 +1,7 @@
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { TbPlus } from "react-icons/tb";
-import { Written } from "../components/SignalName";
+import { Written } from "../components/values";
 import type { DerivedSignal } from "../samples/formula";
 import { useDerived } from "../service/signals";
 import { DRAWN, meaningOf } from "../theme/signals";

@@ -1,6 +1,6 @@
 /** Numbers and cursors that follow the charts, written straight into the page about ten times a second. */
 
-import { writeAbsent, writeValue } from "../components/Absent";
+import { writeAbsent, writeValue } from "../components/values";
 import { fixed } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";

@@ -1,7 +1,7 @@
 import { Modal, NativeSelect, Progress, SegmentedControl, useComputedColorScheme } from "@mantine/core";
 import { useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
-import { SignalName } from "../components/SignalName";
+import { SignalName } from "../components/values";
 import { type SignalSpectrum, type Spectra, spectraOf } from "../samples/figures";
 import { fixed, significant } from "../samples/format";
 import type { Spectrum } from "../samples/spectrum";

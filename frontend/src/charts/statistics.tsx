@@ -1,7 +1,6 @@
 import { Progress } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
-import { Shown } from "../components/Absent";
-import { SignalName } from "../components/SignalName";
+import { Shown, SignalName } from "../components/values";
 import { type Basis, type Figures, figuresOf } from "../samples/figures";
 import { fixed, significant } from "../samples/format";
 import type { Stretch } from "../samples/stretch";

@@ -6,8 +6,7 @@ import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { isText, useDraft } from "../service/drafts";
 import { sessionQuery } from "../service/queries";
-import { DraftMark } from "./DraftMark";
-import { useReplaceDraft } from "./ReplaceDraft";
+import { DraftMark, useReplaceDraft } from "./DraftMark";
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));

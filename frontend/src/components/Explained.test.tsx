@@ -3,10 +3,9 @@ import { act, cleanup, fireEvent, render, screen } from "@testing-library/react"
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { close, entryOf, figureEntry, search, symbolEntry } from "../service/glossary";
 import { FAULTS, FIELDS, LIMITS, MODES } from "../wire/sample.gen";
-import { Explained } from "./Explained";
+import { Explained, Terms } from "./Explained";
 import { Explanation } from "./Explanation";
-import { SignalName } from "./SignalName";
-import { Terms } from "./Terms";
+import { SignalName } from "./values";
 
 beforeEach(() => {
   vi.useFakeTimers();

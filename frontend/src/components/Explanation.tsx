@@ -4,7 +4,7 @@ import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
 import { close, type Explained, left, stay, useExplained } from "../service/glossary";
 import { useDescribedBy } from "../service/refusals";
-import { EntryText } from "./Entry";
+import { EntryText } from "./Explained";
 import styles from "./Explained.module.css";
 
 const GAP = 6;

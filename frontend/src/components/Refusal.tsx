@@ -5,8 +5,8 @@ import { inWords } from "../samples/quantity";
 import { isAboutControl, useErrorLifetime, useNoControl } from "../service/control";
 import { useAngles } from "../service/preferences";
 import { useToldAtField } from "../service/refusals";
+import { TakeControl } from "./ControlMenu";
 import styles from "./Refusal.module.css";
-import { TakeControl } from "./TakeControl";
 
 interface RefusalProps {
   /** Shown until what caused it is gone. */

@@ -11,7 +11,7 @@ import { withUnit } from "../samples/quantity";
 import type { Entry } from "../service/glossary";
 import { close } from "../service/glossary";
 import { useDescribedBy, useRefusedInput } from "../service/refusals";
-import { help } from "./help";
+import { help } from "./Shortcuts";
 
 /** So long the page says that a value that was left was not sent [ms]. */
 const REMINDER_MS = 8000;

@@ -18,11 +18,11 @@ import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
-import { RemarkForm } from "./log/RemarkForm";
+import { RemarkForm } from "./log/LogPage";
 import { ContactCard } from "./operate/ContactCard";
-import { TuningChanges } from "./operate/TuningChanges";
+import { TuningChanges } from "./operate/TuningCard";
 import { TUNING } from "./refusals.fixture";
-import { NoteCard } from "./runs/NoteCard";
+import { NoteCard } from "./runs/RunDetail";
 import { TriggerCard } from "./system/TriggerCard";
 
 const RUN = { id: 7, kind: "tracking", end_state: "running", note: "saved" } as Run;

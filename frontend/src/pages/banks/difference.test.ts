@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { changeOf } from "./difference";
+import { changeOf } from "./BankComparison";
 
 describe("changeOf", () => {
   it("tells what changed, what is new and what is gone", () => {

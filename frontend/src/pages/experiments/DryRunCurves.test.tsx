@@ -20,18 +20,18 @@ vi.mock("../../charts/sources", () => ({
   },
 }));
 
-import { DryRunCurves } from "./DryRunResult";
+import { DryRunCurves } from "./DryRun";
 
 afterEach(cleanup);
 
 it("shows the whole of each preview, also where the one before it was shorter or zoomed", () => {
   const samples = {} as NonNullable<DryRun["samples"]>;
   const { rerender } = render(<DryRunCurves samples={samples} duration_s={6} name="preview" />);
-  const shown = () => screen.getByRole("button").textContent;
+  const shown = () => screen.getByRole("button", { name: / s to / }).textContent;
   expect(shown()).toBe("6 s to 6 s");
   rerender(<DryRunCurves samples={samples} duration_s={10} name="preview" />);
   expect(shown()).toBe("10 s to 10 s");
-  screen.getByRole("button").click();
+  screen.getByRole("button", { name: / s to / }).click();
   rerender(<DryRunCurves samples={{ ...samples }} duration_s={10} name="preview" />);
   expect(shown()).toBe("1 s to 2 s"); // a zoom stays while the length does
   rerender(<DryRunCurves samples={samples} duration_s={4} name="preview" />);

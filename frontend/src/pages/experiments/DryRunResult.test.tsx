@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { useDryRun } from "../../service/experiments";
 import type { ExperimentKind } from "../../wire/types";
-import { DryRunResult } from "./DryRunResult";
+import { DryRunResult } from "./DryRun";
 
 const KINDS = [
   { name: "tracking", title: "Tracking of position and stiffness", settings: [] },

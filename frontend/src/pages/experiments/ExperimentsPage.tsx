@@ -10,10 +10,9 @@ import { useDryRun } from "../../service/experiments";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
 import { RunningCard } from "../operate/RunningCard";
 import page from "../Page.module.css";
-import { DryRunResult } from "./DryRunResult";
+import { DryRunResult } from "./DryRun";
 import { ExperimentForm } from "./ExperimentForm";
-import { ExperimentResult } from "./ExperimentResult";
-import { ExperimentRuns } from "./ExperimentRuns";
+import { ExperimentResult, ExperimentRuns } from "./ExperimentRuns";
 import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
 

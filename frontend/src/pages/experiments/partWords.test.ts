@@ -1,7 +1,6 @@
 import { expect, test } from "vitest";
-import { differences } from "./differences";
-import { SAMPLE } from "./document";
-import { partInWords, playedInWords } from "./partWords";
+import { differences, SAMPLE } from "./document";
+import { partInWords, playedInWords } from "./PartList";
 
 const RAD = Math.PI / 180;
 

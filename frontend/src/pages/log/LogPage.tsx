@@ -1,17 +1,19 @@
-/** Everything that happened here: who did what, when, and where it stands in a recording. */
-
 import { Button, NativeSelect, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useInfiniteQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Card } from "../../components/Card";
-import { type LogAsked, logQuery } from "../../service/log";
+import { Refusal } from "../../components/Refusal";
+import { isPlainRecord, isText, useDraft } from "../../service/drafts";
+import { type LogAsked, logQuery, useRemark } from "../../service/log";
 import { useAngles } from "../../service/preferences";
-import page from "../Page.module.css";
-import { CHOICES, kindsOf, midnight } from "./kinds";
-import styles from "./Log.module.css";
-import { LogRows } from "./LogRows";
+import type { LogEntry } from "../../wire/types";
+import pageStyles from "../Page.module.css";
+import logStyles from "./Log.module.css";
+import { CHOICES, kindsOf, LogRows, midnight } from "./LogRows";
+
+/** Everything that happened here: who did what, when, and where it stands in a recording. */
 
 interface Filters {
   readonly words: string;
@@ -43,18 +45,20 @@ export default function LogPage() {
   const entries = log.data?.pages.flatMap((one) => one.entries) ?? [];
   const narrowed = Object.values(asked).some((value) => value !== "");
   return (
-    <div className={page.page}>
-      <h1 className={page.title}>Log</h1>
+    <div className={pageStyles.page}>
+      <h1 className={pageStyles.title}>Log</h1>
       <Card title="Entries">
         <LogSearch filters={filters} onFilter={setFilters} />
         {log.error && <p role="alert">{log.error.message}</p>}
-        {log.data === undefined && !log.error && <p className={page.empty}>Loading …</p>}
+        {log.data === undefined && !log.error && <p className={pageStyles.empty}>Loading …</p>}
         {log.data !== undefined && entries.length === 0 && (
-          <p className={page.empty}>{narrowed ? "Nothing like that happened." : "Nothing happened yet."}</p>
+          <p className={pageStyles.empty}>
+            {narrowed ? "Nothing like that happened." : "Nothing happened yet."}
+          </p>
         )}
         {entries.length > 0 && <LogRows entries={entries} />}
       </Card>
-      <div className={page.actions}>
+      <div className={pageStyles.actions}>
         <Button
           variant="default"
           disabled={!log.hasNextPage}
@@ -63,7 +67,7 @@ export default function LogPage() {
         >
           Older
         </Button>
-        <span className={page.dim}>{shownOf(entries.length, log.data?.pages[0]?.total ?? 0)}</span>
+        <span className={pageStyles.dim}>{shownOf(entries.length, log.data?.pages[0]?.total ?? 0)}</span>
       </div>
     </div>
   );
@@ -77,9 +81,9 @@ function shownOf(shown: number, total: number): string {
 function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters: Filters) => void }) {
   const set = (part: Partial<Filters>) => onFilter({ ...filters, ...part });
   return (
-    <search className={styles.filters} aria-label="Search and filters">
+    <search className={logStyles.filters} aria-label="Search and filters">
       <TextInput
-        className={styles.box ?? ""}
+        className={logStyles.box ?? ""}
         type="search"
         label="Search"
         aria-label="Search the log"
@@ -115,5 +119,56 @@ function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters
         Clear
       </Button>
     </search>
+  );
+}
+
+/** What a person says of an event: a note, and tags as words. */
+
+function isRemark(value: unknown): value is { note: string; tags: string } {
+  return isPlainRecord(value) && isText(value.note) && isText(value.tags);
+}
+
+export function RemarkForm({ entry, onDone }: { entry: LogEntry; onDone: () => void }) {
+  const kept = { note: entry.note, tags: entry.tags.join(" ") };
+  const draft = useDraft(`remark on event ${entry.event}`, kept, isRemark);
+  const { note, tags } = draft.value;
+  const save = useRemark(entry.event as number);
+  const set = (part: Partial<typeof kept>) => draft.set((before) => ({ ...before, ...part }));
+  function close(): void {
+    draft.discard();
+    onDone();
+  }
+  return (
+    <form
+      className={logStyles.form}
+      aria-label="Note and tags"
+      onSubmit={(event) => {
+        event.preventDefault();
+        save.mutate({ note, tags: tags.split(/\s+/).filter(Boolean) }, { onSuccess: close });
+      }}
+      onKeyDown={(event) => event.key === "Escape" && close()}
+    >
+      <TextInput
+        aria-label="Note of the event"
+        placeholder="Note"
+        data-autofocus
+        autoFocus
+        value={note}
+        onChange={(event) => set({ note: event.currentTarget.value })}
+      />
+      <TextInput
+        aria-label="Tags of the event"
+        placeholder="tags, between blanks"
+        value={tags}
+        onChange={(event) => set({ tags: event.currentTarget.value })}
+      />
+      <Button type="submit" size="compact-sm" variant="default" loading={save.isPending}>
+        Keep
+      </Button>
+      <Button size="compact-sm" variant="subtle" onClick={close}>
+        Leave
+      </Button>
+      <Refusal error={save.error} about={`${note} ${tags}`} />
+    </form>
   );
 }

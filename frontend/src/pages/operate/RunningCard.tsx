@@ -3,9 +3,9 @@
 import { Button, Progress } from "@mantine/core";
 import { useMediaQuery } from "@mantine/hooks";
 import { Card } from "../../components/Card";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
-import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/status";
+import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/StatusStrip";
 import { useLive } from "../../live/react";
 import { counted } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
@@ -16,7 +16,7 @@ import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
 import { whyNot } from "./ModeCard";
-import { PlannedProfile } from "./PlannedProfile";
+import { PlannedProfile } from "./StepPreview";
 
 interface PlaceProps {
   /** Above the columns of the page, or in one of them. */

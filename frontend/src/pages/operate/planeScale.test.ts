@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Limits } from "../../wire/types";
-import { planeOver, pointAt, xOf, yOf } from "./planeScale";
+import { planeOver, pointAt, xOf, yOf } from "./MapCard";
 
 const LIMITS = {
   q_min: -1.4,

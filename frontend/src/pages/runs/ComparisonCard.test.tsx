@@ -7,8 +7,7 @@ import { afterEach, expect, it, vi } from "vitest";
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 import type { RunComparison } from "../../wire/types";
-import { ComparisonCard } from "./ComparisonCard";
-import { askedOf, USUAL } from "./compared";
+import { askedOf, ComparisonCard, USUAL } from "./ComparisonCard";
 
 afterEach(cleanup);
 

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { appliedRuns, digestOfParameters } from "./appliedRuns";
+import { appliedRuns, digestOfParameters } from "./RunDetail";
 
 const of = (digest: string, run: number | null, undone = false) => ({ digest, run, undone });
 const FILE = of("file", null);

@@ -4,7 +4,7 @@ import { curvesOf } from "../../service/runs";
 import { panelsOf, STANDARD } from "../../theme/layouts";
 import { unitOf } from "../../theme/signals";
 import type { Differences } from "../../wire/types";
-import { bandLines, differencePanel, nameOf } from "./differencePanel";
+import { bandLines, differencePanel, nameOf } from "./DifferencesCard";
 
 const DRAWN = [7, 9, 4];
 

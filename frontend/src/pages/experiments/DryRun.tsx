@@ -1,24 +1,51 @@
-/** What an experiment would give, as the simulator played it. */
-
-import { CloseButton } from "@mantine/core";
+import { Button, CloseButton, Progress } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { useEffect, useMemo, useRef } from "react";
 import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/sources";
 import { useViewport } from "../../charts/viewport";
 import { Card } from "../../components/Card";
-import { LocalizedText } from "../../components/LocalizedText";
-import { plantWord } from "../../components/PlantBadge";
-import { RunState } from "../../components/RunState";
-import { Outcome } from "../../components/Verdict";
+import { plantWord } from "../../components/Header";
+import { Outcome, RunState } from "../../components/RunState";
+import { LocalizedText } from "../../components/values";
 import { duration } from "../../samples/format";
-import type { useDryRun } from "../../service/experiments";
+import { dryRunProgressQuery, type useDryRun } from "../../service/experiments";
 import { useStandardPanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
-import type { DryRun, ExperimentKind } from "../../wire/types";
-import page from "../Page.module.css";
-import { DryRunProgress } from "./DryRunProgress";
-import { Figures } from "./Figures";
-import { RunSummary } from "./RunSummary";
+import type { DryRun, DryRunProgress as DryRunNews, ExperimentKind } from "../../wire/types";
+import pageStyles from "../Page.module.css";
+import { RunSummary } from "./ExperimentForm";
+import { Figures } from "./ExperimentRuns";
+
+/** How far a dry run is, and a button that ends it. */
+
+export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
+  const { data } = useQuery(dryRunProgressQuery);
+  const share = data === undefined || data.duration_s === 0 ? 0 : data.played_s / data.duration_s;
+  return (
+    <div className={pageStyles.actions}>
+      <Progress
+        value={100 * share}
+        aria-label="Progress of the dry run"
+        size="sm"
+        style={{ flex: 1, minWidth: 80 }}
+      />
+      <span className={pageStyles.dim}>{inWords(data)}</span>
+      <Button size="compact-sm" variant="default" onClick={onCancel}>
+        Cancel dry run
+      </Button>
+    </div>
+  );
+}
+
+function inWords(told: DryRunNews | undefined): string {
+  if (!told?.under_way || told.doing === "starting") return "Waiting for the simulator";
+  if (told.doing === "pretension") return "Winding up the tendons";
+  if (told.doing === "evaluation") return "Evaluating";
+  return `${duration(told.played_s)} of ${duration(told.duration_s)} played`;
+}
+
+/** What an experiment would give, as the simulator played it. */
 
 interface DryRunResultProps {
   readonly dryRun: ReturnType<typeof useDryRun>;
@@ -53,13 +80,15 @@ function ShownDryRun({ dryRun, kinds, name }: ShownProps) {
       >
         {data !== undefined && <Played name={name} title={title} result={data} />}
         {error !== null && (
-          <p className={page.empty}>
+          <p className={pageStyles.empty}>
             {title}: not played. <LocalizedText text={error.message} />
           </p>
         )}
         {dryRun.isPending && (
           <>
-            <p className={page.empty}>{title}: being played on a simulator of its own; nothing moves.</p>
+            <p className={pageStyles.empty}>
+              {title}: being played on a simulator of its own; nothing moves.
+            </p>
             <DryRunProgress onCancel={dryRun.cancel} />
           </>
         )}
@@ -76,7 +105,7 @@ interface PlayedProps {
 
 function Played({ name, title, result }: PlayedProps) {
   return (
-    <div className={page.fields}>
+    <div className={pageStyles.fields}>
       <span>
         {title}, {duration(result.duration_s)} simulated; nothing moved and nothing was stored.{" "}
         <RunState state={result.status} /> <LocalizedText text={result.message} />
@@ -111,7 +140,7 @@ function CurvesOfOneLength({ samples, duration_s, name }: CurvesProps) {
   }, [samples, duration_s]);
   const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
   return (
-    <div className={page.charts}>
+    <div className={pageStyles.charts}>
       <Charts
         panels={useStandardPanels()}
         source={source}
@@ -132,3 +161,19 @@ function CurvesOfOneLength({ samples, duration_s, name }: CurvesProps) {
 const DRY_RUN = { of: "dry run, nothing stored", plant: plantWord("simulator"), bank: "" };
 const NO_LIMITS: readonly never[] = [];
 const NO_MARKS: readonly never[] = [];
+
+/** What an experiment that was made of a run does not repeat. */
+
+export function LeftOut({ of }: { of: readonly string[] }) {
+  if (of.length === 0) return null;
+  return (
+    <div className={pageStyles.dim}>
+      Left out of the run:
+      <ul aria-label="Left out of the run" style={{ margin: 0, paddingLeft: 20 }}>
+        {of.map((text) => (
+          <li key={text}>{text}</li>
+        ))}
+      </ul>
+    </div>
+  );
+}
