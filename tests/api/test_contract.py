@@ -53,7 +53,7 @@ def test_answers_are_as_described(case: schemathesis.Case[Any], alone: Service) 
     )
 
 
-@pytest.mark.parametrize("name", ["State", "LiveMessage", "Refusal"])
+@pytest.mark.parametrize("name", ["State", "LiveMessage", "ErrorResponse"])
 def test_messages_are_described(name: str) -> None:
     assert name in DESCRIBED["components"]["schemas"]
 
