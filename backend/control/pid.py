@@ -48,7 +48,7 @@ def step_force_hold(state: ForceHoldState, F_ref: float, F_A: float, F_B: float)
     return state.trim, ForceHoldState(min(max(trim, -TRIM_MAX), TRIM_MAX))
 
 
-# I p -----------------------------------------------------------------------------------------------
+# I-P -----------------------------------------------------------------------------------------------
 #
 # Outer loops: I-P on joint position and on stiffness (table 2, corrected by erratum E1).
 
@@ -98,7 +98,7 @@ def at_rest_i_p(gains: IPGains, r: float, y: float, u: float) -> IPState:
     return IPState(u + gains.k_p * y - gains.k_r * r)
 
 
-# I pd ----------------------------------------------------------------------------------------------
+# I-PD ----------------------------------------------------------------------------------------------
 #
 # Inner loop: I-PD on motor position with a filter on the whole control signal (table 2).
 

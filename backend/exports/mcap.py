@@ -89,7 +89,7 @@ def _column(panels: list[str]) -> Any:
     return {"direction": "column", "first": panels[0], "second": _column(panels[1:]), "splitPercentage": share}
 
 
-# Mcap file -----------------------------------------------------------------------------------------
+# MCAP file -----------------------------------------------------------------------------------------
 #
 # Samples as MCAP, which Foxglove and Lichtblick play: a message in JSON for each sample.
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-# Csv file ------------------------------------------------------------------------------------------
+# CSV file ------------------------------------------------------------------------------------------
 #
 # Samples as comma-separated text: facts in lines that begin with #, a heading, a line for each
 # sample.
@@ -120,7 +120,7 @@ def _heading(facts: Facts) -> str:
     return "\n".join([*told, f"{_MARK}{as_json_cells(facts.to_json())}", ",".join(map(as_cell, facts.names))]) + "\n"
 
 
-# Json samples --------------------------------------------------------------------------------------
+# JSON samples --------------------------------------------------------------------------------------
 #
 # A sample as a message in JSON, and the schema of such messages, as Foxglove and Lichtblick read
 # them.

@@ -185,7 +185,7 @@ def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:
     )
 
 
-# Prbs ----------------------------------------------------------------------------------------------
+# PRBS ----------------------------------------------------------------------------------------------
 #
 # Pseudo-random binary sequences of maximum length, held for a chip at a time.
 

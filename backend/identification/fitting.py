@@ -30,7 +30,7 @@ from backend.identification.records import (
 )
 from backend.identification.validation import fit_autoregression, input_correlation, sandwich, whiteness
 
-# Arx -----------------------------------------------------------------------------------------------
+# ARX -----------------------------------------------------------------------------------------------
 #
 # ARX, the paper's method: least squares on the equation error of a sampled model, after a low-pass
 # on both signals.
@@ -186,7 +186,7 @@ def _evaluated(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
         return None
 
 
-# Refined iv ----------------------------------------------------------------------------------------
+# Refined IV ----------------------------------------------------------------------------------------
 #
 # Refined instrumental variables in continuous time: SRIVC, its closed-loop form, and RIVC with
 # coloured noise.

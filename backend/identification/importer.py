@@ -596,7 +596,7 @@ def _require_finite(signals: dict[str, Signal]) -> None:
             )
 
 
-# Matlab file ---------------------------------------------------------------------------------------
+# MATLAB file ---------------------------------------------------------------------------------------
 #
 # A MATLAB file, version 7 or older, as columns by name; what is no column is named with the reason.
 

@@ -130,7 +130,7 @@ def exact(value: float) -> str:
     return f"{value:.6g}".replace("-", "−")
 
 
-# Html ----------------------------------------------------------------------------------------------
+# HTML ----------------------------------------------------------------------------------------------
 #
 # A report as one HTML page: nothing loaded from elsewhere, readable on screen and on paper.
 

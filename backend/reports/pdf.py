@@ -92,7 +92,7 @@ def texts_of(document: Any) -> Iterable[str]:
             yield from texts_of(part)
 
 
-# Pdf -----------------------------------------------------------------------------------------------
+# PDF -----------------------------------------------------------------------------------------------
 #
 # A report as PDF, set by typst. The template reads the document as data, so nothing in it is ever
 # markup.
