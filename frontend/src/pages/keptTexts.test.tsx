@@ -18,7 +18,7 @@ import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
-import { RemarkForm } from "./log/LogPage";
+import { RemarkForm } from "./log/RemarkForm";
 import { ContactCard } from "./operate/ContactCard";
 import { TuningChanges } from "./operate/TuningCard";
 import { TUNING } from "./refusals.fixture";

@@ -8,7 +8,10 @@ import { fixed, NOT_MEASURED, short, significant } from "../../samples/format";
 import { bankDifferenceQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDifference, LoopFigures } from "../../wire/types";
 import pageStyles from "../Page.module.css";
-import { nameOf } from "./BanksPage";
+
+export function nameOf(bank: Bank): string {
+  return `${bank.name} v${bank.version}`;
+}
 
 /** How an entry is called, its fit is told, and a change of a figure is written. Pure. */
 

@@ -11,9 +11,8 @@ import { dateTime, fixed, significant } from "../../samples/format";
 import { bankDetailQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
-import { entryName, LOOPS, percent } from "./BankComparison";
+import { entryName, LOOPS, nameOf, percent } from "./BankComparison";
 import styles from "./Banks.module.css";
-import { nameOf } from "./BanksPage";
 
 const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 

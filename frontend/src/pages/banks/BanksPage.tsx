@@ -20,7 +20,7 @@ import type { Bank, BankFile, Tuning } from "../../wire/types";
 import { tuningOf } from "../experiments/ExperimentForm";
 import { StepPreview } from "../operate/StepPreview";
 import pageStyles from "../Page.module.css";
-import { BankComparison, entryName } from "./BankComparison";
+import { BankComparison, entryName, nameOf } from "./BankComparison";
 import { BankEntries } from "./BankEntries";
 import defaultGainsCardStyles from "./DefaultGainsCard.module.css";
 
@@ -97,10 +97,6 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
       <Refusal error={activate.error} text={locked} />
     </>
   );
-}
-
-export function nameOf(bank: Bank): string {
-  return `${bank.name} v${bank.version}`;
 }
 
 /** Brings a bank in from a file that was exported here or elsewhere. */

@@ -16,7 +16,7 @@ import { useMayCommand, useNoRetuning } from "../../service/control";
 import { identificationQuery, isRunning } from "../../service/queries";
 import { RefusedFields } from "../../service/refusals";
 import type { Bank, Identification } from "../../wire/types";
-import { nameOf } from "../banks/BanksPage";
+import { nameOf } from "../banks/BankComparison";
 import pageStyles from "../Page.module.css";
 import { ActuatorResult, sessionOf } from "./ActuatorResult";
 import identifyStyles from "./Identify.module.css";

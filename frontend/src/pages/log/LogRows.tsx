@@ -12,7 +12,7 @@ import type { LogEntry } from "../../wire/types";
 import page from "../Page.module.css";
 import { addressOf } from "../runs/RunSearch";
 import styles from "./Log.module.css";
-import { RemarkForm } from "./LogPage";
+import { RemarkForm } from "./RemarkForm";
 
 /** What the log can be narrowed to, in words. Pure. */
 

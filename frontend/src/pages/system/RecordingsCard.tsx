@@ -10,8 +10,8 @@ import { bytes, dateTime } from "../../samples/format";
 import { counted, inWordsOf } from "../../samples/words";
 import { recordingsQuery, useRemoveRecordings } from "../../service/system";
 import type { Recordings } from "../../wire/types";
+import { Facts } from "./Facts";
 import styles from "./System.module.css";
-import { Facts } from "./SystemPage";
 
 export function RecordingsCard() {
   const found = useQuery(recordingsQuery).data;

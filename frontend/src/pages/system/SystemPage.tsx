@@ -1,6 +1,5 @@
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import type { ReactNode } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
@@ -13,34 +12,11 @@ import { healthQuery, sessionQuery } from "../../service/queries";
 import { systemQuery, useBackup, useCheck } from "../../service/system";
 import type { SystemState } from "../../wire/types";
 import pageStyles from "../Page.module.css";
+import { Facts } from "./Facts";
 import { FlightRecords } from "./FlightRecords";
 import { RecordingsCard } from "./RecordingsCard";
 import systemStyles from "./System.module.css";
 import { TriggerCard } from "./TriggerCard";
-
-/** Names and values in two columns under a title. */
-
-interface FactsProps {
-  readonly title: string;
-  readonly facts: readonly (readonly [string, ReactNode])[];
-  readonly children?: ReactNode;
-}
-
-export function Facts({ title, facts, children }: FactsProps) {
-  return (
-    <Card title={title}>
-      <dl className={pageStyles.facts}>
-        {facts.map(([name, value]) => (
-          <div key={name} style={{ display: "contents" }}>
-            <dt>{name}</dt>
-            <dd>{value ?? "not known yet"}</dd>
-          </div>
-        ))}
-      </dl>
-      {children}
-    </Card>
-  );
-}
 
 /** Disk and database: how they do, a check of all of it, and copies. */
 
