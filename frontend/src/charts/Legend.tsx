@@ -1,64 +1,13 @@
-import { Popover } from "@mantine/core";
-import { useState } from "react";
+/** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
+
 import { TbArrowsMaximize, TbArrowsMinimize } from "react-icons/tb";
 import { Explained, entriesOf, explaining } from "../components/Explained";
-import { Written } from "../components/values";
+import { Written } from "../components/SignalName";
 import { symbolEntries } from "../service/glossary";
-import { usePreferences } from "../service/preferences";
-import { PALETTE, type Panel, paintOf, signalOf, type Trace, variableOf } from "../theme/signals";
-import chartsStyles from "./Charts.module.css";
-import colourChoiceStyles from "./ColourChoice.module.css";
-import { TraceLine } from "./PanelRow";
-
-/** The line of a signal in the legend; opens the choice of its colour, which is remembered for the person. */
-
-export function ColourChoice({ trace }: { trace: Trace }) {
-  const [opened, setOpened] = useState(false);
-  const { preferences, change } = usePreferences();
-  const signal = signalOf(trace.name);
-
-  function choose(hue: string | null): void {
-    const { [signal]: _before, ...others } = preferences.colours;
-    change({ colours: hue === null ? others : { ...others, [signal]: hue } });
-    setOpened(false);
-  }
-
-  return (
-    <Popover opened={opened} onChange={setOpened} position="bottom-start" withArrow trapFocus returnFocus>
-      <Popover.Target>
-        <button
-          type="button"
-          className={colourChoiceStyles.swatch}
-          aria-label={`Colour of ${trace.name}`}
-          aria-expanded={opened}
-          onClick={() => setOpened(!opened)}
-        >
-          <TraceLine trace={trace} />
-        </button>
-      </Popover.Target>
-      <Popover.Dropdown p={8}>
-        <div className={colourChoiceStyles.choices}>
-          {PALETTE.map((hue) => (
-            <button
-              key={hue}
-              type="button"
-              className={colourChoiceStyles.hue}
-              style={{ background: paintOf(hue) }}
-              aria-label={`Colour ${hue}`}
-              aria-pressed={hue === trace.hue}
-              onClick={() => choose(hue)}
-            />
-          ))}
-          <button type="button" className={colourChoiceStyles.standard} onClick={() => choose(null)}>
-            Standard
-          </button>
-        </div>
-      </Popover.Dropdown>
-    </Popover>
-  );
-}
-
-/** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
+import type { Panel } from "../theme/signals";
+import styles from "./Charts.module.css";
+import { ColourChoice } from "./ColourChoice";
+import { TraceLine } from "./TraceLine";
 
 /** While it is measured: the values at the cursors and their difference, in place of the one value. */
 const CURSORS = ["cursor-0", "cursor-1", "delta"] as const;
@@ -76,15 +25,15 @@ interface LegendProps {
 
 export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlarge }: LegendProps) {
   return (
-    <figcaption className={chartsStyles.caption}>
-      <span className={chartsStyles.title}>
+    <figcaption className={styles.caption}>
+      <span className={styles.title}>
         <Explained of={panel.traces.flatMap(({ name }) => symbolEntries(name))}>{panel.title}</Explained>{" "}
-        {panel.unit !== "1" && <span className={chartsStyles.unit}>[{panel.unit}]</span>}
+        {panel.unit !== "1" && <span className={styles.unit}>[{panel.unit}]</span>}
       </span>
       {onEnlarge !== undefined && (
         <button
           type="button"
-          className={chartsStyles.enlarge}
+          className={styles.enlarge}
           aria-label={`Enlarge ${panel.title}`}
           aria-pressed={enlarged === true}
           title={enlarged ? "Show all panels (Esc)" : "Show this panel alone; Esc shows all"}
@@ -96,14 +45,14 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
       {panel.traces.map((trace) => (
         <span
           key={trace.name}
-          className={chartsStyles.entry}
+          className={styles.entry}
           onPointerEnter={() => onHighlight(trace.name)}
           onPointerLeave={() => onHighlight(null)}
         >
           {trace.ofRecording ? <TraceLine trace={trace} /> : <ColourChoice trace={trace} />}
           <button
             type="button"
-            className={chartsStyles.toggle}
+            className={styles.toggle}
             aria-pressed={!hidden.has(trace.name)}
             onClick={() => onToggle(trace.name)}
             {...explaining(entriesOf(symbolEntries(trace.name)))}
@@ -113,56 +62,19 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
             </span>
             <span className="visually-hidden">{trace.name}</span>
           </button>
-          <span className={chartsStyles.value} data-role={`value-${trace.name}`} />
+          <span className={styles.value} data-role={`value-${trace.name}`} />
           {CURSORS.map((role) => (
-            <span key={role} className={chartsStyles.delta} data-role={`${role}-${trace.name}`} />
+            <span key={role} className={styles.delta} data-role={`${role}-${trace.name}`} />
           ))}
         </span>
       ))}
       {panel.over !== undefined && (
-        <span className={chartsStyles.over}>
+        <span className={styles.over}>
           over <Written name={panel.over.name} />
           {panel.over.unit !== "1" && <span>[{panel.over.unit}]</span>}
-          <span className={chartsStyles.value} data-role="over" />
+          <span className={styles.value} data-role="over" />
         </span>
       )}
     </figcaption>
   );
-}
-
-/** Colours of what the charts draw beside the curves, read from the theme's variables. */
-
-export interface ChartColours {
-  grid: string;
-  axis: string;
-  limit: string;
-  text: string;
-  fault: string;
-  panel: string;
-  accent: string;
-  accentSoft: string;
-  /** A hue as this theme draws it. */
-  drawn(hue: string): string;
-}
-
-export function readColours(element: Element): ChartColours {
-  const style = getComputedStyle(element);
-  const variable = (name: string) => style.getPropertyValue(name).trim();
-  const asked = new Map<string, string>(); // to ask the style anew for each frame would have it computed anew
-  const drawn = (hue: string) => {
-    const known = asked.get(hue) ?? (variable(variableOf(hue)) || hue);
-    asked.set(hue, known);
-    return known;
-  };
-  return {
-    grid: variable("--chart-grid"),
-    axis: variable("--chart-axis"),
-    limit: variable("--chart-limit"),
-    text: variable("--text"),
-    fault: variable("--fault"),
-    panel: variable("--panel"),
-    accent: variable("--accent"),
-    accentSoft: variable("--accent-soft"),
-    drawn,
-  };
 }

@@ -2,7 +2,7 @@
 import { act, cleanup, fireEvent, renderHook } from "@testing-library/react";
 import { afterEach, expect, it } from "vitest";
 import { panelsOf, STANDARD } from "../theme/layouts";
-import { useEnlarged } from "./viewport";
+import { useEnlarged } from "./useEnlarged";
 
 afterEach(cleanup);
 

@@ -1,5 +1,5 @@
 import { afterEach, describe, expect, it, vi } from "vitest";
-import { linePath } from "./plot";
+import { linePath } from "./linePath";
 
 class RecordedPath {
   readonly steps: string[] = [];

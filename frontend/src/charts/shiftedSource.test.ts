@@ -1,7 +1,8 @@
 import { expect, it } from "vitest";
 import { panelsOf, STANDARD } from "../theme/layouts";
 import type { Panel } from "../theme/signals";
-import { RecordedSource, ShiftedSource } from "./sources";
+import { RecordedSource } from "./recordedSource";
+import { ShiftedSource } from "./shiftedSource";
 
 const DURATION_S = 4;
 const POSITION = panelsOf(STANDARD)[0] as Panel;

@@ -3,10 +3,10 @@
 import { FramePacer } from "../drawing/pacer";
 import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
+import { readColours } from "./colours";
 import { type LimitLine, linesOf, type PlacedMark } from "./decorations";
-import { readColours } from "./Legend";
 import { AXIS_WIDTH, RIGHT_MARGIN, SignalPlot } from "./plot";
-import type { PlotSource } from "./sources";
+import type { PlotSource } from "./source";
 import { stretch, type Viewport } from "./viewport";
 
 /** A following view is redrawn once it has moved on by a pixel of the screen: in between nothing could be seen. */

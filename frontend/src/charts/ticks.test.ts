@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { clockTime } from "../samples/format";
-import { logLabels, tickLabels } from "./plot";
+import { logLabels, tickLabels } from "./ticks";
 
 /** What somebody reads off a label. */
 function read(label: string): number {

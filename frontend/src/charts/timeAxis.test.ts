@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { printedTime, splitsOf, stepFor, timeText, timeTitle } from "./plot";
+import { printedTime, splitsOf, stepFor, timeText, timeTitle } from "./timeAxis";
 
 it("has its lines at round times since the start", () => {
   expect(splitsOf(-0.5, 10.2, 5, null)).toEqual([0, 5, 10]);

@@ -3,7 +3,7 @@
 import { useComputedColorScheme } from "@mantine/core";
 import { type RefObject, useEffect, useRef } from "react";
 import { paintsInSoftware } from "../drawing/canvas";
-import { type ChartColours, readColours } from "./Legend";
+import { type ChartColours, readColours } from "./colours";
 
 const EVERY_MS = 66;
 

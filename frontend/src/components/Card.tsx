@@ -3,7 +3,7 @@
 import type { ReactNode } from "react";
 import { Boundary } from "./Boundary";
 import styles from "./Card.module.css";
-import { Terms } from "./Explained";
+import { Terms } from "./Terms";
 
 interface CardProps {
   readonly title: string;

@@ -16,7 +16,7 @@ import {
 import { Link, useLocation } from "wouter";
 import { useLive } from "../live/react";
 import type { PlantView } from "../wire/types";
-import { HelpMenu } from "./Header";
+import { HelpMenu } from "./HelpMenu";
 import styles from "./Navigation.module.css";
 
 interface PageEntry {

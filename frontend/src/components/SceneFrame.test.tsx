@@ -8,7 +8,8 @@ vi.mock("../drawing/canvas", () => ({
   paintsInSoftware: () => browser.software,
 }));
 
-import { PATIENCE_S, SceneFrame } from "./SceneFrame";
+import { SceneFrame } from "./SceneFrame";
+import { PATIENCE_S } from "./sceneStage";
 
 beforeEach(() => {
   vi.useFakeTimers();

@@ -24,18 +24,18 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { useDryRun } from "../service/experiments";
+import { useDryRun } from "../service/dryRun";
 import type { Run, Tuning } from "../wire/types";
-import { BankImport } from "./banks/BanksPage";
+import { BankImport } from "./banks/BankImport";
 import { ExperimentForm } from "./experiments/ExperimentForm";
+import { BankBuilder } from "./identify/BankBuilder";
 import { IdentificationForm } from "./identify/IdentificationForm";
-import { BankBuilder } from "./identify/IdentificationList";
-import { SpringTableForm } from "./identify/SpringResult";
+import { SpringTableForm } from "./identify/SpringTableForm";
 import { DisturbanceCard } from "./operate/DisturbanceCard";
-import { TuningChanges } from "./operate/TuningCard";
+import { TuningChanges } from "./operate/TuningChanges";
 import { WallCard } from "./operate/WallCard";
 import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
-import { NoteCard } from "./runs/RunDetail";
+import { NoteCard } from "./runs/NoteCard";
 
 const STAGED = { staging: true, values: { lam_q: 0.7 }, turn() {}, stage() {}, discard() {} };
 const SENTENCE = "what was given: 120° is outside −80 to 80°; choose a value between the two";

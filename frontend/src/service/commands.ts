@@ -12,7 +12,7 @@ import type {
   TuningRequest,
   Wall,
 } from "../wire/types";
-import { renameDrafts } from "./drafts";
+import { renameDrafts } from "./keptDraft";
 import { sessionQuery } from "./queries";
 
 export function useSetMode() {

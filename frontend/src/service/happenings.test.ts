@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { Fault, Run, State, Task } from "../wire/types";
-import { Happenings, whyNotTold, wordsOfRun, wordsOfTrip } from "./log";
+import { Happenings } from "./happenings";
+import { whyNotTold, wordsOfRun, wordsOfTrip } from "./toldWords";
 
 function fault(tick: number, code: Fault["code"] = "force_limit"): Fault {
   return {

@@ -9,7 +9,7 @@ import {
   renameDrafts,
   storedDraft,
   watchDrafts,
-} from "./drafts";
+} from "./keptDraft";
 
 const KEY: DraftOf = { person: "Mara Stein", form: "study" };
 const other = (part: Partial<DraftOf>): DraftOf => ({ ...KEY, ...part });

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { RequestError } from "../wire/client";
-import { wayOf } from "./system";
+import { wayOf } from "./pageAddress";
 
 test("what the service finds is said", async () => {
   expect(await wayOf(Promise.resolve({ problems: [] }))).toEqual({ problems: [], isAnswered: true });

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { Trigger } from "../wire/types";
-import { triggerWords } from "./signals";
+import { triggerWords } from "./trigger";
 
 const ARMED: Trigger = {
   signal: "F_A",

@@ -1,7 +1,8 @@
 import { expect, it } from "vitest";
 import { RequestError } from "../wire/client";
 import type { State } from "../wire/types";
-import { isAboutControl, whyNoControl } from "./control";
+import { isAboutControl } from "./standing";
+import { whyNoControl } from "./useNoControl";
 
 const HOLDER = { name: "Mara Stein", epoch: 7, page: true, lost: false } as NonNullable<State["holder"]>;
 

@@ -1,6 +1,6 @@
 import { act, renderHook } from "@testing-library/react";
 import { expect, it, vi } from "vitest";
-import { useSentValue } from "./drafts";
+import { useSentValue } from "./useSentValue";
 
 interface Sending {
   readonly value: number;

@@ -3,16 +3,18 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
+import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
-import { Verdict } from "../../components/RunState";
-import { Shown, SignalName, Written } from "../../components/values";
+import { SignalName, Written } from "../../components/SignalName";
+import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { bankDetailQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
-import { entryName, LOOPS, nameOf, percent } from "./BankComparison";
 import styles from "./Banks.module.css";
+import { nameOf } from "./BankTable";
+import { entryName, LOOPS, percent } from "./difference";
 
 const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 

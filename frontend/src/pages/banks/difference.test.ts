@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { changeOf } from "./BankComparison";
+import { changeOf } from "./difference";
 
 describe("changeOf", () => {
   it("tells what changed, what is new and what is gone", () => {

@@ -11,9 +11,9 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
-import { useDryRun } from "../../service/experiments";
+import { useDryRun } from "../../service/dryRun";
 import type { ExperimentKind } from "../../wire/types";
-import { DryRunResult } from "./DryRun";
+import { DryRunResult } from "./DryRunResult";
 
 const KINDS = [
   { name: "tracking", title: "Tracking of position and stiffness", settings: [] },

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
-import { differences, SAMPLE } from "./document";
-import { partInWords, playedInWords } from "./PartList";
+import { differences } from "./differences";
+import { SAMPLE } from "./document";
+import { partInWords, playedInWords } from "./partWords";
 
 const RAD = Math.PI / 180;
 

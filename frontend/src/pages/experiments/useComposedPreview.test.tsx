@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { useComposedPreview } from "./Preview";
+import { useComposedPreview } from "./useComposedPreview";
 
 interface Asked {
   readonly text: string;

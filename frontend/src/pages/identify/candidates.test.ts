@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Identification } from "../../wire/types";
-import { candidateOf, change, comparable, recordInWords, sessionOf } from "./ActuatorResult";
+import { candidateOf, change, comparable, recordInWords, sessionOf } from "./candidates";
 
 const MOTOR = {
   side: "A",

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { IdentificationKind } from "../../wire/types";
-import { originOf, requestOf, valuesOf } from "./IdentificationForm";
+import { originOf, requestOf, valuesOf } from "./order";
 
 const ACTUATOR: IdentificationKind = {
   kind: "actuator",

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { residualOutcome } from "./ActuatorResult";
+import { residualOutcome } from "./residuals";
 
 const TEST = {
   lags_s: [0.1, 0.2],

@@ -1,16 +1,17 @@
+/** Everything that happened here: who did what, when, and where it stands in a recording. */
+
 import { Button, NativeSelect, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useInfiniteQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Card } from "../../components/Card";
+import { useAngles } from "../../service/angles";
 import { type LogAsked, logQuery } from "../../service/log";
-import { useAngles } from "../../service/preferences";
-import pageStyles from "../Page.module.css";
-import logStyles from "./Log.module.css";
-import { CHOICES, kindsOf, LogRows, midnight } from "./LogRows";
-
-/** Everything that happened here: who did what, when, and where it stands in a recording. */
+import page from "../Page.module.css";
+import { CHOICES, kindsOf, midnight } from "./kinds";
+import styles from "./Log.module.css";
+import { LogRows } from "./LogRows";
 
 interface Filters {
   readonly words: string;
@@ -42,20 +43,18 @@ export default function LogPage() {
   const entries = log.data?.pages.flatMap((one) => one.entries) ?? [];
   const narrowed = Object.values(asked).some((value) => value !== "");
   return (
-    <div className={pageStyles.page}>
-      <h1 className={pageStyles.title}>Log</h1>
+    <div className={page.page}>
+      <h1 className={page.title}>Log</h1>
       <Card title="Entries">
         <LogSearch filters={filters} onFilter={setFilters} />
         {log.error && <p role="alert">{log.error.message}</p>}
-        {log.data === undefined && !log.error && <p className={pageStyles.empty}>Loading …</p>}
+        {log.data === undefined && !log.error && <p className={page.empty}>Loading …</p>}
         {log.data !== undefined && entries.length === 0 && (
-          <p className={pageStyles.empty}>
-            {narrowed ? "Nothing like that happened." : "Nothing happened yet."}
-          </p>
+          <p className={page.empty}>{narrowed ? "Nothing like that happened." : "Nothing happened yet."}</p>
         )}
         {entries.length > 0 && <LogRows entries={entries} />}
       </Card>
-      <div className={pageStyles.actions}>
+      <div className={page.actions}>
         <Button
           variant="default"
           disabled={!log.hasNextPage}
@@ -64,7 +63,7 @@ export default function LogPage() {
         >
           Older
         </Button>
-        <span className={pageStyles.dim}>{shownOf(entries.length, log.data?.pages[0]?.total ?? 0)}</span>
+        <span className={page.dim}>{shownOf(entries.length, log.data?.pages[0]?.total ?? 0)}</span>
       </div>
     </div>
   );
@@ -78,9 +77,9 @@ function shownOf(shown: number, total: number): string {
 function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters: Filters) => void }) {
   const set = (part: Partial<Filters>) => onFilter({ ...filters, ...part });
   return (
-    <search className={logStyles.filters} aria-label="Search and filters">
+    <search className={styles.filters} aria-label="Search and filters">
       <TextInput
-        className={logStyles.box ?? ""}
+        className={styles.box ?? ""}
         type="search"
         label="Search"
         aria-label="Search the log"

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { ALARMS, CHOICES, kindsOf, NAMES } from "./LogRows";
+import { ALARMS, CHOICES, kindsOf, NAMES } from "./kinds";
 
 it("offers refusals by themselves, and they are no alarms", () => {
   expect(CHOICES).toContainEqual({ value: "refusal", label: "Refusals" });

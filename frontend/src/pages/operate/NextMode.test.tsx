@@ -13,7 +13,7 @@ import { Refusal } from "../../components/Refusal";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State } from "../../wire/types";
-import { NextMode, nextMode } from "./ModeCard";
+import { NextMode, nextMode } from "./NextMode";
 
 const OFF = {
   mode: "off",

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { State } from "../../wire/types";
-import { whyNoReferences, whyNoStart } from "./ReferencesCard";
+import { whyNoReferences, whyNoStart } from "./allowed";
 
 const FREE = {
   mode: "run",

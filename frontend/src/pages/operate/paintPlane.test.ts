@@ -2,7 +2,8 @@ import { expect, it } from "vitest";
 import type { Surface } from "../../charts/useCanvas";
 import { SampleWindow } from "../../samples/window";
 import type { Limits } from "../../wire/types";
-import { type PlaneEntry, type PlannedWay, paintPlane, planeOver, xOf, yOf } from "./MapCard";
+import { type PlaneEntry, type PlannedWay, paintPlane } from "./paintPlane";
+import { planeOver, xOf, yOf } from "./planeScale";
 
 const LIMITS = {
   q_min: -1.4,

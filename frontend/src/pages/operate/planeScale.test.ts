@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Limits } from "../../wire/types";
-import { planeOver, pointAt, xOf, yOf } from "./MapCard";
+import { planeOver, pointAt, xOf, yOf } from "./planeScale";
 
 const LIMITS = {
   q_min: -1.4,

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { stepPath } from "./StepPreview";
+import { stepPath } from "./stepPath";
 
 describe("stepPath", () => {
   const lam = 0.5;

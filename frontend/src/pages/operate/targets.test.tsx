@@ -15,7 +15,8 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { DEGREES } from "../../theme/signals";
 import type { State } from "../../wire/types";
-import { MapCard, planeOver, xOf, yOf } from "./MapCard";
+import { MapCard } from "./MapCard";
+import { planeOver, xOf, yOf } from "./planeScale";
 import { ReferencesCard } from "./ReferencesCard";
 
 const LIMITS = {

@@ -7,7 +7,8 @@ import { afterEach, expect, it, vi } from "vitest";
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 import type { RunComparison } from "../../wire/types";
-import { askedOf, ComparisonCard, USUAL } from "./ComparisonCard";
+import { ComparisonCard } from "./ComparisonCard";
+import { askedOf, USUAL } from "./compared";
 
 afterEach(cleanup);
 

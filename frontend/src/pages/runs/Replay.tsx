@@ -3,15 +3,17 @@
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
 import { useCallback, useEffect, useState } from "react";
 import { TbPlayerPauseFilled, TbPlayerPlayFilled } from "react-icons/tb";
-import type { PlotSource } from "../../charts/sources";
-import { type Playhead, usePlayhead } from "../../charts/viewport";
-import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
+import { type Playhead, usePlayhead } from "../../charts/playhead";
+import type { PlotSource } from "../../charts/source";
+import { CameraChoice } from "../../components/CameraChoice";
+import { sceneAddress } from "../../components/cameras";
+import { SceneFrame } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
 import { showMoment } from "../../service/commands";
-import { useSceneView } from "../../service/runs";
+import { useSceneView } from "../../service/useSceneView";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
-import { useMoments } from "./RunCharts";
+import { useMoments } from "./useMoments";
 
 const SPEEDS = [0.1, 0.25, 1, 4, 10];
 const STEP_S = 0.001;

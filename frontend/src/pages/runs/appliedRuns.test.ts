@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { appliedRuns, digestOfParameters } from "./RunDetail";
+import { appliedRuns, digestOfParameters } from "./appliedRuns";
 
 const of = (digest: string, run: number | null, undone = false) => ({ digest, run, undone });
 const FILE = of("file", null);

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { askedOf, type Compared, comparedIn, textOf, USUAL } from "./ComparisonCard";
-import { addressOf, RUNS } from "./RunSearch";
+import { addressOf, RUNS } from "./address";
+import { askedOf, type Compared, comparedIn, textOf, USUAL } from "./compared";
 
 const CHOSEN: Compared = {
   reference: 3,

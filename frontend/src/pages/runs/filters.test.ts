@@ -1,14 +1,6 @@
 import { afterEach, expect, it, vi } from "vitest";
-import {
-  ALL_STATIONS,
-  addressOf,
-  MOST_COMPARED,
-  NO_FILTERS,
-  othersIn,
-  RUNS,
-  together,
-  whereOf,
-} from "./RunSearch";
+import { addressOf, MOST_COMPARED, othersIn, RUNS } from "./address";
+import { ALL_STATIONS, NO_FILTERS, together, whereOf } from "./filters";
 
 afterEach(() => vi.unstubAllEnvs());
 

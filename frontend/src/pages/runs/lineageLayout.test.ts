@@ -1,6 +1,7 @@
 import { expect, it } from "vitest";
 import type { LineageNode } from "../../wire/types";
-import { addressOfNode, BOX, laidOut } from "./LineageCard";
+import { addressOfNode } from "./LineagePicture";
+import { BOX, laidOut } from "./lineageLayout";
 
 function node(id: string, origins: string[], pages: Partial<LineageNode> = {}): LineageNode {
   return {

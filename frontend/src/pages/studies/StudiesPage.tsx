@@ -6,7 +6,8 @@ import { Card } from "../../components/Card";
 import { studiesQuery } from "../../service/studies";
 import page from "../Page.module.css";
 import { NewStudy } from "./NewStudy";
-import { StudyPage, StudyRows } from "./StudyPage";
+import { StudyPage } from "./StudyPage";
+import { StudyRows } from "./StudyRows";
 
 export default function StudiesPage() {
   const { id } = useParams();

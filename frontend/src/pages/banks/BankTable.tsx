@@ -1,0 +1,89 @@
+/** All versions of all banks, and which one is in use. */
+
+import { Button, Table } from "@mantine/core";
+import { Link } from "wouter";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { Refusal } from "../../components/Refusal";
+import { dateTime } from "../../samples/format";
+import { useActivateBank } from "../../service/commands";
+import { useNoRetuning } from "../../service/useNoControl";
+import type { Bank } from "../../wire/types";
+import page from "../Page.module.css";
+import { entryName } from "./difference";
+
+export function BankTable({ banks, selected }: { banks: readonly Bank[]; selected: number | undefined }) {
+  const activate = useActivateBank();
+  const locked = useNoRetuning();
+  if (banks.length === 0) {
+    return <p className={page.empty}>No bank yet: gains come from geometry.</p>;
+  }
+  return (
+    <>
+      <div className={page.tableScroll} style={{ marginBottom: 0 }}>
+        <Table aria-label="Banks" highlightOnHover className={page.cards ?? ""}>
+          <Table.Thead>
+            <Table.Tr>
+              <Table.Th>Bank</Table.Th>
+              <Table.Th>Built</Table.Th>
+              <Table.Th>By</Table.Th>
+              <Table.Th className={page.number}>Entries</Table.Th>
+              <Table.Th>At</Table.Th>
+              <Table.Th>Use</Table.Th>
+              <Table.Th>File</Table.Th>
+            </Table.Tr>
+          </Table.Thead>
+          <Table.Tbody>
+            {banks.map((bank) => (
+              <Table.Tr key={bank.id} bg={bank.id === selected ? "var(--accent-soft)" : undefined}>
+                <Table.Td className={page.cardTitle ?? ""}>
+                  <Link href={`/banks/${bank.id}`} style={{ whiteSpace: "nowrap" }}>
+                    {nameOf(bank)}
+                  </Link>
+                </Table.Td>
+                <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(bank.created)}</Table.Td>
+                <Table.Td>{bank.who}</Table.Td>
+                <Table.Td className={page.number}>
+                  <span className={page.cardLabel}>Entries </span>
+                  {bank.entries.length}
+                </Table.Td>
+                <Table.Td>{bank.entries.map(entryName).join(" · ")}</Table.Td>
+                <Table.Td>
+                  {bank.active ? (
+                    <strong>active</strong>
+                  ) : (
+                    <OperatorsOnly otherwise="not in use">
+                      <Button
+                        size="compact-xs"
+                        variant="default"
+                        aria-label={`Activate ${nameOf(bank)}`}
+                        disabled={locked !== null}
+                        loading={activate.isPending && activate.variables === bank.id}
+                        onClick={() => activate.mutate(bank.id)}
+                      >
+                        Activate
+                      </Button>
+                    </OperatorsOnly>
+                  )}
+                </Table.Td>
+                <Table.Td>
+                  <a
+                    href={`./api/banks/${bank.id}/file`}
+                    download={`${bank.name}-v${bank.version}.json`}
+                    aria-label={`Export ${nameOf(bank)}`}
+                  >
+                    Export
+                  </a>
+                </Table.Td>
+              </Table.Tr>
+            ))}
+          </Table.Tbody>
+        </Table>
+      </div>
+      <Refusal error={activate.error} text={locked} />
+    </>
+  );
+}
+
+export function nameOf(bank: Bank): string {
+  return `${bank.name} v${bank.version}`;
+}

@@ -1,0 +1,34 @@
+/** How far a dry run is, and a button that ends it. */
+
+import { Button, Progress } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { duration } from "../../samples/format";
+import { dryRunProgressQuery } from "../../service/dryRun";
+import type { DryRunProgress as DryRunNews } from "../../wire/types";
+import page from "../Page.module.css";
+
+export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
+  const { data } = useQuery(dryRunProgressQuery);
+  const share = data === undefined || data.duration_s === 0 ? 0 : data.played_s / data.duration_s;
+  return (
+    <div className={page.actions}>
+      <Progress
+        value={100 * share}
+        aria-label="Progress of the dry run"
+        size="sm"
+        style={{ flex: 1, minWidth: 80 }}
+      />
+      <span className={page.dim}>{inWords(data)}</span>
+      <Button size="compact-sm" variant="default" onClick={onCancel}>
+        Cancel dry run
+      </Button>
+    </div>
+  );
+}
+
+function inWords(told: DryRunNews | undefined): string {
+  if (!told?.under_way || told.doing === "starting") return "Waiting for the simulator";
+  if (told.doing === "pretension") return "Winding up the tendons";
+  if (told.doing === "evaluation") return "Evaluating";
+  return `${duration(told.played_s)} of ${duration(told.duration_s)} played`;
+}
