@@ -20,10 +20,7 @@ Level = Literal["debug", "info", "warning", "error"]
 
 _ALWAYS = "always"
 EVENT = {_ALWAYS: True}
-"""``extra`` of a line that is written however many there are of its kind: what happened to the actuator."""
-
-_LIBRARIES = ("alembic", "asyncio", "matplotlib", "numba", "uvicorn", "websockets")
-"""Libraries that write lines of their own at lower levels, which say nothing of the service."""
+"""``extra`` of a line that is written however many there are of its kind: an event of the service."""
 
 _FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
@@ -74,10 +71,14 @@ class _Lines(logging.Formatter):
 
 
 def begin(level: Level = "warning") -> None:
-    """Write everything of ``level`` and above to standard error, through one handler with the limit."""
+    """Write ``level`` and above to standard error, through one handler with the limit.
+
+    Below warning, lines of Sinew alone: those of libraries say nothing of the service.
+    """
     handler = logging.StreamHandler()
+    handler.setLevel(level.upper())
     handler.addFilter(RateLimit())
     handler.setFormatter(_Lines(_FORMAT))
-    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
-    for name in _LIBRARIES:
-        logging.getLogger(name).setLevel(logging.WARNING)
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+    for package in ("backend", "plant"):
+        logging.getLogger(package).setLevel(level.upper())

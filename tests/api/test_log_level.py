@@ -4,11 +4,12 @@ import logging
 import os
 import re
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from backend.logs import EVENT, LINES, RateLimit
+from backend.logs import EVENT, LINES, Level, RateLimit, begin
 from tests.api.conftest import client_with, wait_for
 from tests.api.test_endings import wait_for_end
 from tests.e2e.service import running_service
@@ -51,3 +52,31 @@ def test_events_are_written_however_many_there_are() -> None:
         return sum(limit.filter(record) for _ in range(100))
 
     assert (written({}), written(EVENT)) == (LINES, 100)
+
+
+@pytest.fixture
+def loggers() -> Iterator[None]:
+    """Loggers as they were, after a test that changes them."""
+    changed = [logging.getLogger(name) for name in ("", "backend", "plant")]
+    before = [(logger.level, logger.handlers[:]) for logger in changed]
+    yield
+    for logger, (level, handlers) in zip(changed, before, strict=True):
+        logger.setLevel(level)
+        logger.handlers[:] = handlers
+
+
+@pytest.mark.usefixtures("loggers")
+@pytest.mark.parametrize(
+    ("level", "written"),
+    [
+        ("info", ["backend.x INFO", "backend.x WARNING", "asyncio WARNING"]),
+        ("warning", ["backend.x WARNING", "asyncio WARNING"]),
+        ("error", []),
+    ],
+)
+def test_a_level_holds_for_libraries_too(level: Level, written: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    begin(level)
+    for name in ("backend.x", "asyncio"):
+        logging.getLogger(name).info("%s INFO", name)
+        logging.getLogger(name).warning("%s WARNING", name)
+    assert [line.rsplit(": ", 1)[1] for line in capsys.readouterr().err.splitlines()] == written
