@@ -53,7 +53,7 @@ pretension, where an exact reading of nothing is true, ends after 0.9 rad."""
 _REVERSED_TICKS = round(REVERSED_S / T_s)
 
 CREDIBLE, JUMPED, REVERSED, UNMOVED, STUCK, CONTRADICTED = range(6)
-"""What ``look`` may say of a tick's readings."""
+"""What ``check_plausibility`` may say of the readings of a step."""
 
 _PAST, _UNCHANGED_S, _UNMOVED_S, _TURNED_FROM, _CONTRADICTED_S, _SIGN, _TICKS, _BEFORE, _MIDDLE = range(9)
 """Rows of what is remembered: the first two by reading, the others by side."""
@@ -84,7 +84,7 @@ class SensorLimits(NamedTuple):
 
 
 class SensorVerdict(NamedTuple):
-    """What ``look`` says, and of which reading or side.
+    """What ``check_plausibility`` says, and of which reading or side.
 
     ``still`` is a reading that has stood still all the while, -1 for none; ``excess`` is load cell minus spring [N],
     where they contradict each other.
@@ -110,7 +110,7 @@ def contradictions(tendons: Tendons, m: Measurement) -> tuple[float, float]:
 
 
 def nothing_remembered() -> NDArray[np.float64]:
-    """Make room for what ``look`` remembers; it changes in place."""
+    """Make room for what ``check_plausibility`` remembers; it changes in place."""
     return np.zeros((9, 5))
 
 

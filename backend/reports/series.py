@@ -10,9 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.models.run import MeasuredFigure as Measured
-from backend.models.run import MeasuredFigure as RunFigure
-from backend.models.run import Outcome
+from backend.models.run import MeasuredFigure, Outcome
 from backend.reports.build import told
 from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, run_configuration, to_element
 from backend.reports.experiment_report import lines_of
@@ -36,13 +34,13 @@ _LEGEND = 8
 """Runs that are named beside the curves; of more, first and last."""
 
 
-def is_partial(item: RunFigure | None) -> bool:
+def is_partial(item: MeasuredFigure | None) -> bool:
     """Whether a figure has a value that was not measured whole."""
     return item is not None and item.value is not None and item.reason != ""
 
 
 @cached_figure
-def metric_panels(metrics: Sequence[Sequence[RunFigure | None]], angles: AngleUnit) -> str:
+def metric_panels(metrics: Sequence[Sequence[MeasuredFigure | None]], angles: AngleUnit) -> str:
     """Draw each metric over the places of the runs in their list, from 1 on, one panel each."""
     rows = -(-len(metrics) // _COLUMNS)
     with figure(rows, _COLUMNS, height_in=0.6 + rows * _ROW_IN, gap_in=(0.42, 0.5), squeeze=False) as (drawn, axes):
@@ -233,7 +231,7 @@ def _beside(
         yield Table(f"{caption}{told_of}.", columns, tuple((*titles, *cells[part]) for titles, cells in rows))
 
 
-def _metrics(sources: Sequence[RunData]) -> dict[str, list[Measured | None]]:
+def _metrics(sources: Sequence[RunData]) -> dict[str, list[MeasuredFigure | None]]:
     """Return by name the figures of all runs; None where a run has none of this name in this unit."""
     each = [
         {} if source.result is None else {item.name: item for item in source.result.metrics.figures}

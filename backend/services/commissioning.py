@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 from backend.commissioning import status
-from backend.commissioning import status as standing
 from backend.commissioning.procedure import ProcedureContext, StepFinding
 from backend.commissioning.session import KeptHands, run_step, switch_drives, values_of
 from backend.commissioning.status import Kept, StepState, StepStatus, blocked_by
@@ -27,7 +26,7 @@ from backend.schemas.commissioning import (
     StepResult,
 )
 from backend.services.actuator import ActuatorService
-from backend.storage.commissioning import StoredStepResult as Stored
+from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import Database
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint
 from plant.factory import wiring_of_choice
@@ -54,7 +53,11 @@ def nothing_to_do(why_not: str) -> BringUpView:
 
 
 def step_view(
-    step: CommissioningStep, standing: StepStatus, result: Stored | None, blocked: str, running: RunningStep | None
+    step: CommissioningStep,
+    standing: StepStatus,
+    result: StoredStepResult | None,
+    blocked: str,
+    running: RunningStep | None,
 ) -> BringUpStep:
     """Return one step, with its newest result."""
     return BringUpStep(
@@ -70,7 +73,7 @@ def step_view(
     )
 
 
-def _result(stored: Stored) -> StepResult:
+def _result(stored: StoredStepResult) -> StepResult:
     figures = [StepFigure(**figure) for figure in stored.figures]
     return StepResult(passed=stored.passed, text=stored.text, figures=figures, who=stored.who, at=stored.at)
 
@@ -229,7 +232,7 @@ class BringUp:
             why_not = self._findings.not_driven(wiring)
         except PlantError as error:
             why_not = str(error)
-        kept = await asyncio.to_thread(standing.kept, self._database)
+        kept = await asyncio.to_thread(status.kept, self._database)
         states, results = self._states(kept, wiring), kept.results
         steps = [
             step_view(
@@ -274,7 +277,7 @@ class BringUp:
         except PlantError as error:
             raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
         async with self._actuator.starting:
-            kept = await asyncio.to_thread(standing.kept, self._database)
+            kept = await asyncio.to_thread(status.kept, self._database)
             blocked = self._findings.not_driven(wiring) or self._blocked(STEP[step], self._states(kept, wiring))
             if blocked:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, blocked)
@@ -379,7 +382,7 @@ class BringUp:
         starts = self._actuator.present.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
-        found = standing.states(kept, wiring, self._started[1])
+        found = status.states(kept, wiring, self._started[1])
         if self._supervisor.started_with.calibrations != self._supervisor.setup.brought_up.calibrations:
             for step in (StepId.TARE, StepId.CALIBRATE):
                 if found[step].state is StepState.CURRENT:

@@ -13,8 +13,7 @@ from backend.models.document import digest_of
 from backend.models.run import APPLIED, AppliedParameters
 from backend.realtime.modes import Mode
 from backend.realtime.supervisor import Supervisor
-from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView
-from backend.schemas.tuning import ParameterVersion as TuningParameterVersion
+from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
 from backend.services.actuator import ActuatorService
 from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import identifications, settings
@@ -338,9 +337,9 @@ class Applied:
         )
 
 
-def _version_view(one: AppliedVersion, former: AppliedVersion) -> TuningParameterVersion:
+def _version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersion:
     applied = one.applied
-    return TuningParameterVersion(
+    return ParameterVersion(
         number=one.number,
         digest=one.digest,
         who=one.who,

@@ -22,8 +22,7 @@ from backend.experiments.library import LEAST, Column, RecordedParts, ReferenceC
 from backend.experiments.plans import LAWS, ExperimentPlan, IdentificationPlan, profile
 from backend.experiments.schema import FORMAT
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import LAMBDA, KeptWall, StoredLoopSettings, headline_of, outcome_of, standing
-from backend.models.run import RunCriterion as Judged
+from backend.models.run import LAMBDA, KeptWall, RunCriterion, StoredLoopSettings, headline_of, outcome_of, standing
 from backend.realtime.modes import Mode
 from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law
 from backend.recording import reader
@@ -71,8 +70,7 @@ from backend.storage.recordings import Extent, Recording
 from backend.storage.results import Result
 from backend.storage.runs import EndState, Run, RunKind, experiment_of, title_of
 from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse
-from backend.storage.timeline import LogEntry
-from backend.storage.timeline import LogQuery as TimelineAsked
+from backend.storage.timeline import LogEntry, LogQuery
 from backend.workers import Offload
 from plant.dynamics import Obstacle
 from plant.interface import T_s
@@ -474,7 +472,7 @@ class StoredTimeline:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def page(self, asked: TimelineAsked, limit: int) -> Timeline:
+    async def page(self, asked: LogQuery, limit: int) -> Timeline:
         """Return the newest of what is asked for."""
         return await asyncio.to_thread(self._page, asked, limit)
 
@@ -482,7 +480,7 @@ class StoredTimeline:
         """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
         await asyncio.to_thread(self._remark, event_id, said.note.strip(), said.tags, who)
 
-    def _page(self, asked: TimelineAsked, limit: int) -> Timeline:
+    def _page(self, asked: LogQuery, limit: int) -> Timeline:
         with self._database.reading() as session:
             found, more_before = timeline.find(session, asked, limit)
             total = len(found) if more_before is None else timeline.count(session, asked)
@@ -655,7 +653,7 @@ def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
     }
 
 
-def _criterion(item: Judged) -> Criterion:
+def _criterion(item: RunCriterion) -> Criterion:
     return Criterion(
         name=item.name,
         label=item.title,

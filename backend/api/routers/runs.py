@@ -45,8 +45,7 @@ from backend.schemas.run import (
 from backend.schemas.state import FormulaList, FormulaName, FormulaText, FormulaView
 from backend.server.security import DOCUMENT_POLICY, SHEETS
 from backend.services.background_work import unless_left
-from backend.services.runs import RunQuery as RunsAsked
-from backend.services.runs import SampleSlice, planned
+from backend.services.runs import RunQuery, SampleSlice, planned
 from backend.services.signals import RangeAsked
 from backend.storage.events import EventKind
 from backend.storage.orm import TAG_MAX
@@ -88,7 +87,7 @@ async def list_runs(
 ) -> RunList:
     """List stored runs, newest first."""
     kinds = kind.split(",") if kind else ()
-    return await service.runs.runs(RunsAsked(kinds, search, where, everywhere, limit, offset))
+    return await service.runs.runs(RunQuery(kinds, search, where, everywhere, limit, offset))
 
 
 @runs_router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
