@@ -1,12 +1,16 @@
 """Every word that the page shows of signals, results, faults and states has its meaning, and one source."""
 
 import re
+from dataclasses import fields, is_dataclass
 from enum import StrEnum
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import get_args
 
 import pytest
 
+from backend import analysis
 from backend.analysis.evaluation import FIGURES, figure_documents
 from backend.analysis.step_metrics import Whole
 from backend.api.export import files
@@ -14,6 +18,7 @@ from backend.commissioning.status import StepState
 from backend.faults import EXPLAINED, Fault, Limit
 from backend.glossary.glossary import (
     EQUATIONS,
+    RESULTS,
     GlossaryError,
     GlossaryTerm,
     TermKind,
@@ -129,3 +134,15 @@ def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
 def test_the_generated_module_is_the_one_in_the_repository() -> None:
     written = (ROOT / "frontend" / "src" / "wire" / "glossary.gen.ts").read_text(encoding="utf-8")
     assert files()["glossary.gen.ts"] == written
+
+
+def test_every_result_that_declares_figures_is_in_the_glossary() -> None:
+    modules = [import_module(f"{analysis.__name__}.{found.name}") for found in iter_modules(analysis.__path__)]
+    declaring = {
+        kind
+        for module in modules
+        for kind in vars(module).values()
+        if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__
+        if any("definition" in item.metadata for item in fields(kind))
+    }
+    assert declaring == set(RESULTS)
