@@ -53,7 +53,9 @@ def test_numbers_are_those_of_the_code() -> None:
         "a session ends after so long without a sign of life, while the service runs": (
             f"{sessions.IDLE_S / 86_400:g} days"
         ),
-        "lines of one kind in the log; events, which `--log-level info` adds, are not counted": f"{logs.LINES} in {logs.WINDOW_S:g} s",
+        "lines of one kind in the log; events, which `--log-level info` adds, are not counted": (
+            f"{logs.LINES} in {logs.WINDOW_S:g} s"
+        ),
         "a page in control is lost after": f"{control_lease.LOST_S:g} s",
         "references are held for it for": f"{control_lease.HOLD_S:g} s",
         "flight records of trips, and as many captures of triggers; the oldest give way": (

@@ -1,4 +1,4 @@
-"""docs/where.md sends nobody to a file that is not there, and the rooms keep the sizes that they are meant to have."""
+"""docs/where.md names files that exist, and no package is too large."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "where.md").read_text(encoding="utf-8")
 LARGEST_SHARE = 0.12
-"""No room has more of the lines of backend, plant and migrations: a larger one is two rooms."""
+"""Largest share of one package in the lines of backend, plant and migrations."""
 LARGEST_API = 2_700
 
 
@@ -22,10 +22,10 @@ def test_every_place_is_there() -> None:
     assert [path for paths in named for path in paths if not (ROOT / path).exists()] == []
 
 
-def test_no_room_is_too_large() -> None:
-    rooms = [ROOT / "plant", *(file.parent for file in (ROOT / "backend").glob("*/__init__.py"))]
+def test_no_package_is_too_large() -> None:
+    packages = [ROOT / "plant", *(file.parent for file in (ROOT / "backend").glob("*/__init__.py"))]
     whole = sum(lines(ROOT / part) for part in ("backend", "plant", "migrations"))
-    shares = {room.name: lines(room) / whole for room in rooms}
+    shares = {package.name: lines(package) / whole for package in packages}
     assert len(shares) > 15
     assert {name: round(share, 3) for name, share in shares.items() if share > LARGEST_SHARE} == {}
     assert lines(ROOT / "backend" / "api") < LARGEST_API
