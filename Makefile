@@ -26,7 +26,7 @@ test: install-dev frontend packages
 	$(BIN)/python -m tests.lanes --beside "$(NPM) test" $(ARGS)
 
 test-thorough:
-	.ci/provide nginx
+	.ci/provide proxy
 	$(MAKE) --no-print-directory test ARGS="--thorough $(ARGS)"
 
 test-newest: install-newest

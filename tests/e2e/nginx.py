@@ -40,7 +40,7 @@ def free_port() -> int:
 @contextmanager
 def nginx(folder: Path, configuration: str, port: int, service: str) -> Iterator[None]:
     """Run nginx with a configuration of the document, on ``port`` of this machine, in front of ``service``."""
-    assert NGINX is not None, "nginx is not installed: .ci/provide nginx"
+    assert NGINX is not None, "nginx is not installed: .ci/provide proxy"
     assert "http://127.0.0.1:8000" in configuration
     server = configuration.replace("http://127.0.0.1:8000", service)
     server = re.sub(r"listen \d+", f"listen 127.0.0.1:{port}", server)
