@@ -20,11 +20,16 @@ Scheme = Literal["light", "dark"]
 SCHEMES: tuple[Scheme, ...] = ("light", "dark")
 PHONE = ViewportSize(width=390, height=844)
 
+ENDED = """() => document.getAnimations()
+    .filter(one => Number.isFinite(one.effect.getComputedTiming().endTime)).forEach(one => one.finish())"""
+"""Ends what fades in or out: half of it is no contrast that a person reads by."""
+
 
 def violations(page: Page) -> list[str]:
     """What axe finds on the page as it is now: rule, why, and the elements."""
     if not page.evaluate("'axe' in window"):
         page.evaluate(AXE)
+    page.evaluate(ENDED)
     found = page.evaluate(
         "rules => axe.run(document, {runOnly: {type: 'tag', values: rules}, iframes: false})"
         ".then(result => result.violations.map(one => `${one.id}: ${one.help}: ${one.nodes.slice(0, 4)"
