@@ -105,3 +105,22 @@ it("has no value where the run has no sample at that time", async () => {
     [undefined, undefined],
   ]);
 });
+
+it("reads the last sample at the end of a recording, the first at its begin, however their times are rounded", async () => {
+  ranges.valuesAt.mockImplementation(async (run: number, times: number[]) => ({
+    run,
+    period_s: 0.001,
+    moments: times.map((at_s) => ({ at_s, t: at_s, values: { q: at_s } })),
+  }));
+  for (const duration_s of [3, 20, 7.003, 0.1]) {
+    for (const offset_s of [0, 0.1, 6.7]) {
+      const one = new StoredRuns([{ id: 7, duration_s, offset_s }]);
+      const ends = [offset_s, offset_s + duration_s, offset_s - 0.001, offset_s + duration_s + 0.001];
+      const found = await one.values(["q"], ends, new AbortController().signal);
+      const values = found.map((moment) => moment.get("q"));
+      expect(values[0]).toBeCloseTo(0, 9);
+      expect(values[1]).toBeCloseTo(duration_s - 0.001, 9);
+      expect(values.slice(2)).toEqual([undefined, undefined]);
+    }
+  }
+});

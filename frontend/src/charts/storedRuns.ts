@@ -23,6 +23,9 @@ export interface StoredRun {
   readonly offset_s?: number;
 }
 
+/** A time on the axis is a sum of others: it may miss the first or the last sample by a rounding. */
+const ROUNDING_S = PERIOD_S / 2;
+
 /** A part of what is asked for that is of one run: signals as drawn and as recorded, and the range on its own axis. */
 interface Part {
   readonly run: StoredRun;
@@ -76,7 +79,8 @@ export class StoredRuns implements StoredData {
         const last_s = lastOf(run);
         const inside = times_s.flatMap((time_s, n) => {
           const own_s = time_s - offsetOf(run);
-          return own_s >= 0 && own_s < last_s + PERIOD_S ? [{ n, at_s: Math.min(own_s, last_s) }] : [];
+          const within = own_s > -ROUNDING_S && own_s < last_s + PERIOD_S + ROUNDING_S;
+          return within ? [{ n, at_s: Math.min(Math.max(own_s, 0), last_s) }] : [];
         });
         if (drawn.length === 0 || inside.length === 0) return;
         const recorded = drawn.map((name) => parted(name).signal);
