@@ -7,6 +7,7 @@ restart of the service. They follow each other on one data folder.
 import csv
 import json
 import math
+import re
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -233,6 +234,7 @@ class Stage:
         assert differences(CHANGED, {name: shown[name] for name in CHANGED}, ROUNDED) == []
         start(self, form, "/api/experiments")
         let_go(self, "tracking")
+        discard_changes(self, "tracking")
 
     def _script(self) -> httpx.Client:
         token = (self._data / "token").read_text().strip()
@@ -258,6 +260,14 @@ def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
         forms.fill_segment(form, 1, duration_s=0.5, q_ref=math.radians(8.0))
     forms.fill(form, changes)
     return form
+
+
+def discard_changes(stage: Stage, kind: str) -> None:
+    """Discard the settings that a form keeps after its start: it shows the tuning in force again."""
+    form = form_of(stage, kind, {})
+    form.get_by_role("button", name=re.compile("^Discard the draft of ")).click()
+    form.get_by_role("button", name="Discard draft", exact=True).click()
+    expect(form.get_by_role("group", name=re.compile("^Draft of "))).to_have_count(0)
 
 
 def declared(stage: Stage, kind: str) -> Any:
