@@ -47,7 +47,7 @@ _HEAD = """<head>
 </style>"""
 
 # The dashboard says what the view waits for, so the page writes down how far it has come, and says when it changes
-# (frontend/src/components/sceneStage.ts). The websocket of the client lives in a worker; its messages are read too.
+# (frontend/src/components/SceneFrame.tsx). The websocket of the client lives in a worker; its messages are read too.
 # A connection alone is no stage, as the service may have no place: the scene is there with its first message. It is
 # shown in the frame after one in which a mesh of it was drawn: the client draws some frames without any before.
 # A worker's late word on a connection that is closed counts for nothing.

@@ -26,6 +26,6 @@ def test_the_view_of_the_camera_stays_in_the_address() -> None:
 
 def test_the_stages_that_it_tells_are_those_that_the_dashboard_has_words_for() -> None:
     told = set(re.findall(r'tell\("(\w+)"\)', page()))
-    source = (Path(__file__).parents[2] / "frontend" / "src" / "components" / "sceneStage.ts").read_text()
+    source = (Path(__file__).parents[2] / "frontend" / "src" / "components" / "SceneFrame.tsx").read_text()
     (known,) = re.findall(r"const TOLD = \[(.*?)\]", source)
     assert told == set(re.findall(r"\w+", known))

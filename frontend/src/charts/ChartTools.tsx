@@ -4,7 +4,7 @@ import { ActionIcon, Button, Menu, Tooltip } from "@mantine/core";
 import type { ReactNode } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
 import styles from "./Charts.module.css";
-import type { PictureKind } from "./save";
+import type { PictureKind } from "./export";
 
 interface ChartToolsProps {
   readonly measuring: boolean;

@@ -7,7 +7,7 @@ import uPlot from "uplot";
 import { paintOf } from "../theme/signals";
 import styles from "./CurvePlot.module.css";
 import { type ChartColours, readColours } from "./colours";
-import { logLabels, tickLabels } from "./ticks";
+import { logLabels, tickLabels } from "./plot";
 
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;

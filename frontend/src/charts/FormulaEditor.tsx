@@ -3,12 +3,12 @@
 import { Button } from "@mantine/core";
 import type { FormEvent } from "react";
 import { TbPencil, TbTrash } from "react-icons/tb";
-import { OperatorsOnly } from "../components/OperatorsOnly";
+import { OperatorsOnly } from "../components/ControlMenu";
+import { TextField } from "../components/fields";
 import { Refusal } from "../components/Refusal";
-import { TextField } from "../components/TextField";
-import { useFormulas, usePutFormula, useRemoveFormula } from "../service/formulas";
-import { RefusedFields } from "../service/refusedFields";
-import { isPlainRecord, isText, useDraft } from "../service/useDraft";
+import { isPlainRecord, isText, useDraft } from "../service/drafts";
+import { RefusedFields } from "../service/refusals";
+import { useFormulas, usePutFormula, useRemoveFormula } from "../service/signals";
 import styles from "./LayoutEditor.module.css";
 
 const EMPTY = { name: "", expression: "", unit: "1", meaning: "" };

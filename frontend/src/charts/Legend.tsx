@@ -1,13 +1,64 @@
-/** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
-
+import { Popover } from "@mantine/core";
+import { useState } from "react";
 import { TbArrowsMaximize, TbArrowsMinimize } from "react-icons/tb";
 import { Explained, entriesOf, explaining } from "../components/Explained";
-import { Written } from "../components/SignalName";
+import { Written } from "../components/values";
 import { symbolEntries } from "../service/glossary";
-import type { Panel } from "../theme/signals";
-import styles from "./Charts.module.css";
-import { ColourChoice } from "./ColourChoice";
-import { TraceLine } from "./TraceLine";
+import { usePreferences } from "../service/preferences";
+import { PALETTE, type Panel, paintOf, signalOf, type Trace } from "../theme/signals";
+import chartsStyles from "./Charts.module.css";
+import colourChoiceStyles from "./ColourChoice.module.css";
+import { TraceLine } from "./PanelRow";
+
+/** The line of a signal in the legend; opens the choice of its colour, which is remembered for the person. */
+
+export function ColourChoice({ trace }: { trace: Trace }) {
+  const [opened, setOpened] = useState(false);
+  const { preferences, change } = usePreferences();
+  const signal = signalOf(trace.name);
+
+  function choose(hue: string | null): void {
+    const { [signal]: _before, ...others } = preferences.colours;
+    change({ colours: hue === null ? others : { ...others, [signal]: hue } });
+    setOpened(false);
+  }
+
+  return (
+    <Popover opened={opened} onChange={setOpened} position="bottom-start" withArrow trapFocus returnFocus>
+      <Popover.Target>
+        <button
+          type="button"
+          className={colourChoiceStyles.swatch}
+          aria-label={`Colour of ${trace.name}`}
+          aria-expanded={opened}
+          onClick={() => setOpened(!opened)}
+        >
+          <TraceLine trace={trace} />
+        </button>
+      </Popover.Target>
+      <Popover.Dropdown p={8}>
+        <div className={colourChoiceStyles.choices}>
+          {PALETTE.map((hue) => (
+            <button
+              key={hue}
+              type="button"
+              className={colourChoiceStyles.hue}
+              style={{ background: paintOf(hue) }}
+              aria-label={`Colour ${hue}`}
+              aria-pressed={hue === trace.hue}
+              onClick={() => choose(hue)}
+            />
+          ))}
+          <button type="button" className={colourChoiceStyles.standard} onClick={() => choose(null)}>
+            Standard
+          </button>
+        </div>
+      </Popover.Dropdown>
+    </Popover>
+  );
+}
+
+/** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
 
 /** While it is measured: the values at the cursors and their difference, in place of the one value. */
 const CURSORS = ["cursor-0", "cursor-1", "delta"] as const;
@@ -25,15 +76,15 @@ interface LegendProps {
 
 export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlarge }: LegendProps) {
   return (
-    <figcaption className={styles.caption}>
-      <span className={styles.title}>
+    <figcaption className={chartsStyles.caption}>
+      <span className={chartsStyles.title}>
         <Explained of={panel.traces.flatMap(({ name }) => symbolEntries(name))}>{panel.title}</Explained>{" "}
-        {panel.unit !== "1" && <span className={styles.unit}>[{panel.unit}]</span>}
+        {panel.unit !== "1" && <span className={chartsStyles.unit}>[{panel.unit}]</span>}
       </span>
       {onEnlarge !== undefined && (
         <button
           type="button"
-          className={styles.enlarge}
+          className={chartsStyles.enlarge}
           aria-label={`Enlarge ${panel.title}`}
           aria-pressed={enlarged === true}
           title={enlarged ? "Show all panels (Esc)" : "Show this panel alone; Esc shows all"}
@@ -45,14 +96,14 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
       {panel.traces.map((trace) => (
         <span
           key={trace.name}
-          className={styles.entry}
+          className={chartsStyles.entry}
           onPointerEnter={() => onHighlight(trace.name)}
           onPointerLeave={() => onHighlight(null)}
         >
           {trace.ofRecording ? <TraceLine trace={trace} /> : <ColourChoice trace={trace} />}
           <button
             type="button"
-            className={styles.toggle}
+            className={chartsStyles.toggle}
             aria-pressed={!hidden.has(trace.name)}
             onClick={() => onToggle(trace.name)}
             {...explaining(entriesOf(symbolEntries(trace.name)))}
@@ -62,17 +113,17 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
             </span>
             <span className="visually-hidden">{trace.name}</span>
           </button>
-          <span className={styles.value} data-role={`value-${trace.name}`} />
+          <span className={chartsStyles.value} data-role={`value-${trace.name}`} />
           {CURSORS.map((role) => (
-            <span key={role} className={styles.delta} data-role={`${role}-${trace.name}`} />
+            <span key={role} className={chartsStyles.delta} data-role={`${role}-${trace.name}`} />
           ))}
         </span>
       ))}
       {panel.over !== undefined && (
-        <span className={styles.over}>
+        <span className={chartsStyles.over}>
           over <Written name={panel.over.name} />
           {panel.over.unit !== "1" && <span>[{panel.over.unit}]</span>}
-          <span className={styles.value} data-role="over" />
+          <span className={chartsStyles.value} data-role="over" />
         </span>
       )}
     </figcaption>

@@ -1,11 +1,9 @@
-/** One panel of a layout in its editor. */
-
 import { ActionIcon, NativeSelect } from "@mantine/core";
 import { type ReactNode, useEffect, useRef } from "react";
 import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
-import { Written } from "../components/SignalName";
+import { Written } from "../components/values";
 import { fixed } from "../samples/format";
-import { useDerived } from "../service/formulas";
+import { useDerived } from "../service/signals";
 import {
   type Edited,
   neighbour,
@@ -17,11 +15,15 @@ import {
   withTitle,
 } from "../theme/editing";
 import { LEAST_SHARE, MOST } from "../theme/layouts";
-import { unitOf } from "../theme/signals";
+import { dashOf, paintOf, type Trace, unitOf } from "../theme/signals";
 import type { ChartLayout, ChartPanel } from "../wire/types";
+import chartsStyles from "./Charts.module.css";
 import { EditedText } from "./EditedText";
-import styles from "./LayoutEditor.module.css";
-import { signalChoices } from "./signalChoices";
+import layoutEditorStyles from "./LayoutEditor.module.css";
+import type { Readout } from "./readout";
+import { signalChoices } from "./SignalTree";
+
+/** One panel of a layout in its editor. */
 
 interface PanelRowProps {
   readonly layout: ChartLayout;
@@ -56,18 +58,18 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
   }
 
   return (
-    <li ref={row} className={styles.panel} aria-label={title} data-panel-row={place}>
+    <li ref={row} className={layoutEditorStyles.panel} aria-label={title} data-panel-row={place}>
       <EditedText
         label={`Title of panel ${place + 1}`}
         text={title}
         onDone={(text) => onEdit((now) => withTitle(now, place, text))}
       />
-      <span className={styles.signals}>
+      <span className={layoutEditorStyles.signals}>
         {signals.map((name) => (
           <button
             key={name}
             type="button"
-            className={styles.signal}
+            className={layoutEditorStyles.signal}
             aria-label={`Remove ${name} from ${title}`}
             onClick={() => onEdit((now) => withoutSignal(now, place, name))}
           >
@@ -92,7 +94,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         data={[{ value: "", label: "over time" }, ...signalChoices(null, derived)]}
         w={110}
       />
-      <span className={styles.tools}>
+      <span className={layoutEditorStyles.tools}>
         <Tool
           name={`Make ${title} lower`}
           idle={share <= LEAST_SHARE}
@@ -100,7 +102,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         >
           <TbMinus size={14} />
         </Tool>
-        <output className={styles.share} aria-label={`Height of ${title}`}>
+        <output className={layoutEditorStyles.share} aria-label={`Height of ${title}`}>
           × {fixed(share, 1)}
         </output>
         <Tool
@@ -155,5 +157,62 @@ function Tool({ name, idle, move, children, onClick }: ToolProps) {
     >
       {children}
     </ActionIcon>
+  );
+}
+
+/** The line under the pointer, and the two measuring cursors, moved by mouse or arrow keys. */
+
+interface MeasureCursorsProps {
+  readonly readout: Readout;
+  readonly measuring: boolean;
+  span_s(): number;
+}
+
+export function MeasureCursors({ readout, measuring, span_s }: MeasureCursorsProps) {
+  return (
+    <>
+      <div className={chartsStyles.cursor} data-role="hover" aria-hidden="true">
+        <span className={chartsStyles.lineTime} data-role="hover-time" />
+        <span className={chartsStyles.lineMarks} data-role="marks" hidden />
+      </div>
+      {([0, 1] as const).map((cursor) => (
+        <div
+          key={cursor}
+          className={chartsStyles.measure}
+          data-role={`cursor-${cursor}`}
+          role="slider"
+          aria-label={`Measuring cursor ${cursor + 1} [s]`}
+          aria-valuenow={0}
+          tabIndex={measuring ? 0 : -1}
+          onKeyDown={(event) => {
+            const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+            if (by === undefined) return;
+            event.preventDefault();
+            const share = event.shiftKey ? 0.1 : 0.005;
+            readout.nudge(cursor, by * share, span_s());
+          }}
+        >
+          <span className={chartsStyles.lineTime} data-role={`cursor-${cursor}-time`} aria-hidden="true" />
+        </div>
+      ))}
+    </>
+  );
+}
+
+/** A short piece of a curve, as the chart draws it. */
+
+export function TraceLine({ trace }: { trace: Trace }) {
+  return (
+    <svg width="18" height="8" aria-hidden="true">
+      <line
+        x1="0"
+        x2="18"
+        y1="4"
+        y2="4"
+        stroke={paintOf(trace.hue)}
+        strokeWidth="2.5"
+        strokeDasharray={dashOf(trace).join(" ") || undefined}
+      />
+    </svg>
   );
 }

@@ -1,13 +1,53 @@
-/** All signals by unit with a search: drag one onto a panel to add it, press + for a panel of its own. */
-
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { TbPlus } from "react-icons/tb";
-import { Written } from "../components/SignalName";
-import { useDerived } from "../service/formulas";
+import { Written } from "../components/values";
+import type { DerivedSignal } from "../samples/formula";
+import { useDerived } from "../service/signals";
+import { DRAWN, meaningOf } from "../theme/signals";
+import { DRAGGED } from "./gestures";
 import styles from "./LayoutEditor.module.css";
-import { found, signalChoices } from "./signalChoices";
-import { DRAGGED } from "./useSignalDrop";
+
+/** Signals to choose from, by unit; those of one unit first. Pure. */
+
+interface Choices {
+  readonly group: string;
+  readonly items: { readonly value: string; readonly label: string }[];
+}
+
+const WITHOUT_UNIT = "numbers";
+
+/** `first` is the unit that a panel has already, null where any will do; `derived` are offered besides. */
+export function signalChoices(first: string | null, derived: readonly DerivedSignal[] = []): Choices[] {
+  const all = [...DRAWN, ...derived.map(({ name, unit }) => ({ name, unit, meaning: meaningOf(name) }))];
+  const units = [...new Set(all.map(({ unit }) => unit))];
+  const ordered = first === null ? units : [first, ...units.filter((unit) => unit !== first)];
+  return ordered.map((unit) => ({
+    group: unit === "1" ? WITHOUT_UNIT : unit,
+    items: all
+      .filter((one) => one.unit === unit)
+      .map(({ name, meaning }) => ({
+        value: name,
+        label: `${name}: ${meaning}`,
+      })),
+  }));
+}
+
+/** Those whose name, meaning or unit holds every word that is searched for. */
+export function found(choices: readonly Choices[], words: string): Choices[] {
+  const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
+  return choices
+    .map(({ group, items }) => ({
+      group,
+      items: items.filter(({ label }) => {
+        const text = `${label} ${group}`.toLowerCase();
+        return wanted.every((word) => text.includes(word));
+      }),
+    }))
+    .filter(({ items }) => items.length > 0);
+}
+
+/** All signals by unit with a search: drag one onto a panel to add it, press + for a panel of its own. */
 
 export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
   const [words, search] = useState("");

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { clockTime } from "../samples/format";
-import { basisWords, grouped } from "./basisWords";
+import { basisWords, grouped } from "./statistics";
 
 const told = (time_s: number) => clockTime(time_s, 0.001);
 const WHOLE = { of: "", range: { from_s: 0, to_s: 599.999 }, samples: 599_300, missing: 700, bucket_s: null };

@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
 import { FORCE, PANELS, POSITION, STIFFNESS } from "../theme/layouts";
 import { dashOf } from "../theme/signals";
-import { ComparedSource, comparedPanels, markOf, merged, resampled } from "./comparedSource";
-import type { PlotSource } from "./source";
+import type { PlotSource } from "./sources";
+import { ComparedSource, comparedPanels, markOf, merged, resampled } from "./sources";
 
 const row = (...values: number[]) => Float64Array.from(values);
 

@@ -2,7 +2,7 @@
 import { act, cleanup, fireEvent, renderHook } from "@testing-library/react";
 import { afterEach, expect, it } from "vitest";
 import { panelsOf, STANDARD } from "../theme/layouts";
-import { useEnlarged } from "./useEnlarged";
+import { useEnlarged } from "./viewport";
 
 afterEach(cleanup);
 

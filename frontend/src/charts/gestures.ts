@@ -1,3 +1,5 @@
+import { type RefObject, useCallback, useEffect, useRef, useState } from "react";
+
 /** Mouse, touch and keyboard on a stack of charts, told as intentions. */
 
 export interface GestureTarget {
@@ -133,4 +135,170 @@ export function steer(key: string, target: GestureTarget): boolean {
 export function inside(element: HTMLElement, clientY: number): boolean {
   const box = element.getBoundingClientRect();
   return clientY >= box.top && clientY <= box.bottom;
+}
+
+/** Says once for each opening of the page how the wheel zooms. */
+
+export const WHEEL_HINT = "Ctrl and wheel zoom the chart.";
+const SHOWN_MS = 5000;
+
+let told = false;
+
+/** Whether the hint is in sight, and what asks for it. */
+export function useWheelHint(): [boolean, () => void] {
+  const [shown, show] = useState(false);
+  const ask = useCallback(() => {
+    if (told) return;
+    told = true;
+    show(true);
+  }, []);
+  useEffect(() => {
+    if (!shown) return;
+    const timer = window.setTimeout(() => show(false), SHOWN_MS);
+    return () => window.clearTimeout(timer);
+  }, [shown]);
+  return [shown, ask];
+}
+
+/** While a layout is edited, the lower edge of a panel in the charts is dragged to change the panel's height. */
+
+const PANELS = "figure[data-panel]";
+/** How near to the edge a press begins a drag [CSS px]. */
+const REACH_PX = 5;
+
+interface Edge {
+  readonly title: string;
+  readonly height: number;
+  readonly bottom: number;
+}
+
+/**
+ * Args:
+ *   editor: lies within the charts.
+ *   onDrag: gets the title of the panel and its wanted height over its height at the begin of the drag; called at each
+ *     movement, the first one with `begins`.
+ */
+export function useHeightDrag(
+  editor: RefObject<HTMLElement | null>,
+  onDrag: (title: string, ratio: number, begins: boolean) => void,
+): void {
+  const newest = useRef(onDrag);
+  newest.current = onDrag;
+  useEffect(() => {
+    const charts = editor.current?.closest("section[aria-label=Charts]");
+    if (!(charts instanceof HTMLElement)) return;
+    const abort = new AbortController();
+    // before the charts, which pan when they are dragged
+    const options = { capture: true, signal: abort.signal };
+    let drag: { edge: Edge; pointer: number; moved: boolean } | null = null;
+
+    function down(event: PointerEvent): void {
+      const edge = event.button === 0 ? edgeAt(charts as HTMLElement, event) : null;
+      if (edge === null) return;
+      drag = { edge, pointer: event.pointerId, moved: false };
+      event.preventDefault();
+      event.stopPropagation();
+    }
+
+    function move(event: PointerEvent): void {
+      if (drag === null || event.pointerId !== drag.pointer) {
+        const near = event.buttons === 0 && edgeAt(charts as HTMLElement, event) !== null;
+        (charts as HTMLElement).toggleAttribute("data-at-edge", near);
+        return;
+      }
+      event.stopPropagation();
+      const { edge, moved } = drag;
+      const ratio = Math.max(0, edge.height + event.clientY - edge.bottom) / Math.max(1, edge.height);
+      drag = { ...drag, moved: true };
+      newest.current(edge.title, ratio, !moved);
+    }
+
+    function end(event: PointerEvent): void {
+      if (event.pointerId === drag?.pointer) drag = null;
+    }
+
+    charts.addEventListener("pointerdown", down, options);
+    document.addEventListener("pointermove", move, options);
+    document.addEventListener("pointerup", end, options);
+    document.addEventListener("pointercancel", end, options);
+    return () => {
+      abort.abort();
+      charts.removeAttribute("data-at-edge");
+    };
+  }, [editor]);
+}
+
+function edgeAt(charts: HTMLElement, { clientX, clientY }: PointerEvent): Edge | null {
+  for (const panel of charts.querySelectorAll<HTMLElement>(PANELS)) {
+    const { left, right, bottom, height } = panel.getBoundingClientRect();
+    const inside = clientX >= left && clientX <= right && Math.abs(clientY - bottom) <= REACH_PX;
+    if (inside) return { title: panel.getAttribute("aria-label") ?? "", height, bottom };
+  }
+  return null;
+}
+
+/** A dragged signal is dropped onto a panel: in the charts themselves, or in the rows of their editor. */
+
+/** What a dragged signal is told by; other things that are dragged are left alone. */
+export const DRAGGED = "application/x-sinew-signal";
+const DROP_TARGETS = "figure[data-panel], li[data-panel-row]";
+
+/** `editor` lies within the charts; `onDrop` gets the signal and the title of the panel. */
+export function useSignalDrop(
+  editor: RefObject<HTMLElement | null>,
+  onDrop: (name: string, title: string) => void,
+): void {
+  const newest = useRef(onDrop);
+  newest.current = onDrop;
+  useEffect(() => {
+    const charts = editor.current?.closest("section[aria-label=Charts]") ?? editor.current;
+    if (!(charts instanceof HTMLElement)) return;
+    let marked: Element | null = null;
+
+    function mark(panel: Element | null): void {
+      marked?.removeAttribute("data-dropping");
+      panel?.setAttribute("data-dropping", "true");
+      marked = panel;
+    }
+
+    function over(event: DragEvent): void {
+      const panel = isSignal(event) ? panelAt(charts as HTMLElement, event) : null;
+      mark(panel);
+      if (panel === null) return;
+      event.preventDefault();
+      if (event.dataTransfer) event.dataTransfer.dropEffect = "copy";
+    }
+
+    function drop(event: DragEvent): void {
+      const title = marked?.getAttribute("aria-label") ?? null;
+      mark(null);
+      if (!isSignal(event) || title === null) return;
+      event.preventDefault();
+      newest.current(event.dataTransfer?.getData(DRAGGED) ?? "", title);
+    }
+
+    const leave = () => mark(null);
+    charts.addEventListener("dragover", over);
+    charts.addEventListener("drop", drop);
+    document.addEventListener("dragend", leave);
+    return () => {
+      leave();
+      charts.removeEventListener("dragover", over);
+      charts.removeEventListener("drop", drop);
+      document.removeEventListener("dragend", leave);
+    };
+  }, [editor]);
+}
+
+function isSignal(event: DragEvent): boolean {
+  return event.dataTransfer?.types.includes(DRAGGED) ?? false;
+}
+
+/** By place: what takes the gestures lies over the panels. */
+function panelAt(charts: HTMLElement, { clientX, clientY }: DragEvent): Element | null {
+  const holds = (one: Element) => {
+    const { left, right, top, bottom } = one.getBoundingClientRect();
+    return clientX >= left && clientX <= right && clientY >= top && clientY <= bottom;
+  };
+  return [...charts.querySelectorAll(DROP_TARGETS)].find(holds) ?? null;
 }

@@ -1,5 +1,5 @@
 import { afterEach, describe, expect, it, vi } from "vitest";
-import { linePath } from "./linePath";
+import { linePath } from "./plot";
 
 class RecordedPath {
   readonly steps: string[] = [];

@@ -2,10 +2,8 @@ import { describe, expect, it } from "vitest";
 import type { LiveStore } from "../live/store";
 import { SampleWindow } from "../samples/window";
 import { panelOf } from "../theme/layouts";
-import { ComparedSource } from "./comparedSource";
-import { LiveSource } from "./liveSource";
 import { gridOf, type Plane, pointsOf, rangesFor } from "./plane";
-import { RecordedSource } from "./recordedSource";
+import { ComparedSource, LiveSource, RecordedSource } from "./sources";
 
 const PLANE = panelOf({ title: "S over q", signals: ["S"], over: "q", share: 1 }) as Plane;
 const q = (tick: number) => Math.fround(Math.cos(tick / 50));

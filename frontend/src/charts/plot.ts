@@ -1,7 +1,6 @@
-/** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
-
 import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
+import { clockTime, dayTime, decimalsOf, fixed, MINUS } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
 import { dashOf, type Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
@@ -13,11 +12,168 @@ import {
   MARK_LANE_PX,
   type PlacedMark,
 } from "./decorations";
-import { linePath } from "./linePath";
 import { steadyRange, type ValueRange } from "./range";
-import type { Curves } from "./source";
-import { tickLabels } from "./ticks";
-import { splitsOf, TIME_STEPS_S, timeText } from "./timeAxis";
+import type { Curves } from "./sources";
+
+/** Path of a curve straight from typed arrays; NaN lifts the pen, so that missing samples show as holes. */
+
+const NO_FLAGS = 0;
+
+export function linePath(plot: uPlot, series: number, first: number, last: number): uPlot.Series.Paths {
+  const stroke = new Path2D();
+  const times = plot.data[0] as ArrayLike<number>;
+  const values = plot.data[series] as ArrayLike<number>;
+  const x = plot.scales.x as uPlot.Scale;
+  const y = plot.scales.y as uPlot.Scale;
+  const { left, top, width, height } = plot.bbox;
+  const perSecond = width / ((x.max ?? 1) - (x.min ?? 0));
+  const perUnit = height / ((y.max ?? 1) - (y.min ?? 0));
+  const originX = left - (x.min ?? 0) * perSecond;
+  const originY = top + height + (y.min ?? 0) * perUnit;
+  const end = Math.min(last + 1, times.length - 1);
+  let down = false;
+  let level = Number.NaN;
+  let skipped = Number.NaN;
+  for (let index = Math.max(0, first - 1); index <= end; index++) {
+    const value = values[index] as number;
+    const px = originX + (times[index] as number) * perSecond;
+    // along a level stretch only its two ends matter; dashes and strokes cost by the point
+    if (value === level) {
+      skipped = px;
+      continue;
+    }
+    if (!Number.isNaN(skipped)) stroke.lineTo(skipped, originY - level * perUnit);
+    skipped = Number.NaN;
+    level = value;
+    if (Number.isNaN(value)) {
+      down = false;
+      continue;
+    }
+    const py = originY - value * perUnit;
+    if (down) stroke.lineTo(px, py);
+    else stroke.moveTo(px, py);
+    down = true;
+  }
+  if (!Number.isNaN(skipped)) stroke.lineTo(skipped, originY - level * perUnit);
+  return { stroke, fill: null, clip: null, flags: NO_FLAGS };
+}
+
+/** Curves of a drawing in fewer letters, for sending: steps from point to point, to a tenth of a unit. Pure. */
+
+/** A curve as a sheet has it: points, each with its letter. */
+const CURVE = / d="(M[ML\d .-]*)"/g;
+const POINT = /([ML])(-?[\d.]+) (-?[\d.]+)/g;
+/** Steps to the unit, which is a fifth of a millimetre in print. */
+const FINE = 10;
+
+export function withShortPaths(svg: string): string {
+  return svg.replaceAll(CURVE, (_, points: string) => ` d="${shortened(points)}"`);
+}
+
+function shortened(points: string): string {
+  const parts: string[] = [];
+  let [x, y, level] = [0, 0, 0];
+  /** What goes on level becomes one step. */
+  function levelled(): void {
+    if (level !== 0) parts.push(`h${written(level)}`);
+    level = 0;
+  }
+  for (const [, letter, ...place] of points.matchAll(POINT)) {
+    // of whole steps, so that roundings do not add up
+    const [toX, toY] = place.map((part) => Math.round(Number(part) * FINE)) as [number, number];
+    const [dx, dy] = [toX - x, toY - y];
+    const goesOn = letter === "L" && dy === 0 && level * dx >= 0;
+    if (!goesOn) levelled();
+    if (letter === "M") parts.push(`M${toX / FINE} ${toY / FINE}`);
+    else if (goesOn) level += dx;
+    else if (dy === 0) level = dx;
+    else if (dx === 0) parts.push(`v${written(dy)}`);
+    else parts.push(`l${written(dx)}${dy < 0 ? "" : " "}${written(dy)}`);
+    [x, y] = [toX, toY];
+  }
+  levelled();
+  return parts.join("");
+}
+
+function written(steps: number): string {
+  return String(steps / FINE).replace(/^(-?)0\./, "$1.");
+}
+
+/** Labels of the grid lines of an axis: whoever reads one reads where the line is. Pure. */
+
+/** Beyond so many decimals, or digits before the point, a label is written with an exponent. */
+const LONGEST = 6;
+
+/** Grid lines that are `step` apart, each with as many digits as the distance needs. */
+export function tickLabels(splits: readonly (number | null)[], step: number): string[] {
+  const decimals = decimalsOf(step);
+  const greatest = Math.max(...splits.map((split) => Math.abs(split ?? 0)));
+  if (decimals <= LONGEST && greatest < 10 ** LONGEST)
+    return splits.map((split) => (split === null ? "" : fixed(split, Math.max(0, decimals))));
+  return splits.map((split) => {
+    if (split === null) return "";
+    // what is nearer to zero than to the next line is zero, however the lines were added up
+    if (Math.abs(split) < step / 2) return "0";
+    const power = Math.floor(Math.log10(Math.abs(split)) + 1e-9);
+    return exponential(split, Math.max(0, decimals + power));
+  });
+}
+
+/** Lines of a logarithmic axis; those that the chart leaves out are null. */
+export function logLabels(splits: readonly (number | null)[]): string[] {
+  return splits.map((split) => {
+    if (split === null) return "";
+    const power = Math.floor(Math.log10(Math.abs(split)) + 1e-9);
+    const exact = Number(split.toPrecision(4));
+    if (power < -3 || power > 3) return exponential(exact, decimalsOf(Math.abs(exact)) + power);
+    return String(exact).replace("-", MINUS);
+  });
+}
+
+function exponential(value: number, digits: number): string {
+  return value.toExponential(digits).replace("e+", "e").replaceAll("-", MINUS);
+}
+
+/** Where the lines of a time axis stand and what they say: since the start, or the time of day. Pure. */
+
+/** Distances between the lines, of which those are taken that leave room for their labels [s]. */
+export const TIME_STEPS_S = [
+  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800,
+  3600,
+];
+
+/** Lines at round times; `epoch_s` is the time of day at time 0, null where that is not what is told. */
+export function splitsOf(from_s: number, to_s: number, step_s: number, epoch_s: number | null): number[] {
+  const zone_s = epoch_s === null ? 0 : 60 * new Date(1000 * epoch_s).getTimezoneOffset();
+  const shift_s = ((epoch_s ?? 0) - zone_s) % step_s;
+  const first = Math.ceil((from_s + shift_s) / step_s - 1e-6);
+  const last = Math.floor((to_s + shift_s) / step_s + 1e-6);
+  return Array.from({ length: Math.max(0, last - first + 1) }, (_, n) => (first + n) * step_s - shift_s);
+}
+
+/** A moment as the axis tells it. */
+export function timeText(time_s: number, step_s: number, epoch_s: number | null): string {
+  return epoch_s === null ? clockTime(time_s, step_s) : dayTime(epoch_s + time_s, step_s);
+}
+
+/** A moment as the axis of a printed drawing tells it: in seconds, or the time of day. */
+export function printedTime(time_s: number, step_s: number, epoch_s: number | null): string {
+  if (epoch_s !== null) return dayTime(epoch_s + time_s, step_s);
+  return fixed(time_s, Math.max(0, decimalsOf(step_s)));
+}
+
+/** What such an axis is of. */
+export function timeTitle(epoch_s: number | null): string {
+  return epoch_s === null ? "time since the start [s]" : "time of day";
+}
+
+/** The finest distance of lines that leaves `room_px` for each. */
+export function stepFor(span_s: number, width_px: number, room_px: number): number {
+  const least_s = (span_s * room_px) / width_px;
+  return TIME_STEPS_S.find((step_s) => step_s >= least_s) ?? 3600 * Math.ceil(least_s / 3600);
+}
+
+/** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
 
 export const AXIS_WIDTH = 52;
 export const RIGHT_MARGIN = 10;

@@ -1,14 +1,14 @@
 /** Numbers and cursors that follow the charts, written straight into the page about ten times a second. */
 
-import { writeAbsent, writeValue } from "../components/Absent";
+import { writeAbsent, writeValue } from "../components/values";
 import { fixed } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
 import { marksNear, type PlacedMark } from "./decorations";
-import type { Playhead } from "./playhead";
-import type { PlotSource } from "./source";
-import type { StoredData } from "./stored";
-import { StoredMoments } from "./storedMoments";
+import type { PlotSource } from "./sources";
+import type { StoredData } from "./storedRuns";
+import { StoredMoments } from "./storedRuns";
+import type { Playhead } from "./viewport";
 
 const EVERY_MS = 100;
 const GRAB_FRACTION = 0.015;

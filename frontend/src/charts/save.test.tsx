@@ -8,7 +8,7 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
-import { picture } from "./save";
+import { picture } from "./export";
 
 const SHEET = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm"></svg>';
 const refused = (status: number, message: string) => async () =>

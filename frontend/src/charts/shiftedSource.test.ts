@@ -1,8 +1,7 @@
 import { expect, it } from "vitest";
 import { panelsOf, STANDARD } from "../theme/layouts";
 import type { Panel } from "../theme/signals";
-import { RecordedSource } from "./recordedSource";
-import { ShiftedSource } from "./shiftedSource";
+import { RecordedSource, ShiftedSource } from "./sources";
 
 const DURATION_S = 4;
 const POSITION = panelsOf(STANDARD)[0] as Panel;

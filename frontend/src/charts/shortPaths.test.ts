@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { withShortPaths } from "./shortPaths";
+import { withShortPaths } from "./plot";
 
 /** Where a path of M, l, h and v leads, point by point. */
 function points(d: string): [number, number][] {

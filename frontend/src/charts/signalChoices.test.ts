@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { found, signalChoices } from "./signalChoices";
+import { found, signalChoices } from "./SignalTree";
 
 const names = (words: string) =>
   found(signalChoices(null), words).flatMap(({ items }) => items.map(({ value }) => value));

@@ -1,7 +1,7 @@
 import { cleanup, createEvent, fireEvent, render, screen } from "@testing-library/react";
 import { useRef } from "react";
 import { afterEach, expect, it, vi } from "vitest";
-import { DRAGGED, useSignalDrop } from "./useSignalDrop";
+import { DRAGGED, useSignalDrop } from "./gestures";
 
 afterEach(cleanup);
 

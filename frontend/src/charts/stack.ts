@@ -6,7 +6,7 @@ import type { Panel } from "../theme/signals";
 import { readColours } from "./colours";
 import { type LimitLine, linesOf, type PlacedMark } from "./decorations";
 import { AXIS_WIDTH, RIGHT_MARGIN, SignalPlot } from "./plot";
-import type { PlotSource } from "./source";
+import type { PlotSource } from "./sources";
 import { stretch, type Viewport } from "./viewport";
 
 /** A following view is redrawn once it has moved on by a pixel of the screen: in between nothing could be seen. */

@@ -1,6 +1,6 @@
 import { expect, it, vi } from "vitest";
-import type { Moment, StoredData } from "./stored";
-import { StoredMoments } from "./storedMoments";
+import type { Moment, StoredData } from "./storedRuns";
+import { StoredMoments } from "./storedRuns";
 
 /** A recording in which q is ten times the time, that answers when it is told to. */
 function recording() {

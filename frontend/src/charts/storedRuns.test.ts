@@ -9,9 +9,11 @@ const ranges = vi.hoisted(() => ({
       [run, from_s, to_s, ...names].join(" "),
   ),
 }));
-vi.mock("../service/ranges", () => ranges);
+vi.mock("../service/signals", () => ranges);
 
-import { StoredRuns } from "./storedRuns";
+// Tests that only compute share their modules: another one may have loaded this one without the stand-in.
+vi.resetModules();
+const { StoredRuns } = await import("./storedRuns");
 
 const quiet = () => ({ signal: new AbortController().signal, onShare: vi.fn() });
 const NUMBERS = {

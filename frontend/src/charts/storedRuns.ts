@@ -1,5 +1,3 @@
-/** Recorded runs on one time axis, of which the service computes figures from every sample. Pure but for its requests. */
-
 import type { Basis, Figures, SignalSpectrum, Spectra } from "../samples/figures";
 import type { Statistics } from "../samples/statistics";
 import type { Stretch } from "../samples/stretch";
@@ -11,10 +9,83 @@ import {
   rangeStatistics,
   valuesAt,
   type Waiting,
-} from "../service/ranges";
+} from "../service/signals";
 import { PERIOD_S } from "../wire/sample.gen";
-import { parted } from "./comparedSource";
-import type { Moment, StoredData } from "./stored";
+import { parted } from "./sources";
+
+/** What the service computes from every sample of what is drawn, and the file of it. */
+
+/** Values at one time, by signal; NaN where the sample there has none, and where there is no sample. */
+export type Moment = ReadonlyMap<string, number>;
+
+export interface StoredData {
+  statistics(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Figures>;
+  spectra(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Spectra>;
+  /** In the order of the times. */
+  values(names: readonly string[], times_s: readonly number[], signal: AbortSignal): Promise<Moment[]>;
+  /** Address of the file of every sample of a range; null where the range has none. */
+  file(names: readonly string[], range: Stretch): string | null;
+  /** What the file is of: "run 12". */
+  readonly fileOf: string;
+}
+
+/** Values at single moments that only the service has: asked for once the moments have come to rest. */
+
+export class StoredMoments {
+  private readonly found = new Map<number, Moment>();
+  private wanted = "";
+  private asked = "";
+  private leave = new AbortController();
+  private failed = "";
+
+  constructor(
+    private readonly stored: StoredData,
+    private readonly names: readonly string[],
+  ) {}
+
+  /** Why the values of the moments wanted last are not there; "" where they are, or are on their way. */
+  get problem(): string {
+    return this.failed;
+  }
+
+  /** Called time and again: what is wanted twice in a row is asked for; values of other moments are forgotten. */
+  want(times_s: readonly number[]): void {
+    const missing = times_s.filter((time_s) => !this.found.has(time_s));
+    const key = missing.join(" ");
+    const rested = key === this.wanted;
+    this.wanted = key;
+    if (key === "" || !rested || key === this.asked) return;
+    this.asked = key;
+    this.failed = "";
+    this.leave.abort();
+    this.leave = new AbortController();
+    const { signal } = this.leave;
+    this.stored
+      .values(this.names, missing, signal)
+      .then((moments) => {
+        if (signal.aborted) return;
+        for (const known of [...this.found.keys()]) if (!times_s.includes(known)) this.found.delete(known);
+        for (const [n, moment] of moments.entries()) this.found.set(missing[n] as number, moment);
+        this.asked = "";
+      })
+      .catch((error: Error) => {
+        if (!signal.aborted) this.failed = error.message;
+      });
+  }
+
+  /** A value in SI, NaN where there is none; null where it is not here. */
+  at(name: string, time_s: number): number | null {
+    const moment = this.found.get(time_s);
+    return moment === undefined ? null : (moment.get(name) ?? Number.NaN);
+  }
+
+  /** Ask for nothing any more. */
+  close(): void {
+    this.leave.abort();
+  }
+}
+
+/** Recorded runs on one time axis, of which the service computes figures from every sample. Pure but for its requests. */
 
 export interface StoredRun {
   readonly id: number;

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { clockTime } from "../samples/format";
-import { logLabels, tickLabels } from "./ticks";
+import { logLabels, tickLabels } from "./plot";
 
 /** What somebody reads off a label. */
 function read(label: string): number {

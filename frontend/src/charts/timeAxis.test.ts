@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { printedTime, splitsOf, stepFor, timeText, timeTitle } from "./timeAxis";
+import { printedTime, splitsOf, stepFor, timeText, timeTitle } from "./plot";
 
 it("has its lines at round times since the start", () => {
   expect(splitsOf(-0.5, 10.2, 5, null)).toEqual([0, 5, 10]);

@@ -1,7 +1,7 @@
 import { cleanup, createEvent, fireEvent, render, screen } from "@testing-library/react";
 import { useRef } from "react";
 import { afterEach, expect, it, vi } from "vitest";
-import { useHeightDrag } from "./useHeightDrag";
+import { useHeightDrag } from "./gestures";
 
 afterEach(cleanup);
 

@@ -2,9 +2,9 @@ import { act, renderHook } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import type { Figures } from "../samples/figures";
 import type { Stretch } from "../samples/stretch";
-import type { Waiting } from "../service/ranges";
-import type { StoredData } from "./stored";
-import { useStatistics } from "./useStatistics";
+import type { Waiting } from "../service/signals";
+import { useStatistics } from "./statistics";
+import type { StoredData } from "./storedRuns";
 
 const NAMES = ["q"];
 const FIGURES: Figures = { basis: [], signals: new Map() };

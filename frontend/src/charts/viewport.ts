@@ -1,6 +1,9 @@
-/** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */
-
+import { useHotkeys } from "@mantine/hooks";
+import { type RefObject, useCallback, useMemo, useRef, useState, useSyncExternalStore } from "react";
 import type { Stretch } from "../samples/stretch";
+import type { Panel } from "../theme/signals";
+
+/** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */
 
 export interface Viewport {
   readonly span_s: number;
@@ -55,4 +58,95 @@ export function withSpan(view: Viewport, span_s: number): Viewport {
 /** Follow the newest sample again, in the span at hand. */
 export function following(view: Viewport): Viewport {
   return { span_s: view.span_s, end_s: null };
+}
+
+/** The view of one stack: React shows it, the drawing loop reads it without rendering. */
+
+export interface ViewControl {
+  readonly view: Viewport;
+  readonly current: RefObject<Viewport>;
+  change(to: Viewport): void;
+}
+
+export function useViewport(initial: Viewport = LIVE): ViewControl {
+  const [view, setView] = useState(initial);
+  const current = useRef(initial);
+  const change = useCallback((to: Viewport) => {
+    current.current = to;
+    setView(to);
+  }, []);
+  return { view, current, change };
+}
+
+/** Where a recording is looked at: set by the pointer on the charts, by a slider, or by playing. */
+
+export class Playhead {
+  private running = false;
+  private readonly listeners = new Set<() => void>();
+
+  constructor(private at = 0) {}
+
+  get at_s(): number {
+    return this.at;
+  }
+
+  get playing(): boolean {
+    return this.running;
+  }
+
+  readonly subscribe = (listener: () => void): (() => void) => {
+    this.listeners.add(listener);
+    return () => this.listeners.delete(listener);
+  };
+
+  set(at_s: number): void {
+    this.at = at_s;
+    this.tell();
+  }
+
+  play(running: boolean): void {
+    this.running = running;
+    this.tell();
+  }
+
+  private tell(): void {
+    for (const listener of this.listeners) listener();
+  }
+}
+
+export function usePlayhead(playhead: Playhead): { at_s: number; playing: boolean } {
+  const at_s = useSyncExternalStore(playhead.subscribe, () => playhead.at_s);
+  const playing = useSyncExternalStore(playhead.subscribe, () => playhead.playing);
+  return { at_s, playing };
+}
+
+/** The same function as long as the axis tells the same: time of day where there is one, else null. */
+export function useEpoch(epoch_s: (() => number) | undefined): () => number | null {
+  return useCallback(() => epoch_s?.() ?? null, [epoch_s]);
+}
+
+/** One panel over time shown alone: by its button, by Enter in its chart; Escape shows all again. */
+
+interface Enlarged {
+  /** What is to be drawn: all panels, or the one that is enlarged. */
+  readonly panels: readonly Panel[];
+  /** Title of the panel that is shown alone, null while all are shown. */
+  readonly enlarged: string | null;
+  /** Show the panel alone, or all where it is alone already. */
+  enlarge(title: string): void;
+}
+
+export function useEnlarged(all: readonly Panel[]): Enlarged {
+  const [wanted, setWanted] = useState<string | null>(null);
+  const alone = useMemo(
+    () => all.filter((panel) => panel.title === wanted && panel.over === undefined),
+    [all, wanted],
+  );
+  const isAlone = alone.length > 0;
+  useHotkeys([["Escape", () => setWanted(null), { preventDefault: isAlone }]]);
+  return {
+    panels: isAlone ? alone : all,
+    enlarged: isAlone ? wanted : null,
+    enlarge: (title) => setWanted(wanted === title ? null : title),
+  };
 }

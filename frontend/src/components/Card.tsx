@@ -3,7 +3,7 @@
 import type { ReactNode } from "react";
 import { Boundary } from "./Boundary";
 import styles from "./Card.module.css";
-import { Terms } from "./Terms";
+import { Terms } from "./Explained";
 
 interface CardProps {
   readonly title: string;

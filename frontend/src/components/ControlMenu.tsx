@@ -1,24 +1,373 @@
-/** Who holds control, and taking it; who is connected; the own name, and signing out. */
-
-import { Button, Menu } from "@mantine/core";
+import { Button, Menu, Popover } from "@mantine/core";
 import { useMutation, useQuery } from "@tanstack/react-query";
-import { useSyncExternalStore } from "react";
-import { TbDeviceGamepad2 } from "react-icons/tb";
+import { type FormEvent, type ReactNode, useEffect, useRef, useState, useSyncExternalStore } from "react";
+import { TbAlertTriangle, TbDeviceGamepad2, TbHandStop } from "react-icons/tb";
 import { useLive } from "../live/react";
 import { timeOfDay } from "../samples/format";
 import { counted } from "../samples/words";
 import { useSignOut } from "../service/commands";
-import { type ControlForm, isAsked, othersToGetControl } from "../service/handOver";
+import {
+  afterTold,
+  askedHere,
+  type ControlForm,
+  type Deed,
+  isAsked,
+  isOpen,
+  lossSentence,
+  MOST_LETTERS,
+  NO_CONTROL,
+  type Notice,
+  noticeOf,
+  othersToGetControl,
+  useAnswer,
+  useAsk,
+  useErrorLifetime,
+  useMayCommand,
+  useOffer,
+  useTakeHanded,
+} from "../service/control";
+import { isText, useDraft } from "../service/drafts";
 import { sessionQuery } from "../service/queries";
-import { useErrorLifetime } from "../service/useErrorLifetime";
+import { RefusedFields } from "../service/refusals";
 import { answeredBy } from "../wire/client";
-import { giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
+import { givenUpEpoch, giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
 import type { State } from "../wire/types";
-import styles from "./ControlMenu.module.css";
-import { OperatorsOnly } from "./OperatorsOnly";
+import controlFormsStyles from "./ControlForms.module.css";
+import controlLossStyles from "./ControlLoss.module.css";
+import controlMenuStyles from "./ControlMenu.module.css";
+import { ChoiceField, TextField } from "./fields";
+import handOverStyles from "./HandOver.module.css";
+import { Refusal } from "./Refusal";
+import { TakeControl } from "./TakeControl";
+
+/** The forms in which control is asked for, offered, and kept or handed over: each with a reason. */
 
 const NOBODY: State["people"] = [];
 const NO_WISHES: State["wishes"] = [];
+
+interface Done {
+  onDone(): void;
+}
+
+export function AskForm({ onDone }: Done) {
+  const { value: reason, set: setReason, discard } = useDraft("reason to ask for control", "", isText);
+  const ask = useAsk();
+  const holder = useLive((live) => live.state?.holder?.name);
+  return (
+    <ReasonForm
+      title={`Ask ${holder ?? "nobody"} for control`}
+      label="What for?"
+      error={ask.error}
+      reason={reason}
+      onReason={setReason}
+      onSubmit={() => ask.mutate(reason, { onSuccess: () => discardAndClose(discard, onDone) })}
+    >
+      <Button type="submit" size="compact-sm" disabled={reason.trim() === ""} loading={ask.isPending}>
+        Ask
+      </Button>
+      <Close onDone={onDone} />
+    </ReasonForm>
+  );
+}
+
+export function OfferForm({ onDone }: Done) {
+  const people = useLive((live) => live.state?.people ?? NOBODY);
+  const me = useQuery(sessionQuery).data;
+  const others = othersToGetControl(people, me?.name);
+  const [to, setTo] = useState(others[0] ?? "");
+  const { value: reason, set: setReason, discard } = useDraft("reason to offer control", "", isText);
+  const offer = useOffer();
+  // who was chosen stays so when they leave: to be refused, not to become somebody else
+  const choices = others.includes(to) || to === "" ? others : [...others, to];
+  return (
+    <ReasonForm
+      title="Hand control over"
+      label="Why?"
+      error={offer.error}
+      reason={reason}
+      onReason={setReason}
+      onSubmit={() => offer.mutate({ to, reason }, { onSuccess: () => discardAndClose(discard, onDone) })}
+      above={<ChoiceField label="To" name="to" size="xs" data={choices} value={to} onChange={setTo} />}
+    >
+      <Button
+        type="submit"
+        size="compact-sm"
+        disabled={reason.trim() === "" || to === ""}
+        loading={offer.isPending}
+      >
+        Offer control
+      </Button>
+      <Close onDone={onDone} />
+    </ReasonForm>
+  );
+}
+
+export function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
+  const answer = useAnswer();
+  const wish = useLive((live) => live.state?.wishes ?? NO_WISHES).find((one) => one.number === number);
+  // numbers begin again with the service: the draft belongs to the request itself
+  const form = `answer to ${wish?.name ?? ""}: ${wish?.reason ?? ""}`;
+  const { value: reason, set: setReason, discard } = useDraft(form, "", isText);
+  const isOver = wish?.standing !== "asked";
+  const say = (said: "hand_over" | "decline") =>
+    answer.mutate({ number, answer: said, reason }, { onSuccess: () => discardAndClose(discard, onDone) });
+  return (
+    <ReasonForm
+      title={isOver ? "This request is over" : `${wish.name} asks for control: “${wish.reason}”`}
+      label="Say something to that (needed to keep control)"
+      error={answer.error}
+      reason={reason}
+      onReason={setReason}
+      onSubmit={() => undefined}
+    >
+      <Button size="compact-sm" disabled={isOver} loading={answer.isPending} onClick={() => say("hand_over")}>
+        Hand over
+      </Button>
+      <Button
+        size="compact-sm"
+        variant="default"
+        disabled={isOver || answer.isPending || reason.trim() === ""}
+        onClick={() => say("decline")}
+      >
+        Keep control
+      </Button>
+      <Close onDone={onDone} />
+    </ReasonForm>
+  );
+}
+
+/** Discard the draft of a reason that was sent, and close its form. */
+function discardAndClose(discard: () => void, onDone: () => void): void {
+  discard();
+  onDone();
+}
+
+function Close({ onDone }: Done) {
+  return (
+    <Button size="compact-sm" variant="subtle" color="gray" onClick={onDone}>
+      Close
+    </Button>
+  );
+}
+
+interface ReasonFormProps {
+  readonly title: string;
+  readonly label: string;
+  readonly error: Error | null;
+  readonly reason: string;
+  readonly above?: ReactNode;
+  readonly children: ReactNode;
+  onReason(reason: string): void;
+  onSubmit(): void;
+}
+
+function ReasonForm({ title, label, error, reason, above, children, onReason, onSubmit }: ReasonFormProps) {
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    onSubmit();
+  }
+  return (
+    <RefusedFields error={error} about={reason} only="reason">
+      <form className={controlFormsStyles.form} aria-label={title} onSubmit={submit}>
+        <p className={controlFormsStyles.title}>{title}</p>
+        {above}
+        <TextField
+          name="reason"
+          label={label}
+          size="xs"
+          data-autofocus
+          maxLength={MOST_LETTERS}
+          value={reason}
+          onChange={onReason}
+        />
+        <div className={controlFormsStyles.buttons}>{children}</div>
+        <Refusal error={error} about={reason} />
+      </form>
+    </RefusedFields>
+  );
+}
+
+/** Who asks for control, or offers it, in the status line, where nothing moves for it; and what is said to that. */
+
+const WORDS: Record<Deed, string> = {
+  answer: "Answer …",
+  withdraw: "Withdraw",
+  take: "Take control",
+  decline: "Decline",
+  read: "OK",
+};
+
+interface HandOverProps {
+  readonly form: ControlForm | null;
+  onForm(form: ControlForm | null): void;
+}
+
+export function HandOver({ form, onForm }: HandOverProps) {
+  const notice = useNotice();
+  return (
+    <>
+      {notice.shown !== null && (
+        <NoticeLine notice={notice.shown} more={notice.more} onRead={notice.read} onForm={onForm} />
+      )}
+      <Popover
+        opened={form !== null}
+        onChange={(opened) => opened || onForm(null)}
+        position="bottom-end"
+        width={340}
+        shadow="md"
+        trapFocus
+        returnFocus
+        closeOnClickOutside={false}
+      >
+        <Popover.Target>
+          <span className={handOverStyles.anchor} aria-hidden="true" />
+        </Popover.Target>
+        <Popover.Dropdown p="sm" aria-label="Control">
+          {form?.kind === "ask" && <AskForm onDone={() => onForm(null)} />}
+          {form?.kind === "offer" && <OfferForm onDone={() => onForm(null)} />}
+          {form?.kind === "answer" && <AnswerForm number={form.number} onDone={() => onForm(null)} />}
+        </Popover.Dropdown>
+      </Popover>
+    </>
+  );
+}
+
+/** The notice that wants most of its reader, and how many more want something; what was read is gone for good. */
+function useNotice() {
+  const wishes = useLive((live) => live.state?.wishes ?? NO_WISHES);
+  const holder = useLive((live) => live.state?.holder?.epoch ?? null);
+  const epoch = useSyncExternalStore(watchHeld, heldEpoch);
+  const me = useQuery(sessionQuery).data;
+  const [read, setRead] = useState<ReadonlySet<string>>(new Set());
+  // the end of what was over before this page was loaded is no news
+  const seen = useRef(new Set<number>());
+  const holds = holder !== null && holder === epoch;
+  const notices = wishes
+    .map((wish) => (me?.role === "operator" ? noticeOf(wish, me.name, holds) : null))
+    .filter((notice) => notice !== null)
+    .filter(
+      (notice) => !read.has(keyOf(notice)) && (isOpen(notice.wish) || seen.current.has(notice.wish.number)),
+    );
+  useEffect(() => {
+    for (const wish of wishes.filter(isOpen)) seen.current.add(wish.number);
+  }, [wishes]);
+  return {
+    shown: notices.find(({ urgent }) => urgent) ?? notices.at(-1) ?? null,
+    more: notices.filter(({ urgent }) => urgent).length - 1,
+    read: (notice: Notice) => setRead(new Set([...read, keyOf(notice)])),
+  };
+}
+
+function keyOf({ wish }: Notice): string {
+  return `${wish.number} ${wish.standing}`;
+}
+
+interface NoticeLineProps {
+  readonly notice: Notice;
+  readonly more: number;
+  onRead(notice: Notice): void;
+  onForm(form: ControlForm): void;
+}
+
+function NoticeLine({ notice, more, onRead, onForm }: NoticeLineProps) {
+  const answer = useAnswer();
+  const take = useTakeHanded();
+  const { wish, text, deeds, urgent } = notice;
+  const refusal = useErrorLifetime(answer.error ?? take.error)?.message;
+  const takes = wish.standing === "handed" && deeds.includes("take") && askedHere(wish);
+  const taken = useRef<number | null>(null);
+  const { mutate: takeNow } = take;
+  useEffect(() => {
+    // asked for at this page: nobody is asked once more
+    if (!takes || taken.current === wish.number) return;
+    taken.current = wish.number;
+    takeNow(wish.number);
+  }, [takes, takeNow, wish.number]);
+
+  function act(deed: Deed): void {
+    if (deed === "answer") onForm({ kind: "answer", number: wish.number });
+    if (deed === "take") take.mutate(wish.number);
+    if (deed === "read") onRead(notice);
+    if (deed === "withdraw" || deed === "decline") answer.mutate({ number: wish.number, answer: "decline" });
+  }
+
+  return (
+    <section className={handOverStyles.notice} data-wish={wish.standing} aria-label="Control asked for">
+      <TbHandStop size={16} aria-hidden="true" className={handOverStyles.icon} />
+      <Said text={refusal ?? text} urgent={urgent} />
+      {more > 0 && <span className={handOverStyles.more}>+{more}</span>}
+      {deeds.map((deed) => (
+        <Button
+          key={deed}
+          size="compact-xs"
+          variant={deed === "answer" || deed === "take" ? "filled" : "default"}
+          loading={(deed === "take" && take.isPending) || (deed === "withdraw" && answer.isPending)}
+          onClick={() => act(deed)}
+        >
+          {WORDS[deed]}
+        </Button>
+      ))}
+    </section>
+  );
+}
+
+function Said({ text, urgent }: { text: string; urgent: boolean }) {
+  if (!urgent) {
+    return (
+      <output className={handOverStyles.text} title={text}>
+        {text}
+      </output>
+    );
+  }
+  return (
+    <span role="alert" className={handOverStyles.text} title={text}>
+      {text}
+    </span>
+  );
+}
+
+/** Says that this page has lost control, until it has control again or a person has read it. */
+
+export function ControlLoss() {
+  const state = useLive((live) => live.state);
+  const [kept, keep] = useState(NO_CONTROL);
+  useEffect(() => {
+    if (state === null) return;
+    const handed = state.wishes.some(({ epoch }) => epoch !== null && epoch === state.holder?.epoch);
+    keep((before) => {
+      const givenUp = handed ? before.had : givenUpEpoch();
+      return afterTold(before, state.holder, heldEpoch(), givenUp, Date.now());
+    });
+  }, [state]);
+  if (kept.lost === null) return null;
+  const at = new Date(kept.lost.at_ms).toLocaleTimeString("sv-SE");
+  return (
+    <div className={controlLossStyles.loss} role="alert" aria-label="Control lost">
+      <TbAlertTriangle size={18} aria-hidden="true" />
+      <span className={controlLossStyles.message}>
+        <strong>{at}</strong> {lossSentence(kept.lost)}
+      </span>
+      <TakeControl variant="white" color="dark" />
+      <Button size="compact-xs" variant="subtle" color="dark" onClick={() => keep(NO_CONTROL)}>
+        Stay an observer
+      </Button>
+    </div>
+  );
+}
+
+/** What only an operator may use: a viewer is not offered it. */
+
+export function OperatorsOnly({
+  children,
+  otherwise = null,
+}: {
+  children: ReactNode;
+  otherwise?: ReactNode;
+}) {
+  return useMayCommand() === false ? otherwise : children;
+}
+
+/** Who holds control, and taking it; who is connected; the own name, and signing out. */
 
 interface ControlMenuProps {
   onName(): void;
@@ -85,16 +434,16 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
         <Menu.Divider />
         <Menu.Label>Connected</Menu.Label>
         {/* biome-ignore lint/a11y/useSemanticElements: a menu holds items only; these can be read and do nothing */}
-        <div role="group" className={styles.people} aria-label="Connected">
+        <div role="group" className={controlMenuStyles.people} aria-label="Connected">
           {people.map((person) => (
             <div role="menuitem" aria-disabled tabIndex={-1} key={`${person.name} ${person.role}`}>
               <span>
                 {person.name}
                 {person.name === me?.name && ", you"}
               </span>
-              <span className={styles.what}>
+              <span className={controlMenuStyles.what}>
                 {whatOf(person, holder?.name ?? null)},{" "}
-                <span className={styles.since}>since {timeOfDay(person.since)}</span>
+                <span className={controlMenuStyles.since}>since {timeOfDay(person.since)}</span>
               </span>
             </div>
           ))}

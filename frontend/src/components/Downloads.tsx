@@ -1,9 +1,9 @@
-/** What can be taken home from a run. */
-
 import { Button, Checkbox } from "@mantine/core";
 import { useState } from "react";
 import { TbDownload, TbExternalLink } from "react-icons/tb";
-import { useFormulas } from "../service/formulas";
+import { useFormulas } from "../service/signals";
+
+/** What can be taken home from a run. */
 
 const DATA = [
   { format: "csv", label: "Data (CSV)" },
@@ -81,6 +81,30 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
         title="Shows the MCAP in Foxglove and Lichtblick"
       >
         Layout
+      </Button>
+    </>
+  );
+}
+
+/** One report of several runs, in their order. */
+
+export function SeriesReports({ runs }: { runs: readonly number[] }) {
+  const address = (format: "html" | "pdf") =>
+    `./api/run-comparison/report.${format}?${runs.map((run) => `run=${run}`).join("&")}`;
+  return (
+    <>
+      <Button
+        component="a"
+        href={address("html")}
+        target="_blank"
+        rel="noreferrer"
+        variant="default"
+        size="xs"
+      >
+        Report (HTML)
+      </Button>
+      <Button component="a" href={address("pdf")} download variant="default" size="xs">
+        Report (PDF)
       </Button>
     </>
   );

@@ -4,10 +4,9 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { isText, useDraft } from "../service/drafts";
 import { sessionQuery } from "../service/queries";
-import { isText, useDraft } from "../service/useDraft";
-import { DraftMark } from "./DraftMark";
-import { useReplaceDraft } from "./ReplaceDraft";
+import { DraftMark, useReplaceDraft } from "./DraftMark";
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));

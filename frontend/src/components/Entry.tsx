@@ -1,10 +1,10 @@
 /** An entry of the glossary, as it is shown in place and in the list of all. */
 
 import { inWords, readingOf } from "../samples/quantity";
-import { useAngles } from "../service/angles";
 import { type Entry, KIND_TITLES } from "../service/glossary";
+import { useAngles } from "../service/preferences";
 import styles from "./Explained.module.css";
-import { Written } from "./SignalName";
+import { Written } from "./values";
 
 /** Kinds whose terms are symbols, written as the paper does. */
 const SYMBOLS: ReadonlySet<string> = new Set(["signal", "quantity", "parameter"]);

@@ -1,13 +1,11 @@
 /** A word is explained on hover, focus and tap, told to a screen reader, closed by Escape, and costs one stop of Tab. */
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { close } from "../service/explaining";
-import { entryOf, figureEntry, search, symbolEntry } from "../service/glossary";
+import { close, entryOf, figureEntry, search, symbolEntry } from "../service/glossary";
 import { FAULTS, FIELDS, LIMITS, MODES } from "../wire/sample.gen";
-import { Explained } from "./Explained";
+import { Explained, Terms } from "./Explained";
 import { Explanation } from "./Explanation";
-import { SignalName } from "./SignalName";
-import { Terms } from "./Terms";
+import { SignalName } from "./values";
 
 beforeEach(() => {
   vi.useFakeTimers();

@@ -2,8 +2,8 @@
 
 import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
-import { close, type Explained, left, stay, useExplained } from "../service/explaining";
-import { useDescribedBy } from "../service/useDescribedBy";
+import { close, type Explained, left, stay, useExplained } from "../service/glossary";
+import { useDescribedBy } from "../service/refusals";
 import { EntryText } from "./Entry";
 import styles from "./Explained.module.css";
 

@@ -1,23 +1,188 @@
-/** What has to be in sight on every page: which plant, which mode, how the loop and the link do, and STOP. */
-
-import { ActionIcon, type MantineColorScheme, Menu, Tooltip, useMantineColorScheme } from "@mantine/core";
-import { TbDeviceDesktop, TbKeyboard, TbMoon, TbSun } from "react-icons/tb";
-import { health } from "../live/link";
+import {
+  ActionIcon,
+  Button,
+  type MantineColorScheme,
+  Menu,
+  Tooltip,
+  useMantineColorScheme,
+} from "@mantine/core";
+import { useState } from "react";
+import { TbBell, TbBellOff, TbDeviceDesktop, TbKeyboard, TbMoon, TbSun } from "react-icons/tb";
+import { age_ms, health, type Link } from "../live/link";
 import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, fixed, kilohertz } from "../samples/format";
-import type { ControlForm } from "../service/handOver";
+import { capital } from "../samples/words";
+import { type ControlForm, useMayCommand } from "../service/control";
+import { whyNotTold } from "../service/log";
+import { allowed, askForPermission, playTone } from "../service/notifications";
 import { usePreferences } from "../service/preferences";
-import { useMayCommand } from "../service/useMayCommand";
-import { AngleSwitch } from "./AngleSwitch";
-import badge from "./Badge.module.css";
+import type { PlantView } from "../wire/types";
+import badgeStyles from "./Badge.module.css";
 import { ControlMenu } from "./ControlMenu";
-import { Explained } from "./Explained";
-import styles from "./Header.module.css";
-import { LinkStatus } from "./LinkStatus";
-import { Metric } from "./Metric";
-import { NotificationMenu } from "./NotificationMenu";
-import { PlantBadge } from "./PlantBadge";
-import { Terms } from "./Terms";
+import { Explained, Terms } from "./Explained";
+import headerStyles from "./Header.module.css";
+import notificationMenuStyles from "./NotificationMenu.module.css";
+import { Metric } from "./values";
+
+/** How fresh the page's knowledge is. */
+
+export function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
+  const condition = health(link, now_ms);
+  const old = age_ms(link, now_ms);
+  const value = {
+    live: link.latency_ms === null ? "connected" : age(link.latency_ms),
+    stale: old === null ? "stale" : `stale ${age(old)}`,
+    down: old === null ? "connecting" : `down ${age(old)}`,
+  }[condition];
+  return (
+    <span role="status" aria-label="Link" data-health={condition} style={{ display: "flex" }}>
+      <Metric of="timing:latency_ms" value={value} width="11ch" />
+    </span>
+  );
+}
+
+/** Switches for what tells the person something while they do not look at the page. */
+
+const WHEN =
+  "While no tab of this page is in sight: when an experiment or an identification is over, and when the joint trips.";
+
+export function NotificationMenu() {
+  const { preferences, change } = usePreferences();
+  const [answer, setAnswer] = useState(allowed);
+  const [asked, setAsked] = useState(false);
+  const on = preferences.notify && answer === "granted";
+  const Icon = on || preferences.sound ? TbBell : TbBellOff;
+
+  async function toggle(): Promise<void> {
+    if (on) {
+      change({ notify: false });
+      return;
+    }
+    const said = await askForPermission();
+    setAnswer(said);
+    setAsked(true);
+    if (said === "granted") change({ notify: true });
+  }
+
+  function toggleSound(): void {
+    if (!preferences.sound) void playTone();
+    change({ sound: !preferences.sound });
+  }
+
+  const refused = answer === "default" && !preferences.notify && !asked ? "" : whyNotTold(answer);
+  return (
+    <Menu
+      position="bottom-end"
+      width={300}
+      closeOnItemClick={false}
+      withInitialFocusPlaceholder={false}
+      onOpen={() => setAnswer(allowed())}
+    >
+      <Menu.Target>
+        <ActionIcon
+          variant="subtle"
+          color="gray"
+          aria-label="Notifications"
+          title={`Notifications ${on ? "on" : "off"}, sound ${preferences.sound ? "on" : "off"}`}
+        >
+          <Icon size={18} />
+        </ActionIcon>
+      </Menu.Target>
+      <Menu.Dropdown>
+        <Menu.CheckboxItem checked={on} onChange={() => void toggle()}>
+          Notifications
+        </Menu.CheckboxItem>
+        <Menu.CheckboxItem checked={preferences.sound} onChange={toggleSound}>
+          Sound
+        </Menu.CheckboxItem>
+        <p className={notificationMenuStyles.told}>{WHEN}</p>
+        {refused !== "" && (
+          <output aria-label="Notifications here" className={notificationMenuStyles.told}>
+            {refused}
+          </output>
+        )}
+      </Menu.Dropdown>
+    </Menu>
+  );
+}
+
+/** What is driven, on every page: whether something real may move has to be seen at a glance. */
+
+/** A plant of a package goes by its own name. */
+const SHORT: Partial<Record<PlantView["kind"], string>> = {
+  simulator: "SIM",
+  rig: "RIG",
+  virtual_card: "VIRTUAL CARD",
+  replay: "REPLAY",
+};
+
+/** Of a package nobody knows better: it counts as real. */
+const MAY_BE_REAL: readonly PlantView["kind"][] = ["rig", "package"];
+
+/** The badge's word for a plant as runs keep its name: whether something real has moved. */
+export function plantWord(name: string): string {
+  const kinds: Readonly<Record<string, string>> = SHORT;
+  const word = kinds[name.replaceAll(" ", "_")];
+  return word === undefined ? name : `${word} (${name})`;
+}
+
+interface PlantBadgeProps {
+  readonly plant: PlantView | undefined;
+  readonly parameters: string | undefined;
+}
+
+export function PlantBadge({ plant, parameters }: PlantBadgeProps) {
+  if (plant === undefined) {
+    return (
+      <span className={badgeStyles.badge} role="img" aria-label="Plant unknown" title="Plant unknown">
+        ···
+      </span>
+    );
+  }
+  const name = capital(plant.name);
+  return (
+    <span
+      className={badgeStyles.badge}
+      data-real={MAY_BE_REAL.includes(plant.kind)}
+      role="img"
+      aria-label={name}
+      title={`${capital(plant.says) || name}, parameters ${parameters}`}
+    >
+      {SHORT[plant.kind] ?? plant.name}
+    </span>
+  );
+}
+
+/** The unit in which this person reads and types angles, everywhere. */
+
+const NAMES = { deg: "degrees", rad: "radians" } as const;
+const SIGNS = { deg: "°", rad: "rad" } as const;
+
+export function AngleSwitch() {
+  const { preferences, change } = usePreferences();
+  const other = preferences.angles === "deg" ? "rad" : "deg";
+  return (
+    <Button
+      variant="subtle"
+      color="gray"
+      size="compact-sm"
+      aria-label={`Angles in ${NAMES[preferences.angles]}: ${SIGNS.deg} / ${SIGNS.rad}`}
+      title={`Angles in ${NAMES[preferences.angles]}, for you alone: press for ${NAMES[other]}`}
+      onClick={() => change({ angles: other })}
+      px={4}
+      fw={400}
+    >
+      {(["deg", "rad"] as const).map((unit, index) => (
+        <span key={unit}>
+          {index > 0 && "\u00a0/\u00a0"}
+          {unit === preferences.angles ? <strong>{SIGNS[unit]}</strong> : SIGNS[unit]}
+        </span>
+      ))}
+    </Button>
+  );
+}
+
+/** What has to be in sight on every page: which plant, which mode, how the loop and the link do, and STOP. */
 
 interface HeaderProps {
   onShortcuts(): void;
@@ -34,33 +199,38 @@ export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
   const stale = old_s !== null || health(link, now_ms) !== "live" || !isStateCurrent;
   const timing = state?.timing;
   return (
-    <header className={styles.header}>
-      <span className={styles.brand}>
+    <header className={headerStyles.header}>
+      <span className={headerStyles.brand}>
         <img src="./sinew.svg" alt="" width="24" height="24" />
         Sinew
       </span>
       <PlantBadge plant={state?.plant} parameters={state?.parameters} />
       {useMayCommand() === false && (
-        <span className={badge.badge} role="img" aria-label="Viewer" title="You look on, and may press STOP">
+        <span
+          className={badgeStyles.badge}
+          role="img"
+          aria-label="Viewer"
+          title="You look on, and may press STOP"
+        >
           VIEW
         </span>
       )}
       <Terms>
         <span
-          className={styles.mode}
+          className={headerStyles.mode}
           role="status"
           aria-label="Mode"
           data-mode={state?.mode}
           data-stale={stale}
           title={old_s === null ? undefined : `as it was ${age(1000 * old_s)} ago`}
         >
-          <span className={styles.dot} aria-hidden="true" />
+          <span className={headerStyles.dot} aria-hidden="true" />
           <Explained of={`mode:${state?.mode}`} quiet>
             {state?.mode ?? "unknown"}
           </Explained>
         </span>
         {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
-        <div className={styles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
+        <div className={headerStyles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
           <Metric of="timing:rate_Hz" value={timing ? kilohertz(timing.rate_Hz) : "unknown"} width="9ch" />
           <Metric
             of="timing:lateness_p99_ms"
@@ -71,7 +241,7 @@ export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
           <LinkStatus link={link} now_ms={now_ms} />
         </div>
       </Terms>
-      <div className={styles.tools}>
+      <div className={headerStyles.tools}>
         <ControlMenu onName={onName} onForm={onForm} />
         <AngleSwitch />
         <NotificationMenu />

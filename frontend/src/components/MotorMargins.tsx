@@ -1,9 +1,21 @@
-/** How robust the motor loops are at a λ_motor, as the service computes it of the sampled loop with L/R. */
-
 import { useQuery } from "@tanstack/react-query";
+import { fixed } from "../samples/format";
 import { motorMarginsQuery } from "../service/queries";
+import type { MotorMargins as Margins } from "../wire/types";
 import { Explained } from "./Explained";
-import { marginsText } from "./motorMargins";
+
+/** Margins of the motor loop in words. Pure. */
+
+/** A gain that may not fall is told with the one that it may rise to: the loop is lost at either end. */
+export function marginsText({ M_s, gain_margin, gain_reduction_margin, phase_margin_deg }: Margins): string {
+  const up = gain_margin === null ? "any" : `×${fixed(gain_margin, 1)}`;
+  const gain =
+    gain_reduction_margin === null ? `up to ${up}` : `×${fixed(gain_reduction_margin, 3)} to ${up}`;
+  const phase = phase_margin_deg === null ? "any" : `${fixed(phase_margin_deg, 0)}°`;
+  return `M_s ${fixed(M_s, 3)}, gain ${gain}, phase margin ${phase}`;
+}
+
+/** How robust the motor loops are at a λ_motor, as the service computes it of the sampled loop with L/R. */
 
 interface MotorMarginsProps {
   readonly lam_motor: number;

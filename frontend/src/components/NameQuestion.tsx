@@ -5,11 +5,11 @@ import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { useSetName } from "../service/commands";
 import { sessionQuery } from "../service/queries";
-import { RefusedFields } from "../service/refusedFields";
+import { RefusedFields } from "../service/refusals";
 import { keepText, readKept } from "../wire/kept";
+import { TextField } from "./fields";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";
-import { TextField } from "./TextField";
 
 /** Under which this browser keeps that its person goes by the role. */
 const LEFT_OUT = "sinew-goes-by-role";

@@ -5,7 +5,7 @@ import { afterEach, expect, it, vi } from "vitest";
 import { look, shown, tones, useBrowser } from "../service/browser.fixture";
 import { preferencesQuery } from "../service/preferences";
 import type { Preferences } from "../wire/types";
-import { NotificationMenu } from "./NotificationMenu";
+import { NotificationMenu } from "./Header";
 
 const kept: Partial<Preferences>[] = [];
 

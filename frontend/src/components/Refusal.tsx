@@ -2,11 +2,9 @@
 
 import type { ReactNode } from "react";
 import { inWords } from "../samples/quantity";
-import { useAngles } from "../service/angles";
-import { useToldAtField } from "../service/refusedFields";
-import { isAboutControl } from "../service/standing";
-import { useErrorLifetime } from "../service/useErrorLifetime";
-import { useNoControl } from "../service/useNoControl";
+import { isAboutControl, useErrorLifetime, useNoControl } from "../service/control";
+import { useAngles } from "../service/preferences";
+import { useToldAtField } from "../service/refusals";
 import styles from "./Refusal.module.css";
 import { TakeControl } from "./TakeControl";
 

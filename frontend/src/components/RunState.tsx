@@ -1,14 +1,25 @@
-/** How a run ended, in words and with an icon. */
-
+import type { ReactNode } from "react";
 import type { IconType } from "react-icons";
-import { TbCheck, TbHandStop, TbPlayerRecord, TbPlugConnectedX, TbSkull, TbUrgent } from "react-icons/tb";
+import {
+  TbAlertTriangle,
+  TbCheck,
+  TbHandStop,
+  TbPlayerRecord,
+  TbPlugConnectedX,
+  TbSkull,
+  TbUrgent,
+} from "react-icons/tb";
 import { inWords } from "../samples/quantity";
 import { heading } from "../samples/words";
-import { useAngles } from "../service/angles";
 import { entryOf } from "../service/glossary";
-import type { Run } from "../wire/types";
-import { Explained } from "./Explained";
-import styles from "./RunState.module.css";
+import { useAngles } from "../service/preferences";
+import type { Experiment, Run } from "../wire/types";
+import { Explained, type Meaning } from "./Explained";
+import runStateStyles from "./RunState.module.css";
+import verdictStyles from "./Verdict.module.css";
+import { LocalizedText } from "./values";
+
+/** How a run ended, in words and with an icon. */
 
 const STATES: Record<string, { Icon: IconType; abnormal: boolean }> = {
   running: { Icon: TbPlayerRecord, abnormal: false },
@@ -37,7 +48,7 @@ export function RunState({
   const Icon = lacksResult ? TbUrgent : (known?.Icon ?? TbUrgent);
   return (
     <span
-      className={styles.state}
+      className={runStateStyles.state}
       data-abnormal={lacksResult || (known?.abnormal ?? true)}
       data-state={state}
     >
@@ -54,4 +65,44 @@ export function RunState({
 export function unevaluated(run: Run): string | undefined {
   if (run.evaluation !== "missing") return undefined;
   return run.evaluation_problem === "" ? "the service ended before it was evaluated" : run.evaluation_problem;
+}
+
+/** Good or not, with icon and words, never by colour alone. */
+
+interface VerdictProps {
+  readonly good: boolean;
+  /** What decides it, of the glossary. */
+  readonly of?: Meaning;
+  readonly children: ReactNode;
+}
+
+export function Verdict({ good, of, children }: VerdictProps) {
+  const Icon = good ? TbCheck : TbAlertTriangle;
+  return (
+    <span className={verdictStyles.verdict} data-good={good}>
+      <Icon size={16} aria-hidden="true" />
+      <span>
+        <Explained of={of} quiet>
+          {typeof children === "string" ? <LocalizedText text={children} /> : children}
+        </Explained>
+      </span>
+    </span>
+  );
+}
+
+/** What a run came to, in the sentence of its report; only one that passed looks as if it had. */
+export function Outcome({ of: { outcome, verdict } }: { of: Pick<Experiment, "outcome" | "verdict"> }) {
+  const of = `outcome:${outcome}`;
+  if (outcome === "neutral") {
+    return (
+      <Explained of={of} quiet>
+        {verdict}
+      </Explained>
+    );
+  }
+  return (
+    <Verdict good={outcome === "passed"} of={of}>
+      {verdict}
+    </Verdict>
+  );
 }

@@ -8,8 +8,7 @@ vi.mock("../drawing/canvas", () => ({
   paintsInSoftware: () => browser.software,
 }));
 
-import { SceneFrame } from "./SceneFrame";
-import { PATIENCE_S } from "./sceneStage";
+import { PATIENCE_S, SceneFrame } from "./SceneFrame";
 
 beforeEach(() => {
   vi.useFakeTimers();

@@ -1,12 +1,55 @@
-/** A 3D view of the service in a frame: it says what it waits for, STOP is heard in it, and it leaves the page time to act. */
-
-import { Button } from "@mantine/core";
+import { Button, NativeSelect } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
 import { canDrawSolid, paintsInSoftware } from "../drawing/canvas";
 import { FramePacer, paceWindow } from "../drawing/pacer";
 import { watchKeys } from "../stop/stop";
 import styles from "./SceneFrame.module.css";
-import { NO_3D, PATIENCE_S, type Stage, sceneWords, stageIn } from "./sceneStage";
+
+/** How far a 3D view has come, and what is said of it until there is a picture. */
+
+/** What backend/scene/proxy.py writes on its document, in the order in which it comes; "dropped" by the browser. */
+const TOLD = ["connecting", "drawing", "shown", "lost", "dropped"] as const;
+
+/** Before its page is there, and when what came is not its page. */
+export type Stage = (typeof TOLD)[number] | "page" | "failed";
+
+/** Somebody who has waited so long is told so [s]. */
+export const PATIENCE_S = 20;
+
+const AWAITED = {
+  page: "its page from the service",
+  connecting: "the scene from the service",
+  drawing: "the browser to draw it",
+};
+
+export const NO_3D =
+  "This browser cannot draw in 3D: it has no WebGL 2. Press Show flat, or allow graphics in the browser's settings.";
+
+/** The stage that the document in a frame tells; another document than the view's, as the browser's own, tells none. */
+export function stageIn(frame: HTMLIFrameElement): Stage {
+  const told = frame.contentDocument?.documentElement.dataset.stage;
+  return TOLD.find((stage) => stage === told) ?? "failed";
+}
+
+/** Empty once there is a picture. `software`: the browser paints without a graphics processor. */
+export function sceneWords(stage: Stage, late: boolean, software: boolean): string {
+  switch (stage) {
+    case "shown":
+      return "";
+    case "failed":
+      return "The 3D view failed: its page did not come from the service.";
+    case "lost":
+      return "The 3D view is cut off from the service: the actuator stands as it was then. It connects again by itself.";
+    case "dropped":
+      return "The browser has stopped drawing the 3D view: the actuator stands as it was then, or is not seen.";
+  }
+  if (late) return `The 3D view has waited for ${AWAITED[stage]} for more than ${PATIENCE_S} s.`;
+  const slow =
+    stage === "drawing" && software ? ", which takes some seconds without a graphics processor" : "";
+  return `The 3D view is loading: it waits for ${AWAITED[stage]}${slow}.`;
+}
+
+/** A 3D view of the service in a frame: it says what it waits for, STOP is heard in it, and it leaves the page time to act. */
 
 /** Times the length of a slow 3D frame that is left to the loop and the charts. */
 const REST = 4;
@@ -77,5 +120,44 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
         )}
       </div>
     </div>
+  );
+}
+
+/** Where the 3D view can be looked at from. Pure. In the scene's units: ten to the metre, z up, the joint at the origin. */
+
+interface Camera {
+  readonly name: string;
+  readonly position: readonly [number, number, number];
+  readonly lookAt: readonly [number, number, number];
+}
+
+export const CAMERAS: readonly Camera[] = [
+  { name: "Front", position: [1.6, -10.2, 1], lookAt: [0, 0, -0.48] },
+  { name: "Side", position: [9.5, -3.4, 0.4], lookAt: [0, 0, -0.6] },
+  { name: "Above", position: [1.2, -6.4, 8], lookAt: [0, 0, -0.4] },
+  { name: "Joint", position: [0.6, -4.6, 1.2], lookAt: [0, 0, 0.4] },
+  { name: "Springs", position: [0.4, -5, -1.4], lookAt: [0, 0, -1.9] },
+];
+
+/** The address of the 3D view, at `path`, seen by the camera of this name. */
+export function sceneAddress(path: string, name: string): string {
+  const camera = CAMERAS.find((one) => one.name === name) ?? CAMERAS[0];
+  if (camera === undefined) return path;
+  const { position, lookAt } = camera;
+  return `${path}?initialCameraPosition=${position.join(",")}&initialCameraLookAt=${lookAt.join(",")}`;
+}
+
+/** From where a 3D view is looked at. */
+
+export function CameraChoice({ camera, onChange }: { camera: string; onChange: (name: string) => void }) {
+  return (
+    <NativeSelect
+      aria-label="Camera"
+      size="xs"
+      value={camera}
+      onChange={(event) => onChange(event.currentTarget.value)}
+      data={CAMERAS.map(({ name }) => name)}
+      styles={{ input: { height: 24, minHeight: 24 } }}
+    />
   );
 }

@@ -1,9 +1,12 @@
-/** What the keys do. */
-
 import { Button, Kbd, Modal, Table } from "@mantine/core";
+import type { FormEvent } from "react";
 import { Link } from "wouter";
+import { close, type Entry } from "../service/glossary";
 import { usePreferences } from "../service/preferences";
+import { explaining, type Handlers } from "./Explained";
 import { usePages } from "./Navigation";
+
+/** What the keys do. */
 
 type Keys = readonly (readonly [string[], string])[];
 
@@ -78,4 +81,15 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
       </Table>
     </Modal>
   );
+}
+
+/** A box says what it is for when it is pointed at or focused, and is silent while something is typed. */
+
+/** Of the control itself, which keeps its place in the order of the Tab key; nothing without an entry. */
+export function help(entry: Entry | undefined): Handlers {
+  if (entry === undefined) return {};
+  return {
+    ...explaining([entry]),
+    onInput: (event: FormEvent<HTMLElement>) => close(event.currentTarget),
+  };
 }

@@ -1,6 +1,6 @@
 import { render } from "@testing-library/react";
 import { expect, it } from "vitest";
-import { Written } from "./SignalName";
+import { Written } from "./values";
 
 it.each([
   ["theta_A_ref", "θA,ref"],

@@ -12,7 +12,7 @@ import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import { pressStop } from "../stop/stop";
 import type { State, StopProof } from "../wire/types";
-import { StopResult } from "./StopResult";
+import { StopResult } from "./StatusStrip";
 
 const FIRST: StopProof = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83, paused_recording: false };
 const LOST: StopProof = {

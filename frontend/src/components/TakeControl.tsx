@@ -3,7 +3,7 @@
 import { Button, type ButtonProps } from "@mantine/core";
 import { useMutation } from "@tanstack/react-query";
 import { useLive } from "../live/react";
-import { useErrorLifetime } from "../service/useErrorLifetime";
+import { useErrorLifetime } from "../service/control";
 import { answeredBy } from "../wire/client";
 import { takeControl } from "../wire/control";
 

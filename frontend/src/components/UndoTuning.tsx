@@ -4,10 +4,9 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
 import type { useUndo } from "../service/commands";
+import { useNoControl } from "../service/control";
 import { banksQuery } from "../service/queries";
-import { whyNoUndo } from "../service/retuning";
-import { tuningInWords } from "../service/tuningWords";
-import { useNoControl } from "../service/useNoControl";
+import { tuningInWords, whyNoUndo } from "../service/tuning";
 
 export function UndoTuning({ undo, size }: { undo: ReturnType<typeof useUndo>; size?: "compact-xs" }) {
   const earlier = useLive((live) => live.state?.earlier ?? null);

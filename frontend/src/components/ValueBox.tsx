@@ -8,11 +8,10 @@ import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
 import { withUnit } from "../samples/quantity";
-import { close } from "../service/explaining";
 import type { Entry } from "../service/glossary";
-import { useRefusedInput } from "../service/refusedFields";
-import { useDescribedBy } from "../service/useDescribedBy";
-import { help } from "./help";
+import { close } from "../service/glossary";
+import { useDescribedBy, useRefusedInput } from "../service/refusals";
+import { help } from "./Shortcuts";
 
 /** So long the page says that a value that was left was not sent [ms]. */
 const REMINDER_MS = 8000;

@@ -1,7 +1,7 @@
 /** No value is absent without its reason: by type where a number is written, by reading the source for the rest. */
 import { cleanup, render, screen } from "@testing-library/react";
 import { afterEach, describe, expect, it } from "vitest";
-import { Shown, writeAbsent, writeValue } from "./Absent";
+import { Shown, writeAbsent, writeValue } from "./values";
 
 afterEach(cleanup);
 
@@ -40,7 +40,7 @@ describe("the source", () => {
     const files = Object.entries(SOURCES).filter(([path]) => !/\.test\.|\/wire\//.test(path));
     expect(files.length).toBeGreaterThan(150);
     const bare = files.filter(([, source]) => bareIn(source) !== undefined).map(([path]) => path);
-    expect(bare).toEqual(["./Absent.tsx"]);
+    expect(bare).toEqual(["./values.tsx"]);
   });
 });
 

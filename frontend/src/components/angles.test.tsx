@@ -2,17 +2,16 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, render, screen, within } from "@testing-library/react";
 import { type ReactElement, useState } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { Figures } from "../pages/experiments/Figures";
-import { SegmentsEditor } from "../pages/experiments/SegmentsEditor";
-import { limitLines } from "../pages/operate/limitLines";
-import { SettingsCard } from "../pages/runs/SettingsCard";
+import { Figures } from "../pages/experiments/ExperimentRuns";
+import { SegmentsEditor } from "../pages/experiments/SequenceEditor";
+import { limitLines } from "../pages/operate/LiveCharts";
+import { SettingsCard } from "../pages/runs/RunDetail";
 import type { Angles } from "../samples/quantity";
-import { AnglesContext } from "../service/angles";
+import { AnglesContext } from "../service/preferences";
 import { PANELS, POSITION, readIn } from "../theme/layouts";
 import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
-import { LocalizedText } from "./LocalizedText";
-import { NumberField } from "./NumberField";
-import { SettingField } from "./SettingField";
+import { NumberField, SettingField } from "./fields";
+import { LocalizedText } from "./values";
 
 /** π/3, a sixth of the circle. */
 const SIXTH = 1.0471975511965976;

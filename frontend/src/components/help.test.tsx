@@ -2,9 +2,7 @@
 import { MantineProvider } from "@mantine/core";
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { close } from "../service/explaining";
-import { fieldEntry, settingEntry } from "../service/fieldHelp";
-import { entryOf } from "../service/glossary";
+import { close, entryOf, fieldEntry, settingEntry } from "../service/glossary";
 import type { Setting } from "../wire/types";
 import { Explanation } from "./Explanation";
 import { ValueBox } from "./ValueBox";

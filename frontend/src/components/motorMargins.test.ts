@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { marginsText } from "./motorMargins";
+import { marginsText } from "./MotorMargins";
 
 it("tells what is left of gain and phase, and what gain must not fall below", () => {
   const margins = { M_s: 1.41265, gain_margin: 24.83, gain_reduction_margin: null, phase_margin_deg: 46.62 };

@@ -2,7 +2,7 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { useState } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { NumberField } from "./NumberField";
+import { NumberField } from "./fields";
 import { ValueBox } from "./ValueBox";
 
 const NOT_NUMBERS = ["5-3", "1e", "0,5,1", "12°", "--4"];

@@ -19,8 +19,8 @@ import { ModeCard } from "../pages/operate/ModeCard";
 import { WallCard } from "../pages/operate/WallCard";
 import DeveloperPage from "../pages/system/DeveloperPage";
 import type { PlantView, State } from "../wire/types";
+import { PlantBadge } from "./Header";
 import { Navigation } from "./Navigation";
-import { PlantBadge } from "./PlantBadge";
 
 const GEOMETRY = { r_m: 0.0075, r_j: 0.075 };
 const PLANTS: Record<PlantView["kind"], PlantView> = {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { stopWords } from "../stop/stop";
 import type { State } from "../wire/types";
-import { currentStatus, partOf, stopSentence, taskProgress, taskTitle, timeLeft } from "./status";
+import { currentStatus, partOf, stopSentence, taskProgress, taskTitle, timeLeft } from "./StatusStrip";
 
 const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83, paused_recording: false };
 

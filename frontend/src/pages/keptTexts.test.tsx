@@ -20,9 +20,9 @@ import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
 import { RemarkForm } from "./log/RemarkForm";
 import { ContactCard } from "./operate/ContactCard";
-import { TuningChanges } from "./operate/TuningChanges";
+import { TuningChanges } from "./operate/TuningCard";
 import { TUNING } from "./refusals.fixture";
-import { NoteCard } from "./runs/NoteCard";
+import { NoteCard } from "./runs/RunDetail";
 import { TriggerCard } from "./system/TriggerCard";
 
 const RUN = { id: 7, kind: "tracking", end_state: "running", note: "saved" } as Run;

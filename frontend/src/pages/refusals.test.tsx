@@ -24,18 +24,18 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { useDryRun } from "../service/dryRun";
+import { useDryRun } from "../service/experiments";
 import type { Run, Tuning } from "../wire/types";
-import { BankImport } from "./banks/BankImport";
+import { BankImport } from "./banks/BanksPage";
 import { ExperimentForm } from "./experiments/ExperimentForm";
-import { BankBuilder } from "./identify/BankBuilder";
 import { IdentificationForm } from "./identify/IdentificationForm";
-import { SpringTableForm } from "./identify/SpringTableForm";
+import { BankBuilder } from "./identify/IdentificationList";
+import { SpringTableForm } from "./identify/SpringResult";
 import { DisturbanceCard } from "./operate/DisturbanceCard";
-import { TuningChanges } from "./operate/TuningChanges";
+import { TuningChanges } from "./operate/TuningCard";
 import { WallCard } from "./operate/WallCard";
 import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
-import { NoteCard } from "./runs/NoteCard";
+import { NoteCard } from "./runs/RunDetail";
 
 const STAGED = { staging: true, values: { lam_q: 0.7 }, turn() {}, stage() {}, discard() {} };
 const SENTENCE = "what was given: 120° is outside −80 to 80°; choose a value between the two";

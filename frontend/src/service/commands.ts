@@ -12,7 +12,7 @@ import type {
   TuningRequest,
   Wall,
 } from "../wire/types";
-import { renameDrafts } from "./keptDraft";
+import { renameDrafts } from "./drafts";
 import { sessionQuery } from "./queries";
 
 export function useSetMode() {

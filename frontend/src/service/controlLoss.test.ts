@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { afterTold, type ControlKept, lossSentence, NO_CONTROL } from "./controlLoss";
+import { afterTold, type ControlKept, lossSentence, NO_CONTROL } from "./control";
 
 const holder = (epoch: number, name = "Ana") => ({ name, epoch, page: true, silent_s: 0, lost: false });
 

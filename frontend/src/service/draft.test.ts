@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { type DraftEvent, FOLLOWING, nextDraft, shown } from "./draft";
+import { type DraftEvent, FOLLOWING, nextDraft, shown } from "./drafts";
 
 const played = (...events: DraftEvent[]) => events.reduce(nextDraft, FOLLOWING);
 

@@ -1,8 +1,11 @@
-/** Looking a word up in the glossary that the service's sources make (`backend/glossary`). */
-
+import { useSyncExternalStore } from "react";
+import { type Angles, rangeWithUnit, told } from "../samples/quantity";
+import { capital } from "../samples/words";
 import { type Entry, GLOSSARY } from "../wire/glossary.gen";
 import { COMBINED } from "../wire/sample.gen";
-import type { Metric } from "../wire/types";
+import type { Metric, Setting } from "../wire/types";
+
+/** Looking a word up in the glossary that the service's sources make (`backend/glossary`). */
 
 export type { Entry };
 
@@ -81,4 +84,105 @@ export function search(text: string): readonly Entry[] {
       .toLowerCase();
     return words.every((word) => whole.includes(word));
   });
+}
+
+/**
+ * What is being explained, of all the page: one at a time, beside the word that was pointed at, focused or tapped.
+ * Pointing waits a moment, so that a pointer on its way opens nothing; focus and tap are answered at once.
+ */
+
+const POINTED_MS = 350;
+/** So long the pointer may take from the word to its explanation. */
+const LEFT_MS = 200;
+
+export interface Explained {
+  readonly anchor: HTMLElement;
+  readonly entries: readonly Entry[];
+  readonly by: "pointer" | "focus" | "tap";
+}
+
+let shown: Explained | null = null;
+let timer: ReturnType<typeof setTimeout> | undefined;
+const listeners = new Set<() => void>();
+
+function become(next: Explained | null): void {
+  clearTimeout(timer);
+  if (next === shown) return;
+  shown = next;
+  for (const listener of listeners) listener();
+}
+
+export function explain(next: Explained): void {
+  clearTimeout(timer);
+  if (next.by !== "pointer") become(next);
+  else if (shown?.anchor !== next.anchor) timer = setTimeout(become, POINTED_MS, next);
+}
+
+/** The pointer has left a word; what focus or tap has opened stays. */
+export function left(): void {
+  clearTimeout(timer);
+  if (shown?.by === "pointer") timer = setTimeout(become, LEFT_MS, null);
+}
+
+/** The pointer has come to the explanation itself. */
+export function stay(): void {
+  clearTimeout(timer);
+}
+
+export function close(anchor?: HTMLElement): void {
+  if (anchor === undefined || shown?.anchor === anchor) become(null);
+  else clearTimeout(timer);
+}
+
+export function current(): Explained | null {
+  return shown;
+}
+
+function subscribe(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+export function useExplained(): Explained | null {
+  return useSyncExternalStore(subscribe, current);
+}
+
+/** What a box of a form means: as the service declares it, with its unit and what it accepts now. Pure. */
+
+type Line = readonly [string, string];
+
+export interface Range {
+  readonly minimum: number;
+  readonly maximum: number;
+}
+
+/** The explanation of a declared setting. */
+export function settingEntry(setting: Setting, angles: Angles): Entry {
+  const { name, symbol, meaning, unit, minimum, maximum, choices, default: usual } = setting;
+  const more: Line[] = [];
+  if (typeof usual === "number" && minimum != null && maximum != null) {
+    more.push(accepted({ minimum, maximum }, unit, angles));
+  }
+  if (choices != null && choices.length > 0) more.push(["Accepted", choices.join(", ")]);
+  if (typeof usual === "number") more.push(["Default", told(usual, unit, angles)]);
+  else if (usual !== null && choices != null) more.push(["Default", String(usual)]);
+  return {
+    kind: "setting",
+    name,
+    term: symbol || name,
+    meaning: capital(meaning),
+    unit: unit === "1" ? "" : unit,
+    more,
+  };
+}
+
+/** The explanation of a field of an order, "wall.k_wall"; with what this plant lets it be, where that is known. */
+export function fieldEntry(key: string, angles: Angles, range?: Range): Entry | undefined {
+  const entry = entryOf(`setting:${key}`);
+  if (entry === undefined || range === undefined) return entry;
+  return { ...entry, more: [accepted(range, entry.unit ?? "", angles)] };
+}
+
+function accepted({ minimum, maximum }: Range, unit: string, angles: Angles): Line {
+  return ["Accepted", rangeWithUnit(minimum, maximum, unit, angles)];
 }

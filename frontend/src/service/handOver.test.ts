@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { Wish } from "../wire/types";
-import { noticeOf, othersToGetControl } from "./handOver";
+import { noticeOf, othersToGetControl } from "./control";
 
 const WISH: Wish = {
   number: 7,

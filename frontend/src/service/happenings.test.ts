@@ -1,7 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Fault, Run, State, Task } from "../wire/types";
-import { Happenings } from "./happenings";
-import { whyNotTold, wordsOfRun, wordsOfTrip } from "./toldWords";
+import { Happenings, whyNotTold, wordsOfRun, wordsOfTrip } from "./log";
 
 function fault(tick: number, code: Fault["code"] = "force_limit"): Fault {
   return {

@@ -9,7 +9,7 @@ import {
   renameDrafts,
   storedDraft,
   watchDrafts,
-} from "./keptDraft";
+} from "./drafts";
 
 const KEY: DraftOf = { person: "Mara Stein", form: "study" };
 const other = (part: Partial<DraftOf>): DraftOf => ({ ...KEY, ...part });

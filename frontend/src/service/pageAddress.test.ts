@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { RequestError } from "../wire/client";
-import { wayOf } from "./pageAddress";
+import { wayOf } from "./system";
 
 test("what the service finds is said", async () => {
   expect(await wayOf(Promise.resolve({ problems: [] }))).toEqual({ problems: [], isAnswered: true });

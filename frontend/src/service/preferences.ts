@@ -1,8 +1,10 @@
-/** How the signed-in person likes the page; kept on the server, so that it is the same at every machine. */
-
 import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { createContext, useContext } from "react";
+import type { Angles } from "../samples/quantity";
 import { answered, api } from "../wire/client";
 import type { Preferences } from "../wire/types";
+
+/** How the signed-in person likes the page; kept on the server, so that it is the same at every machine. */
 
 const DEFAULTS: Preferences = {
   scheme: "auto",
@@ -57,4 +59,13 @@ export function usePreferences(): PreferencesInUse {
       store.mutate(after);
     },
   };
+}
+
+/** The unit in which the signed-in person reads angles, for whatever shows or takes one. */
+
+/** Degrees until the service has said what the person chose. */
+export const AnglesContext = createContext<Angles>("deg");
+
+export function useAngles(): Angles {
+  return useContext(AnglesContext);
 }

@@ -2,14 +2,14 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { type ReactElement, useState } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { SettingField } from "../components/fields";
 import { Refusal } from "../components/Refusal";
-import { SettingField } from "../components/SettingField";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { SegmentsEditor } from "../pages/experiments/SegmentsEditor";
+import { SegmentsEditor } from "../pages/experiments/SequenceEditor";
 import { RequestError } from "../wire/client";
 import type { Setting } from "../wire/types";
-import { lastRefusal, RefusedFields } from "./refusedFields";
+import { lastRefusal, RefusedFields } from "./refusals";
 
 const AMPLITUDE = { name: "q_amplitude", meaning: "position steps", unit: "rad", default: 1 } as Setting;
 const HOLD = { name: "q_hold", meaning: "position held", unit: "rad", default: 0 } as Setting;

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { State } from "../wire/types";
-import { whyNoRejection, whyNoRetuning, whyNoUndo } from "./retuning";
+import { whyNoRejection, whyNoRetuning, whyNoUndo } from "./tuning";
 
 const FREE = {
   mode: "run",

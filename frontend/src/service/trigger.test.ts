@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { Trigger } from "../wire/types";
-import { triggerWords } from "./trigger";
+import { triggerWords } from "./signals";
 
 const ARMED: Trigger = {
   signal: "F_A",

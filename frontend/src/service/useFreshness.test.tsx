@@ -6,7 +6,7 @@ import { afterEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import type { State } from "../wire/types";
-import { useFreshness } from "./useFreshness";
+import { useFreshness } from "./references";
 
 afterEach(cleanup);
 

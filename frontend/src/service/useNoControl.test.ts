@@ -1,8 +1,7 @@
 import { expect, it } from "vitest";
 import { RequestError } from "../wire/client";
 import type { State } from "../wire/types";
-import { isAboutControl } from "./standing";
-import { whyNoControl } from "./useNoControl";
+import { isAboutControl, whyNoControl } from "./control";
 
 const HOLDER = { name: "Mara Stein", epoch: 7, page: true, lost: false } as NonNullable<State["holder"]>;
 

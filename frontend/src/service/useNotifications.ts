@@ -5,11 +5,9 @@ import { useLocation } from "wouter";
 import { useLiveStore } from "../live/react";
 import { answered, api, RequestError } from "../wire/client";
 import type { Flight, State } from "../wire/types";
-import { type Happening, Happenings, type Trip } from "./happenings";
+import { ageOf, type Happening, Happenings, recordOf, type Trip, wordsOfRun, wordsOfTrip } from "./log";
 import { keepLookedAt, tell } from "./notifications";
 import { usePreferences } from "./preferences";
-import { wordsOfRun, wordsOfTrip } from "./toldWords";
-import { ageOf, recordOf } from "./tripRecords";
 
 /** A flight record is there once the seconds after its trip are over. */
 const LOOKS = 20;

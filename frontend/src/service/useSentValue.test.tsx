@@ -1,6 +1,6 @@
 import { act, renderHook } from "@testing-library/react";
 import { expect, it, vi } from "vitest";
-import { useSentValue } from "./useSentValue";
+import { useSentValue } from "./drafts";
 
 interface Sending {
   readonly value: number;

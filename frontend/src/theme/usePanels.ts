@@ -1,9 +1,8 @@
 /** The charts of the layout in use, in the colours and the units of the signed-in person; live, of a recording, compared. */
 
 import { useMemo } from "react";
-import { useAngles } from "../service/angles";
-import { useDerived } from "../service/formulas";
-import { usePreferences } from "../service/preferences";
+import { useAngles, usePreferences } from "../service/preferences";
+import { useDerived } from "../service/signals";
 import { panelsOf, readIn, STANDARD } from "./layouts";
 import { type Panel, signalOf } from "./signals";
 import { useLayouts } from "./useLayouts";

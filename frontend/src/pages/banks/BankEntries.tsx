@@ -3,10 +3,9 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
-import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
-import { SignalName, Written } from "../../components/SignalName";
-import { Verdict } from "../../components/Verdict";
+import { Verdict } from "../../components/RunState";
+import { Shown, SignalName, Written } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { bankDetailQuery, tuningKey } from "../../service/queries";

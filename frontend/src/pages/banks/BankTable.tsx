@@ -2,11 +2,11 @@
 
 import { Button, Table } from "@mantine/core";
 import { Link } from "wouter";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { dateTime } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
-import { useNoRetuning } from "../../service/useNoControl";
+import { useNoRetuning } from "../../service/control";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
 import { entryName } from "./difference";

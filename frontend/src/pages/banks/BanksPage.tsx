@@ -1,17 +1,202 @@
-/** Banks of controllers: versions, entries with gains and robustness, where each came from, and what a change does. */
-
+import { Button, FileButton } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useParams } from "wouter";
+import { useState } from "react";
+import { TbUpload } from "react-icons/tb";
+import { Link, useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
+import { Refusal } from "../../components/Refusal";
+import { UndoTuning } from "../../components/UndoTuning";
+import { SignalName } from "../../components/values";
+import { useLive } from "../../live/react";
+import { fixed } from "../../samples/format";
+import { useGeometry, useImportBank, useUndo } from "../../service/commands";
+import { useNoControl } from "../../service/control";
 import { banksQuery } from "../../service/queries";
-import page from "../Page.module.css";
+import { RefusedFields, useDescribedBy, useRefusedInput } from "../../service/refusals";
+import { tuningInWords, usePreview, usePreviewedStiffness, whyNoRetuning } from "../../service/tuning";
+import { HUES } from "../../theme/signals";
+import type { Bank, BankFile, Tuning } from "../../wire/types";
+import { tuningOf } from "../experiments/ExperimentForm";
+import { StepPreview } from "../operate/StepPreview";
+import pageStyles from "../Page.module.css";
 import { BankComparison } from "./BankComparison";
 import { BankEntries } from "./BankEntries";
-import { BankImport } from "./BankImport";
 import { BankTable } from "./BankTable";
-import { DefaultGainsCard } from "./DefaultGainsCard";
-import { InForce } from "./InForce";
+import defaultGainsCardStyles from "./DefaultGainsCard.module.css";
+
+/** Brings a bank in from a file that was exported here or elsewhere. */
+
+const SAID_AT = "refusal-of-bank-file";
+
+export function BankImport() {
+  const bring = useImportBank();
+  const [, go] = useLocation();
+  const [problem, setProblem] = useState<string | null>(null);
+  const error = problem === null ? bring.error : null;
+
+  async function read(file: File | null): Promise<void> {
+    if (file === null) return;
+    setProblem(null);
+    try {
+      const document = JSON.parse(await file.text()) as BankFile;
+      bring.mutate(document, { onSuccess: (bank) => go(`/banks/${bank.id}`) });
+    } catch {
+      setProblem(`${file.name} is not JSON: choose a file that was exported from a bank.`);
+    }
+  }
+
+  return (
+    <RefusedFields error={error} only="file">
+      <div className={pageStyles.actions}>
+        <Refusal id={SAID_AT} error={error} text={problem} forFields />
+        <FileChoice reading={bring.isPending} odd={problem !== null} onChange={read} />
+      </div>
+    </RefusedFields>
+  );
+}
+
+interface FileChoiceProps {
+  readonly reading: boolean;
+  /** Whether the file that was chosen is none. */
+  readonly odd: boolean;
+  onChange(file: File | null): void;
+}
+
+function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
+  const { ref, said } = useRefusedInput<HTMLButtonElement>("file", SAID_AT);
+  useDescribedBy(ref, odd ? SAID_AT : undefined);
+  const refused = odd || said !== null;
+  return (
+    <FileButton accept="application/json,.json" onChange={onChange}>
+      {(props) => (
+        <Button
+          {...props}
+          ref={ref}
+          variant="default"
+          style={refused ? { borderColor: "var(--warn-text)", color: "var(--warn-text)" } : undefined}
+          data-refused={refused}
+          size="compact-sm"
+          leftSection={<TbUpload size={14} />}
+          loading={reading}
+        >
+          Import bank
+        </Button>
+      )}
+    </FileButton>
+  );
+}
+
+/** What the gains in force come from, with the ways back: to geometry, and to before the last change. */
+
+export function InForce({ banks }: { banks: readonly Bank[] }) {
+  const state = useLive((live) => live.state);
+  const geometry = useGeometry();
+  const undo = useUndo();
+  const noControl = useNoControl();
+  if (state === null) return null;
+  const { bank, entry_name } = state.tuning;
+  const own = tuningOf(state);
+  const locked = whyNoRetuning(state, noControl);
+  return (
+    <div className={pageStyles.fields} style={{ padding: "4px 4px 8px" }}>
+      <output aria-label="In force">
+        {state.own_tuning ? "In force again after the run" : "In force"}: {tuningInWords(own, banks)}
+        {bank !== null && !state.own_tuning && ` (now ${entry_name})`}
+      </output>
+      <OperatorsOnly>
+        <div className={pageStyles.actions}>
+          <Button
+            variant="default"
+            disabled={own.bank === 0 || locked !== null}
+            title={
+              own.bank === 0
+                ? "The gains come from geometry already"
+                : (locked ?? "Gains from geometry, no bank")
+            }
+            loading={geometry.isPending}
+            onClick={() => geometry.mutate()}
+          >
+            Back to geometry
+          </Button>
+          <UndoTuning undo={undo} />
+        </div>
+      </OperatorsOnly>
+      <Refusal error={geometry.error ?? undo.error} about={own} text={noControl} />
+    </div>
+  );
+}
+
+/** What the loops do while no bank is in force, and how a bank comes to be. */
+
+const LOOPS = [
+  { loop: "position", lam: "lam_q", symbol: "λ_q", hue: HUES.q },
+  { loop: "stiffness", lam: "lam_S", symbol: "λ_S", hue: HUES.S },
+] as const;
+
+export function DefaultGainsCard() {
+  const tuning = useLive((live) => live.state?.tuning);
+  return (
+    <>
+      {tuning !== undefined && tuning.bank === null && <FromGeometry tuning={tuning} />}
+      <Card title="From runs to a bank">
+        <ol className={defaultGainsCardStyles.steps}>
+          <li>
+            <Link href="/operate">Wind the tendons</Link> to pretension: an identification starts from there.
+          </li>
+          <li>
+            <Link href="/identify">Identify the actuator</Link> at one tension or at several in turn; each run
+            measures how q and S follow, with the error of each number.
+          </li>
+          <li>
+            Tick the runs that are usable, name the bank, and build it. Each entry keeps the way back to its
+            samples.
+          </li>
+          <li>
+            Activate it here: the loops change over without a bump, and one press leads back to geometry.
+          </li>
+        </ol>
+      </Card>
+    </>
+  );
+}
+
+function FromGeometry({ tuning }: { tuning: Tuning }) {
+  const { lam_q, lam_S, motion, u_plan, k_ext } = tuning;
+  const S = usePreviewedStiffness();
+  const { preview, stale, missing } = usePreview(
+    { lam_q, lam_S, motion, u_plan, k_ext, S, printed: false },
+    tuning,
+  );
+  return (
+    <Card title="Gains from geometry" aside={<span className={pageStyles.dim}>predicted</span>}>
+      <div className={pageStyles.halves}>
+        {LOOPS.map(({ loop, lam, symbol, hue }) => (
+          <div key={loop} className={defaultGainsCardStyles.loop}>
+            <SignalName name={symbol} /> = {fixed(tuning[lam], 3)} s
+            <StepPreview
+              symbol={symbol}
+              hue={hue}
+              loop={loop}
+              preview={preview}
+              stale={stale}
+              missing={missing}
+              present={undefined}
+              drafted={false}
+              compare={false}
+            />
+          </div>
+        ))}
+      </div>
+      <p className={pageStyles.lead}>
+        Computed from the springs, the pulley and the motors as the parameters in force have them. What they
+        are on this joint, an identification measures.
+      </p>
+    </Card>
+  );
+}
+
+/** Banks of controllers: versions, entries with gains and robustness, where each came from, and what a change does. */
 
 export default function BanksPage() {
   const { id } = useParams();
@@ -19,8 +204,8 @@ export default function BanksPage() {
   const all = banks.data ?? [];
   const selected = all.find((bank) => bank.id === Number(id)) ?? all.find((bank) => bank.active) ?? all[0];
   return (
-    <div className={page.page}>
-      <h1 className={page.title}>Banks</h1>
+    <div className={pageStyles.page}>
+      <h1 className={pageStyles.title}>Banks</h1>
       <Card
         title="Versions"
         aside={
@@ -31,7 +216,7 @@ export default function BanksPage() {
       >
         <InForce banks={all} />
         {banks.data === undefined ? (
-          <p className={page.empty}>{banks.error?.message ?? "Loading …"}</p>
+          <p className={pageStyles.empty}>{banks.error?.message ?? "Loading …"}</p>
         ) : (
           <BankTable banks={all} selected={selected?.id} />
         )}

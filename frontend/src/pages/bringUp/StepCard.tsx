@@ -1,29 +1,151 @@
-/** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
-
 import { Button, Loader } from "@mantine/core";
 import type { FormEvent } from "react";
 import type { IconType } from "react-icons";
-import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX, TbPlayerPlay } from "react-icons/tb";
-import { Shown } from "../../components/Absent";
+import {
+  TbAlertTriangle,
+  TbArrowDownRight,
+  TbArrowUpRight,
+  TbCircle,
+  TbCircleCheck,
+  TbCircleX,
+  TbPlayerPlay,
+} from "react-icons/tb";
 import { Card } from "../../components/Card";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Explained } from "../../components/Explained";
-import { LocalizedText } from "../../components/LocalizedText";
-import { NumberField } from "../../components/NumberField";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
-import { Verdict } from "../../components/Verdict";
-import { useLive } from "../../live/react";
-import { dateTime, duration, NOT_MEASURED, significant } from "../../samples/format";
-import { type Angles, labelWith, offered, rangeText, readingOf, withUnit } from "../../samples/quantity";
+import { Verdict } from "../../components/RunState";
+import { LocalizedText, Shown, SignalName } from "../../components/values";
+import { useLive, useLiveStore, useNow, useSampleAge } from "../../live/react";
+import { age, dateTime, duration, fixed, NOT_MEASURED, significant } from "../../samples/format";
+import {
+  type Angles,
+  angleText,
+  labelWith,
+  offered,
+  rangeText,
+  readingOf,
+  withUnit,
+} from "../../samples/quantity";
+import type { SampleWindow } from "../../samples/window";
 import { capital } from "../../samples/words";
-import { useAngles } from "../../service/angles";
-import { useStepCommand } from "../../service/bringUp";
-import { RefusedFields } from "../../service/refusedFields";
-import { isPlainRecord, useDraft } from "../../service/useDraft";
+import { isPlainRecord, useDraft } from "../../service/drafts";
+import { useAngles } from "../../service/preferences";
+import { RefusedFields } from "../../service/refusals";
+import { useStepCommand } from "../../service/system";
+import { unitOf } from "../../theme/signals";
+import { FIELDS, type SignalName as Signal } from "../../wire/sample.gen";
 import type { BringUpResult, BringUpRunning, BringUpStep } from "../../wire/types";
-import page from "../Page.module.css";
-import styles from "./BringUp.module.css";
-import { StepReadings } from "./StepReadings";
+import pageStyles from "../Page.module.css";
+import bringUpStyles from "./BringUp.module.css";
+
+/** Which signals matter in which step of the bring-up, and whether one moves. Pure. */
+
+type StepId = BringUpStep["id"];
+
+const ANGLES = ["q", "theta_A", "theta_B"] as const;
+const FORCES = ["F_A", "F_B"] as const;
+const VOLTAGES = ["u_A", "u_B"] as const;
+
+/** What the card converts: beside the newtons that are only being calibrated. */
+const VOLTS = ["V_A", "V_B"] as const;
+
+const SIGNALS: Readonly<Record<StepId, readonly Signal[]>> = {
+  wiring_test: [...ANGLES, ...FORCES],
+  tare: [...FORCES, ...VOLTS],
+  calibrate: [...FORCES, ...VOLTS],
+  zero: ANGLES,
+  direction: [...ANGLES, ...FORCES, ...VOLTAGES],
+  home: [...ANGLES, ...FORCES, ...VOLTAGES],
+  pretension: [...FORCES, ...VOLTAGES],
+  safety_module: [...FORCES, ...VOLTAGES],
+};
+
+/** What to look at during a step. */
+export function signalsOf(step: StepId): readonly Signal[] {
+  return SIGNALS[step];
+}
+
+export type Movement = "rising" | "falling" | "still" | "unknown";
+
+/** A change within `OVER_S` that a hand makes and noise does not: three counts of the joint's encoder, a tenth of a pull. */
+const MOVES: Readonly<Record<string, number>> = { rad: 0.005, N: 0.5, V: 0.02 };
+const OVER_S = 0.4;
+/** Part at either end of it that is averaged, which takes the noise of a load cell down tenfold. */
+const AVERAGED_S = 0.1;
+
+/** Where a signal goes at present; "unknown" while there are too few samples, or one of them is no number. */
+export function movement(window: SampleWindow, name: string, period_s: number): Movement {
+  const span = Math.round(OVER_S / period_s);
+  const part = Math.round(AVERAGED_S / period_s);
+  const change =
+    mean(window, name, window.endTick - part, part) - mean(window, name, window.endTick - span, part);
+  if (Number.isNaN(change)) return "unknown";
+  if (Math.abs(change) < (MOVES[unitOf(name)] ?? 0)) return "still";
+  return change > 0 ? "rising" : "falling";
+}
+
+function mean(window: SampleWindow, name: string, from: number, count: number): number {
+  let sum = 0;
+  for (let tick = from; tick < from + count; tick++) sum += window.at(name, tick);
+  return sum / count;
+}
+
+/** What the sensors say now of what matters in a step, large enough to be read from beside the machine. */
+
+const DECIMALS: Readonly<Record<string, number>> = { V: 3 };
+const USUAL = 2;
+const LOOK_MS = 100;
+
+const WORDS: Record<Movement, string> = { rising: "rising", falling: "falling", still: "still", unknown: "" };
+
+export function StepReadings({ step }: { step: BringUpStep["id"] }) {
+  const store = useLiveStore();
+  const angles = useAngles();
+  const names = signalsOf(step);
+  const period_s = useLive((live) => live.layout?.period_s ?? 0.001);
+  const old_s = useSampleAge();
+  useNow(LOOK_MS);
+  return (
+    <section className={bringUpStyles.readings} aria-label="Readings" data-stale={old_s !== null}>
+      <dl>
+        {names.map((name, index) => {
+          const unit = unitOf(name);
+          const first = unit !== unitOf(names[index - 1] ?? "");
+          const going = old_s === null ? movement(store.window, name, period_s) : "unknown";
+          return (
+            <div key={name} className={bringUpStyles.reading} data-movement={going} data-first={first}>
+              <dt>
+                <SignalName name={symbolOf(name)} />
+              </dt>
+              <dd>
+                <Shown value={store.window.newest(name)} why="the sensor gives no number">
+                  {(value) =>
+                    unit === "rad" ? angleText(value, USUAL, angles) : fixed(value, DECIMALS[unit] ?? USUAL)
+                  }
+                </Shown>{" "}
+                <small>{readingOf(unit, angles).unit}</small>
+              </dd>
+              <dd className={bringUpStyles.movement}>
+                {going === "rising" && <TbArrowUpRight size={15} aria-hidden="true" />}
+                {going === "falling" && <TbArrowDownRight size={15} aria-hidden="true" />}
+                {WORDS[going]}
+              </dd>
+            </div>
+          );
+        })}
+      </dl>
+      {old_s !== null && <p className={bringUpStyles.old}>As it was {age(1000 * old_s)} ago</p>}
+    </section>
+  );
+}
+
+function symbolOf(name: string): string {
+  return FIELDS.find((field) => field.name === name)?.symbol ?? name;
+}
+
+/** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
 
 type Standing = BringUpStep["state"] | "running";
 
@@ -64,9 +186,9 @@ export function StepCard({ step, number, open }: StepCardProps) {
   return (
     <Card
       title={`${number}. ${title}`}
-      className={styles.step}
+      className={bringUpStyles.step}
       aside={
-        <span className={styles.standing} data-standing={standing}>
+        <span className={bringUpStyles.standing} data-standing={standing}>
           <Icon size={17} aria-hidden="true" />
           <Explained of={`step:${state}`} quiet>
             {word}
@@ -74,13 +196,13 @@ export function StepCard({ step, number, open }: StepCardProps) {
         </span>
       }
     >
-      <div className={styles.halves} data-open={open}>
-        <div className={page.fields}>
-          <p className={styles.text}>
+      <div className={bringUpStyles.halves} data-open={open}>
+        <div className={pageStyles.fields}>
+          <p className={bringUpStyles.text}>
             <LocalizedText text={instruction} />
           </p>
           {why !== "" && state !== "never" && (
-            <p className={styles.why} data-standing={standing}>
+            <p className={bringUpStyles.why} data-standing={standing}>
               <LocalizedText text={capital(why)} />
             </p>
           )}
@@ -90,7 +212,7 @@ export function StepCard({ step, number, open }: StepCardProps) {
             <UnderWay running={running} title={title} />
           )}
         </div>
-        <div className={styles.seen}>
+        <div className={bringUpStyles.seen}>
           {open && <StepReadings step={id} />}
           {result !== null && <Result result={result} outdated={state === "out_of_date"} />}
         </div>
@@ -124,9 +246,9 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
 
   return (
     <RefusedFields error={command.error} about={changed}>
-      <form className={page.fields} aria-label={title} onSubmit={submit}>
+      <form className={pageStyles.fields} aria-label={title} onSubmit={submit}>
         {inputs.length > 0 && (
-          <div className={styles.inputs}>
+          <div className={bringUpStyles.inputs}>
             {inputs.map(({ name, words, unit, minimum, maximum }) => (
               <NumberField
                 key={name}
@@ -141,7 +263,7 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
           </div>
         )}
         <OperatorsOnly>
-          <div className={page.actions}>
+          <div className={pageStyles.actions}>
             <Button
               type="submit"
               size="sm"
@@ -177,20 +299,20 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
   const virtual = useLive((live) => live.state?.plant.kind === "virtual_card");
   return (
     // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
-    <div className={styles.running} role="group" aria-label={`${title} under way`}>
-      <div className={styles.phase}>
+    <div className={bringUpStyles.running} role="group" aria-label={`${title} under way`}>
+      <div className={bringUpStyles.phase}>
         {!asked && <Loader size={14} aria-hidden="true" />}
         <output aria-label="Progress">
           <LocalizedText text={capital(phase)} />
         </output>
-        <span className={page.dim}>{duration(elapsed_s)}</span>
+        <span className={pageStyles.dim}>{duration(elapsed_s)}</span>
       </div>
-      <output aria-label="What to do now" className={styles.asked} data-asked={asked}>
+      <output aria-label="What to do now" className={bringUpStyles.asked} data-asked={asked}>
         {asked && <LocalizedText text={confirm} />}
-        {asked && virtual && <span className={page.dim}> On this virtual card, Confirm does it.</span>}
+        {asked && virtual && <span className={pageStyles.dim}> On this virtual card, Confirm does it.</span>}
       </output>
       <OperatorsOnly>
-        <div className={page.actions}>
+        <div className={pageStyles.actions}>
           <Button
             size="sm"
             aria-disabled={!asked}
@@ -219,12 +341,12 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
   const angles = useAngles();
   const { passed, text, figures, who, at } = result;
   return (
-    <section className={styles.result} aria-label="Result" data-outdated={outdated}>
+    <section className={bringUpStyles.result} aria-label="Result" data-outdated={outdated}>
       <Verdict good={passed}>{capital(text)}</Verdict>
       {figures.length > 0 && (
-        <dl className={page.facts}>
+        <dl className={pageStyles.facts}>
           {figures.map(({ words, value, unit }) => (
-            <div key={words} className={styles.figure}>
+            <div key={words} className={bringUpStyles.figure}>
               <dt>{words}</dt>
               <dd>
                 <Shown value={value} why={NOT_MEASURED}>
@@ -235,7 +357,7 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
           ))}
         </dl>
       )}
-      <span className={page.dim}>
+      <span className={pageStyles.dim}>
         {who}, {dateTime(at)}
       </span>
     </section>

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { SampleWindow } from "../../samples/window";
-import { movement, signalsOf } from "./readings";
+import { movement, signalsOf } from "./StepCard";
 
 const PERIOD_S = 0.001;
 

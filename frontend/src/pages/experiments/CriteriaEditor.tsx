@@ -1,15 +1,61 @@
-/** Bounds of an own experiment that its runs are judged by. */
-
 import { ActionIcon, Button, NativeSelect, TextInput } from "@mantine/core";
+import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
-import { labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { useRefusedInput, useRefusedWithin } from "../../service/refusedFields";
+import { boxText, inSI, labelWith } from "../../samples/quantity";
+import { useAngles } from "../../service/preferences";
+import { useRefusedInput, useRefusedWithin } from "../../service/refusals";
 import type { Metric } from "../../wire/types";
 import page from "../Page.module.css";
-import type { Bound } from "./document";
-import { ExpressionField } from "./ExpressionField";
+import type { Bound, Value } from "./document";
 import styles from "./SequenceEditor.module.css";
+
+/** A number of a part, or an expression of the experiment's settings, which counts in SI. What is left out is empty. */
+
+interface ExpressionFieldProps {
+  readonly words: string;
+  readonly unit: string;
+  /** Whose it is, for those who do not see where it stands: "of part 1.2". */
+  readonly whose: string;
+  readonly value: Value | undefined;
+  readonly place: string;
+  readonly saidAt: string;
+  readonly optional?: boolean | undefined;
+  onChange(value: number | string | undefined): void;
+}
+
+export function ExpressionField(props: ExpressionFieldProps) {
+  const { words, unit, whose, value, place, saidAt, optional, onChange } = props;
+  const angles = useAngles();
+  const [typed, setTyped] = useState<string | null>(null);
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
+  const label = labelWith(words, unit, angles);
+  const shown = typeof value === "number" ? boxText(value, unit, angles) : String(value ?? "");
+  const expression = typeof value === "string" && value.trim() !== "";
+  return (
+    <TextInput
+      label={label}
+      aria-label={`${label} ${whose}`}
+      ref={ref}
+      size="xs"
+      autoComplete="off"
+      placeholder={optional ? "as it is" : undefined}
+      value={typed ?? shown}
+      error={said !== null || (value === undefined && !optional)}
+      rightSection={
+        expression ? <span title={`an expression, counted in ${unit === "1" ? "SI" : unit}`}>ƒ</span> : null
+      }
+      rightSectionWidth={expression ? 18 : 0}
+      onChange={(event) => {
+        const text = event.currentTarget.value;
+        setTyped(text);
+        onChange(text.trim() === "" ? undefined : (inSI(text, unit, angles) ?? text));
+      }}
+      onBlur={() => setTyped(null)}
+    />
+  );
+}
+
+/** Bounds of an own experiment that its runs are judged by. */
 
 interface CriteriaEditorProps {
   readonly criteria: readonly Bound[];

@@ -1,7 +1,7 @@
 // @vitest-environment jsdom
 import { cleanup, render, screen } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
-import type { ViewControl } from "../../charts/useViewport";
+import type { ViewControl } from "../../charts/viewport";
 import type { DryRun } from "../../wire/types";
 
 vi.mock("../../charts/Charts", () => ({
@@ -14,24 +14,24 @@ vi.mock("../../charts/Charts", () => ({
 }));
 vi.mock("../../theme/usePanels", () => ({ useStandardPanels: () => [] }));
 vi.mock("../../wire/curves", () => ({ excerptOf: () => ({ from_s: 0, t: [], columns: {} }) }));
-vi.mock("../../charts/recordedSource", () => ({
+vi.mock("../../charts/sources", () => ({
   RecordedSource: class {
     setOverview() {}
   },
 }));
 
-import { DryRunCurves } from "./DryRunResult";
+import { DryRunCurves } from "./DryRun";
 
 afterEach(cleanup);
 
 it("shows the whole of each preview, also where the one before it was shorter or zoomed", () => {
   const samples = {} as NonNullable<DryRun["samples"]>;
   const { rerender } = render(<DryRunCurves samples={samples} duration_s={6} name="preview" />);
-  const shown = () => screen.getByRole("button").textContent;
+  const shown = () => screen.getByRole("button", { name: / s to / }).textContent;
   expect(shown()).toBe("6 s to 6 s");
   rerender(<DryRunCurves samples={samples} duration_s={10} name="preview" />);
   expect(shown()).toBe("10 s to 10 s");
-  screen.getByRole("button").click();
+  screen.getByRole("button", { name: / s to / }).click();
   rerender(<DryRunCurves samples={{ ...samples }} duration_s={10} name="preview" />);
   expect(shown()).toBe("1 s to 2 s"); // a zoom stays while the length does
   rerender(<DryRunCurves samples={samples} duration_s={4} name="preview" />);

@@ -11,9 +11,9 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
-import { useDryRun } from "../../service/dryRun";
+import { useDryRun } from "../../service/experiments";
 import type { ExperimentKind } from "../../wire/types";
-import { DryRunResult } from "./DryRunResult";
+import { DryRunResult } from "./DryRun";
 
 const KINDS = [
   { name: "tracking", title: "Tracking of position and stiffness", settings: [] },

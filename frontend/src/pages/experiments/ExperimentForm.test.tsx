@@ -2,7 +2,7 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { close, current } from "../../service/explaining";
+import { close, current } from "../../service/glossary";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { useDryRun } from "../../service/dryRun";
+import { useDryRun } from "../../service/experiments";
 import type { ExperimentKind, State } from "../../wire/types";
 import { ExperimentForm } from "./ExperimentForm";
 

@@ -1,42 +1,187 @@
-/** Set-up of one kind of experiment: start it, queue it, or play it on a simulator first. What it shows is what it sends. */
-
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import type { FormEvent } from "react";
-import { ChoiceField } from "../../components/ChoiceField";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { DraftMark } from "../../components/DraftMark";
+import { ChoiceField, SettingField, type SettingValue } from "../../components/fields";
 import { MotorMargins } from "../../components/MotorMargins";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
-import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
-import { capital } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { notANumber } from "../../samples/number";
+import { type Angles, boxText, offered, told } from "../../samples/quantity";
+import { capital, counted } from "../../samples/words";
 import { useQueueCommand, useStartExperiment } from "../../service/commands";
-import type { useDryRun } from "../../service/dryRun";
-import { settingEntry } from "../../service/fieldHelp";
-import { banksQuery } from "../../service/queries";
-import { lastRefusal, RefusedFields } from "../../service/refusedFields";
-import { tuningInWords } from "../../service/tuningWords";
-import { isPlainRecord, useDraft } from "../../service/useDraft";
-import { useMayCommand } from "../../service/useMayCommand";
-import { useNoControl } from "../../service/useNoControl";
-import type { ExperimentKind } from "../../wire/types";
-import { whyNoStart } from "../operate/allowed";
-import { NextMode } from "../operate/NextMode";
-import page from "../Page.module.css";
+import { useMayCommand, useNoControl } from "../../service/control";
+import { isPlainRecord, useDraft } from "../../service/drafts";
+import type { useDryRun } from "../../service/experiments";
+import { settingEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
+import { banksQuery, experimentKindsQuery } from "../../service/queries";
+import { lastRefusal, RefusedFields } from "../../service/refusals";
+import { bankInWords, tuningInWords } from "../../service/tuning";
+import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
+import { NextMode } from "../operate/ModeCard";
+import { whyNoStart } from "../operate/ReferencesCard";
+import pageStyles from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
-import {
-  bankChoices,
-  hasChoice,
-  isOfTheLoop,
-  orderOf,
-  type Shown,
-  shownSettings,
-  type Values,
-} from "./order";
-import { SegmentsEditor } from "./SegmentsEditor";
-import { segmentsProblem } from "./segments";
+import { SegmentsEditor, segmentsProblem } from "./SequenceEditor";
+
+/** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
+
+export type Value = boolean | number | string;
+export type Values = Record<string, Value>;
+
+/** Of the loop, the same for every kind. */
+const TUNING = ["lam_q", "lam_S", "lam_motor", "b", "interpolate", "motion", "u_plan", "k_ext"] as const;
+const OF_THE_LOOP = new Set<string>([...TUNING, "bank", "seed"]);
+
+export function isOfTheLoop(setting: Setting): boolean {
+  return OF_THE_LOOP.has(setting.name);
+}
+
+/** Whether there is more than one value to choose from: the seed of a service that runs is settled. */
+export function hasChoice({ minimum, maximum }: Setting): boolean {
+  return minimum == null || maximum == null || minimum < maximum;
+}
+
+/** One setting as the form shows it. */
+export interface Shown {
+  readonly setting: Setting;
+  readonly value: Value;
+  /** Where the value comes from, for the person who reads it. */
+  readonly origin: string;
+}
+
+/**
+ * Every setting of a kind: what a person changed, else the operator's tuning in force, else the default. While a run
+ * has a tuning of its own, the operator's is what comes back after it.
+ */
+export function shownSettings(
+  kind: ExperimentKind,
+  state: State | null,
+  changed: Values,
+  angles: Angles,
+): Shown[] {
+  const inForce = tuningOf(state);
+  return kind.settings.map((setting) => {
+    const standing = inForce[setting.name];
+    const start = standing ?? offered(setting.default ?? "", setting, angles);
+    const value = changed[setting.name] ?? start;
+    const word = standing === undefined ? "default" : "in force";
+    const origin = value === start ? word : `${word}: ${inWords(setting, start, angles)}`;
+    return { setting: withRange(setting, state), value, origin };
+  });
+}
+
+export interface Order {
+  /** Null while a number box holds something else. */
+  readonly order: { readonly name: string; readonly settings: Values } | null;
+  readonly problem: string | null;
+}
+
+/** All that is shown, to be sent. */
+export function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
+  for (const { setting, value } of shown) {
+    if (typeof setting.default === "number" && typeof value !== "number") {
+      return { order: null, problem: `${sentence(setting.meaning)}: ${notANumber(String(value))}.` };
+    }
+  }
+  const settings = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
+  return { order: { name: kind.name, settings }, problem: null };
+}
+
+/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5°"; segments by length. */
+export function changesInWords(
+  settings: Readonly<Record<string, unknown>>,
+  kind: ExperimentKind,
+  angles: Angles,
+): string {
+  const parts = kind.settings
+    .filter((setting) => !isOfTheLoop(setting))
+    .filter((setting) => settings[setting.name] !== undefined && !isUsual(setting, settings[setting.name]))
+    .map((setting) => {
+      const { name, unit, meaning } = setting;
+      const value = settings[name];
+      if (name === "segments") return segmentsInWords(String(value));
+      const [words] = meaning.split("; "); // what follows explains
+      return `${words}: ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
+    });
+  return parts.length === 0 ? "its own settings at their defaults" : parts.join("; ");
+}
+
+/** Whether a value is the default, or what a form offers as such. */
+function isUsual(setting: Setting, value: unknown): boolean {
+  return value === setting.default || value === offered(setting.default, setting, "deg");
+}
+
+/** What of an order's tuning differs from the one in force: "λ_q 0.8 s (in force 0.5 s)"; "" where nothing does. */
+export function tuningChanges(
+  settings: Readonly<Record<string, unknown>>,
+  inForce: Values,
+  kind: ExperimentKind,
+  angles: Angles,
+): string {
+  return kind.settings
+    .filter(({ name }) => settings[name] !== undefined && inForce[name] !== undefined)
+    .filter(({ name }) => settings[name] !== inForce[name])
+    .filter(({ name }) => name !== "u_plan" || settings.motion === "time-optimal")
+    .map((setting) => {
+      const { name, symbol, unit } = setting;
+      const words = (value: Value) =>
+        typeof value === "number" && name !== "bank"
+          ? told(value, unit, angles)
+          : inWords(setting, value, angles);
+      return `${symbol} ${words(settings[name] as Value)} (in force ${words(inForce[name] as Value)})`;
+    })
+    .join(", ");
+}
+
+/** Choices of a bank: geometry, and every bank there is. */
+export function bankChoices(banks: readonly Bank[]): { value: string; label: string }[] {
+  return [0, ...banks.map(({ id }) => id)].map((id) => ({
+    value: String(id),
+    label: bankInWords(id, banks),
+  }));
+}
+
+/** The operator's tuning as the settings of an order; empty while nothing is known of it. */
+export function tuningOf(state: State | null): Values {
+  if (state === null) return {};
+  const tuning = state.own_tuning ?? state.tuning;
+  const parts = TUNING.map((name) => [name, tuning[name]] as const);
+  return { ...Object.fromEntries(parts), bank: tuning.bank?.id ?? 0 };
+}
+
+/** Settings of the loop whose range depends on the plant in use. */
+const OF_THE_PLANT = ["lam_q", "lam_S", "lam_motor", "u_plan"] as const;
+
+function withRange(setting: Setting, state: State | null): Setting {
+  const name = OF_THE_PLANT.find((one) => one === setting.name);
+  if (state === null || name === undefined) return setting;
+  return { ...setting, minimum: state.tuning[`${name}_min`], maximum: state.tuning[`${name}_max`] };
+}
+
+function inWords({ name, unit }: Setting, value: Value, angles: Angles): string {
+  if (name === "bank") return bankInWords(value, []);
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  return typeof value === "number" ? boxText(value, unit, angles) : value;
+}
+
+function segmentsInWords(json: string): string {
+  try {
+    const list: unknown = JSON.parse(json);
+    const total_s = (list as { duration_s: number }[]).reduce((sum, { duration_s }) => sum + duration_s, 0);
+    return `${counted((list as unknown[]).length, "segment")}, ${Number(total_s.toFixed(3))} s`;
+  } catch {
+    return "segments of its own";
+  }
+}
+
+function sentence(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+/** Set-up of one kind of experiment: start it, queue it, or play it on a simulator first. What it shows is what it sends. */
 
 const NO_CHANGES: Values = {};
 
@@ -85,8 +230,8 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
 
   return (
     <RefusedFields error={failure} about={changed}>
-      <form className={page.fields} aria-label={kind.title} onSubmit={submit}>
-        <span className={page.dim}>{kind.description}</span>
+      <form className={pageStyles.fields} aria-label={kind.title} onSubmit={submit}>
+        <span className={pageStyles.dim}>{kind.description}</span>
         <DraftMark
           draft={draft}
           of={`settings of ${kind.title.toLowerCase()}`}
@@ -97,20 +242,22 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
         {offered.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
         <details>
           <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
-          <div className={page.fields} style={{ paddingTop: 8 }}>
+          <div className={pageStyles.fields} style={{ paddingTop: 8 }}>
             {offered.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
             {state !== null && typeof values.lam_motor === "number" && (
               <MotorMargins
-                className={page.dim}
+                className={pageStyles.dim}
                 lam_motor={values.lam_motor}
                 bank={state.tuning.bank?.id ?? null}
               />
             )}
-            <span className={page.dim}>After the experiment the tuning in force before it is back.</span>
+            <span className={pageStyles.dim}>
+              After the experiment the tuning in force before it is back.
+            </span>
           </div>
         </details>
-        <div className={page.decide}>
-          <div className={page.actions}>
+        <div className={pageStyles.decide}>
+          <div className={pageStyles.actions}>
             <OperatorsOnly>
               <Button
                 type="submit"
@@ -179,5 +326,30 @@ function Field({ shown: { setting, value, origin }, choices, onChange }: FieldPr
       value={String(value)}
       onChange={(id) => onChange(Number(id))}
     />
+  );
+}
+
+/** All that an experiment is run with, or was, in two lines: its own settings, and the tuning. */
+
+interface RunSummaryProps {
+  readonly name: string;
+  readonly settings: Readonly<Record<string, unknown>>;
+  /** Of an order that waits: the tuning in force, to which it is compared. */
+  readonly inForce?: Values;
+}
+
+export function RunSummary({ name, settings, inForce }: RunSummaryProps) {
+  const angles = useAngles();
+  const { data: kinds = [] } = useQuery(experimentKindsQuery);
+  const { data: banks = [] } = useQuery(banksQuery);
+  const kind = kinds.find((one) => one.name === name || one.name.startsWith(`${name}@`));
+  const changes =
+    kind === undefined || inForce === undefined ? "" : tuningChanges(settings, inForce, kind, angles);
+  return (
+    <span className={pageStyles.dim}>
+      {kind === undefined ? "" : `${changesInWords(settings, kind, angles)}; tuning: `}
+      {tuningInWords(settings, banks)}
+      {changes !== "" && `; differs from the tuning in force: ${changes}`}
+    </span>
   );
 }

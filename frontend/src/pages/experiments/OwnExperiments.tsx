@@ -1,32 +1,145 @@
-/** Own experiments, as a sequence or as a text: begun with one there is or a file, looked over, kept, taken elsewhere. */
-
-import { Button, FileButton, NativeSelect, SegmentedControl, Textarea } from "@mantine/core";
-import { useQueryClient } from "@tanstack/react-query";
+import { Button, FileButton, NativeSelect, SegmentedControl, Table, Textarea } from "@mantine/core";
+import { useQueries, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useEffect, useEffectEvent, useMemo, useRef, useState } from "react";
 import { Card } from "../../components/Card";
-import { DraftMark } from "../../components/DraftMark";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
+import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
-import { useReplaceDraft } from "../../components/ReplaceDraft";
+import { dateTime } from "../../samples/format";
 import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
+import { isText, useDraft } from "../../service/drafts";
 import {
   experimentAsRunQuery,
   experimentTextQuery,
   experimentVersionsQuery,
-} from "../../service/ownExperiments";
-import { lastRefusal, RefusedFields } from "../../service/refusedFields";
-import { isText, useDraft } from "../../service/useDraft";
+} from "../../service/experiments";
+import { useAngles } from "../../service/preferences";
+import { lastRefusal, RefusedFields } from "../../service/refusals";
 import { RequestError } from "../../wire/client";
-import type { ExperimentKind } from "../../wire/types";
-import page from "../Page.module.css";
+import type { ExperimentKind, OwnExperiment } from "../../wire/types";
+import pageStyles from "../Page.module.css";
 import { CriteriaEditor } from "./CriteriaEditor";
-import { asDocument, documentIn, SAMPLE, writeDocument } from "./document";
-import { LeftOut } from "./LeftOut";
-import { isOpened, NOTHING_OPENED, type Opened, savedMeanwhile } from "./opened";
-import { inWords, Preview } from "./Preview";
+import { LeftOut } from "./DryRun";
+import { differences } from "./differences";
+import { asDocument, type Document, documentIn, SAMPLE, writeDocument } from "./document";
+import { inWords, Preview, useComposedPreview } from "./Preview";
 import { SequenceEditor } from "./SequenceEditor";
-import { useComposedPreview } from "./useComposedPreview";
-import { Versions } from "./Versions";
+
+/** What the composer was opened with, and whether somebody has saved another version since. Pure. */
+
+export interface Opened {
+  readonly text: string;
+  /** What the text says as plain data, as the service read it; null where the text is JSON or nothing. */
+  readonly document: unknown;
+  /** Name of the own experiment; empty for anything else. */
+  readonly name: string;
+  /** Newest version under this name when it was opened. */
+  readonly newest: number;
+  /** Of a run that was made an experiment: what of it the experiment does not repeat. */
+  readonly leftOut: readonly string[];
+}
+
+export const NOTHING_OPENED: Opened = { text: "", document: null, name: "", newest: 0, leftOut: [] };
+
+/** Whether stored data is what this version of the page stores. */
+export function isOpened(value: unknown): value is Opened {
+  if (typeof value !== "object" || value === null) return false;
+  const { text, document, name, newest, leftOut } = value as Record<string, unknown>;
+  return (
+    typeof text === "string" &&
+    (document === null || asDocument(document) !== null) &&
+    typeof name === "string" &&
+    typeof newest === "number" &&
+    Array.isArray(leftOut)
+  );
+}
+
+/** What to ask before a text is kept under a name; null where nobody has kept another version since it was opened. */
+export function savedMeanwhile(
+  opened: Opened,
+  name: string,
+  versions: readonly OwnExperiment[],
+): string | null {
+  const newest = versions[0];
+  if (newest === undefined) return null;
+  const known = opened.name === name ? opened.newest : 0;
+  if (newest.version <= known) return null;
+  const when =
+    known === 0
+      ? `${name} exists already: ${newest.who} kept version ${newest.version}.`
+      : `${newest.who} kept version ${newest.version} of ${name} after this was opened.`;
+  return `${when} Keep adds version ${newest.version + 1}; version ${newest.version} stays as it is.`;
+}
+
+/** Versions of an own experiment: who kept each and when, what differs from what stands here, and back to an older one. */
+
+interface VersionsProps {
+  readonly name: string;
+  readonly document: Document | null;
+  /** Opens one; kept again it is the newest. */
+  onOpen(name: string): void;
+}
+
+const MOST = 10;
+
+export function Versions({ name, document, onOpen }: VersionsProps) {
+  const angles = useAngles();
+  const { data = [] } = useQuery(experimentVersionsQuery(name));
+  const listed = data.slice(0, MOST);
+  const texts = useQueries({
+    queries: listed.map(({ version }) => experimentTextQuery(`${name}@${version}`)),
+  });
+  if (listed.length === 0) return null;
+  return (
+    <details>
+      <summary>
+        Versions of {name}: {data.length}
+      </summary>
+      <Table aria-label={`Versions of ${name}`} verticalSpacing={4}>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>Version</Table.Th>
+            <Table.Th>Kept</Table.Th>
+            <Table.Th>To what stands here</Table.Th>
+            <Table.Th aria-label="Open" />
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {listed.map(({ version, who, created }, index) => {
+            const then = asDocument(texts[index]?.data?.document);
+            return (
+              <Table.Tr key={version}>
+                <Table.Td>{version}</Table.Td>
+                <Table.Td>
+                  {who}, {dateTime(created)}
+                </Table.Td>
+                <Table.Td>
+                  {then === null || document === null ? (
+                    <span className={pageStyles.dim}>not compared</span>
+                  ) : (
+                    differences(then, document, angles).join("; ") || "the same"
+                  )}
+                </Table.Td>
+                <Table.Td>
+                  <Button
+                    size="compact-xs"
+                    variant="default"
+                    aria-label={`Open version ${version}`}
+                    onClick={() => onOpen(`${name}@${version}`)}
+                  >
+                    Open
+                  </Button>
+                </Table.Td>
+              </Table.Tr>
+            );
+          })}
+        </Table.Tbody>
+      </Table>
+    </details>
+  );
+}
+
+/** Own experiments, as a sequence or as a text: begun with one there is or a file, looked over, kept, taken elsewhere. */
 
 const SEQUENCE = "sequence";
 const NEW = "sample sequence";
@@ -175,8 +288,8 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
         />
       }
     >
-      <div className={page.fields} ref={card}>
-        <div className={page.actions}>
+      <div className={pageStyles.fields} ref={card}>
+        <div className={pageStyles.actions}>
           <NativeSelect
             aria-label="Begin with"
             size="sm"
@@ -223,10 +336,12 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
         />
         <LeftOut of={opened.value.leftOut} />
         {shown === "sequence" && text === "" && (
-          <p className={page.empty}>Begin with an experiment there is, a run, or the sample sequence.</p>
+          <p className={pageStyles.empty}>
+            Begin with an experiment there is, a run, or the sample sequence.
+          </p>
         )}
         {shown === "sequence" && text !== "" && composed === null && (
-          <p className={page.empty}>
+          <p className={pageStyles.empty}>
             {preview.error === null ? "Its text is being read …" : "It is no sequence yet: mend its text."}
           </p>
         )}
@@ -266,8 +381,8 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
             styles={{ input: { fontFamily: "var(--mantine-font-family-monospace)", fontSize: 12 } }}
           />
         )}
-        <div className={page.decide}>
-          <div className={page.actions}>
+        <div className={pageStyles.decide}>
+          <div className={pageStyles.actions}>
             {shown === "text" && (
               <Button
                 size="sm"

@@ -1,16 +1,296 @@
-/** Parts one after the other: the boxes of each, what it will do in words, what moves it. A loop has its parts within. */
-
 import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import type { DragEvent } from "react";
 import { TbArrowDown, TbArrowUp, TbCopy, TbGripVertical, TbPlus, TbRepeat, TbX } from "react-icons/tb";
-import { useAngles } from "../../service/angles";
-import { useRefusedInput, useRefusedWithin } from "../../service/refusedFields";
+import { short } from "../../samples/format";
+import { type Angles, told } from "../../samples/quantity";
+import { counted } from "../../samples/words";
+import { useAngles } from "../../service/preferences";
+import { useRefusedInput, useRefusedWithin } from "../../service/refusals";
 import type { PartPlayed } from "../../wire/types";
-import { innerOf, numberOf, type Part, type Place } from "./document";
-import { ExpressionField } from "./ExpressionField";
-import { PART_FORMS, partOf, stripped } from "./partForms";
-import { partInWords, playedInWords } from "./partWords";
+import { ExpressionField } from "./CriteriaEditor";
+import { innerOf, numberOf, type Part, type Place, type Value } from "./document";
 import styles from "./SequenceEditor.module.css";
+
+/** The parts that an experiment may have, as forms: which boxes each has, and how a new one begins. Pure. */
+
+export interface Box {
+  readonly name: string;
+  readonly words: string;
+  readonly unit: string;
+  /** May be left out: what it names stays as it is, or is as usual. */
+  readonly optional?: boolean;
+  readonly choices?: readonly string[];
+}
+
+export interface PartForm {
+  readonly words: string;
+  readonly boxes: readonly Box[];
+  /** What a new one has. */
+  readonly begins: Readonly<Record<string, Value | Part[]>>;
+}
+
+const box = (name: string, words: string, unit: string): Box => ({ name, words, unit });
+const maybe = (name: string, words: string, unit: string): Box => ({ name, words, unit, optional: true });
+
+const TIME = box("duration_s", "Time", "s");
+const AIM = [maybe("q_ref", "q_ref", "rad"), maybe("S_ref", "S_ref", "N·m/rad")];
+const AMPLITUDES = [
+  maybe("q_amplitude", "Amplitude of q", "rad"),
+  maybe("S_amplitude", "Amplitude of S", "N·m/rad"),
+];
+
+export const PART_FORMS: Readonly<Record<string, PartForm>> = {
+  hold: { words: "Hold", boxes: [TIME], begins: { duration_s: 2 } },
+  step: { words: "Step", boxes: [...AIM, TIME], begins: { q_ref: 0, duration_s: 2 } },
+  ramp: { words: "Ramp", boxes: [...AIM, TIME], begins: { q_ref: 0, duration_s: 2 } },
+  pulse: {
+    words: "Pulse",
+    boxes: [...AIM, TIME, box("rest_s", "Rest", "s")],
+    begins: { q_ref: 0.2, duration_s: 2, rest_s: 2 },
+  },
+  sine: {
+    words: "Sine",
+    boxes: [...AMPLITUDES, box("period_s", "Period", "s"), TIME],
+    begins: { q_amplitude: 0.2, period_s: 4, duration_s: 8 },
+  },
+  sweep: {
+    words: "Sweep",
+    boxes: [...AMPLITUDES, box("from_Hz", "From", "Hz"), box("to_Hz", "To", "Hz"), TIME],
+    begins: { q_amplitude: 0.05, from_Hz: 0.1, to_Hz: 1, duration_s: 20 },
+  },
+  prbs: {
+    words: "PRBS",
+    boxes: [
+      ...AMPLITUDES,
+      box("chip_s", "Chip", "s"),
+      box("bits", "Bits", "1"),
+      maybe("periods", "Periods", "1"),
+    ],
+    begins: { q_amplitude: 0.05, chip_s: 0.2, bits: 6 },
+  },
+  multisine: {
+    words: "Multisine",
+    boxes: [
+      ...AMPLITUDES,
+      box("period_s", "Period", "s"),
+      box("lines", "Lines", "1"),
+      maybe("periods", "Periods", "1"),
+    ],
+    begins: { q_amplitude: 0.05, period_s: 8, lines: 10 },
+  },
+  push: {
+    words: "Push",
+    boxes: [
+      box("F_push", "Force", "N"),
+      TIME,
+      { name: "shape", words: "Shape", unit: "1", choices: ["step", "ramp", "smooth"] },
+    ],
+    begins: { F_push: 5, duration_s: 2, shape: "step" },
+  },
+  hand: {
+    words: "Hand",
+    boxes: [
+      box("F_push", "Force", "N"),
+      box("pushes", "Pushes", "1"),
+      box("pause_s", "Pause", "s"),
+      maybe("seed", "Seed", "1"),
+    ],
+    begins: { F_push: 5, pushes: 3, pause_s: 2 },
+  },
+  load: {
+    words: "Load of the shafts",
+    boxes: [maybe("load_A", "Load A", "N·m"), maybe("load_B", "Load B", "N·m"), TIME],
+    begins: { load_A: 0.05, duration_s: 2 },
+  },
+  wall: {
+    words: "Wall",
+    boxes: [
+      box("q_wall", "q_wall", "rad"),
+      { name: "side", words: "Stands", unit: "1", choices: ["above", "below"] },
+      maybe("k_wall", "Stiffness", "N/m"),
+      maybe("c_wall", "Damping", "s/m"),
+    ],
+    begins: { q_wall: 0.5, side: "above" },
+  },
+  no_wall: { words: "No wall", boxes: [], begins: {} },
+  tuning: {
+    words: "Tuning",
+    boxes: [
+      maybe("lam_q", "λ_q", "s"),
+      maybe("lam_S", "λ_S", "s"),
+      maybe("lam_motor", "λ_motor", "s"),
+      maybe("b", "b", "1"),
+      maybe("bank", "Bank", "1"),
+      { name: "motion", words: "Motion", unit: "1", choices: ["lambda", "time-optimal"], optional: true },
+      maybe("u_plan", "Voltage limit", "V"),
+      maybe("k_ext", "k_ext", "1"),
+    ],
+    begins: { lam_q: 0.8 },
+  },
+  learn: { words: "Learn", boxes: [maybe("duration_s", "Time", "s")], begins: { duration_s: 2 } },
+  until_contact: {
+    words: "Until contact",
+    boxes: [maybe("contact_N", "Contact", "N")],
+    begins: { contact_N: 1.5, parts: [{ do: "hold", duration_s: 2 }] },
+  },
+  repeat: {
+    words: "Repeat",
+    boxes: [box("times", "Times", "1")],
+    begins: { times: 2, parts: [{ do: "hold", duration_s: 2 }] },
+  },
+};
+
+/** A new part of a kind; of another one it keeps what both have, so that a step becomes a ramp to the same place. */
+export function partOf(kind: string, other?: Part): Part {
+  const form = PART_FORMS[kind];
+  const kept = Object.fromEntries(
+    Object.entries(other ?? {}).filter(
+      ([name]) => name !== "do" && form?.boxes.some((one) => one.name === name),
+    ),
+  );
+  const begins = form?.begins ?? {};
+  const inner = other === undefined ? undefined : innerOf(other)[0]?.[1];
+  const parts = "parts" in begins && inner !== undefined ? { parts: [...inner] } : {};
+  // a reference that the other leaves as it is is none that a new one would move
+  const aims = "q_ref" in kept || "S_ref" in kept ? { ...begins, q_ref: undefined } : begins;
+  // a sine that was something else is one whole period as long as that
+  const period =
+    kind === "sine" && !("period_s" in kept) && "duration_s" in kept ? { period_s: kept.duration_s } : {};
+  return stripped({ do: kind, ...aims, ...kept, ...period, ...parts });
+}
+
+/** A part without what is left out. */
+export function stripped(part: Part): Part {
+  return Object.fromEntries(Object.entries(part).filter(([, value]) => value !== undefined)) as Part;
+}
+
+/** What a part will do, in words: from what is written, and from what the service has laid out of it. Pure. */
+
+/** A number with its unit as it is read; an expression as it is written; null for what is left out. */
+function said(part: Part, name: string, unit: string, angles: Angles): string | null {
+  const value = part[name];
+  if (typeof value === "number") return told(value, unit, angles);
+  return typeof value === "string" ? value : null;
+}
+
+function aim(part: Part, angles: Angles): string {
+  const q = said(part, "q_ref", "rad", angles);
+  const S = said(part, "S_ref", "N·m/rad", angles);
+  const named = [q === null ? null : `q to ${q}`, S === null ? null : `S to ${S}`].filter(
+    (one) => one !== null,
+  );
+  return named.length === 0 ? "nothing" : named.join(" and ");
+}
+
+function swing(part: Part, angles: Angles): string {
+  const q = part.q_amplitude === 0 ? null : said(part, "q_amplitude", "rad", angles);
+  const S = part.S_amplitude === 0 ? null : said(part, "S_amplitude", "N·m/rad", angles);
+  const named = [q === null ? null : `q by ±${q}`, S === null ? null : `S by ±${S}`].filter(
+    (one) => one !== null,
+  );
+  return named.length === 0 ? "nothing" : named.join(" and ");
+}
+
+/** What is written. */
+export function partInWords(part: Part, angles: Angles): string {
+  const time = said(part, "duration_s", "s", angles) ?? "";
+  const of = (name: string, unit: string) => said(part, name, unit, angles) ?? "…";
+  switch (part.do) {
+    case "hold":
+      return `holds the references for ${time}`;
+    case "step":
+      return `jumps ${aim(part, angles)}, stays ${time}`;
+    case "ramp":
+      return `ramps ${aim(part, angles)} in ${time}`;
+    case "pulse":
+      return `jumps ${aim(part, angles)} for ${time}, and back for ${of("rest_s", "s")}`;
+    case "sine":
+      return `swings ${swing(part, angles)} with a period of ${of("period_s", "s")}${turns(part)} for ${time}${fastest(part, angles)}`;
+    case "sweep":
+      return `swings ${swing(part, angles)} from ${of("from_Hz", "Hz")} to ${of("to_Hz", "Hz")} in ${time}`;
+    case "prbs":
+      return `jumps ${swing(part, angles)} by a binary sequence of ${of("bits", "1")} bits, ${of("chip_s", "s")} each`;
+    case "multisine":
+      return `swings ${swing(part, angles)} by ${of("lines", "1")} harmonics of ${of("period_s", "s")}`;
+    case "push":
+      return `pushes the joint with ${of("F_push", "N")} for ${time}, on the simulator`;
+    case "hand":
+      return `pushes ${of("pushes", "1")} times like a hand, up to ${of("F_push", "N")}, on the simulator`;
+    case "load":
+      return `loads the motors' shafts for ${time}, on the simulator`;
+    case "wall":
+      return `puts a wall ${part.side ?? "above"} ${of("q_wall", "rad")}, on the simulator`;
+    case "no_wall":
+      return "takes the wall away";
+    case "tuning":
+      return tuning(part, angles);
+    case "learn":
+      return `rests ${time || "2 s"}: what the outside force reads is taken off from then on`;
+    case "until_contact":
+      return `plays its parts until a force above ${said(part, "contact_N", "N", angles) ?? "1.5 N"} is felt`;
+    case "repeat":
+      return `plays its parts ${of("times", "1")} times; ${part.index ?? "i"} counts from 0`;
+    case "choose":
+      return `plays the parts under the value of ${part.by}`;
+    default:
+      return "is not known";
+  }
+}
+
+function turns({ duration_s, period_s }: Part): string {
+  if (typeof duration_s !== "number" || typeof period_s !== "number" || period_s <= 0) return "";
+  const count = Number((duration_s / period_s).toPrecision(3));
+  return `, ${Number.isInteger(count) ? counted(count, "turn") : `${short(count)} turns`},`;
+}
+
+/** The largest rate of a sine of q, a·2π/T. */
+function fastest({ q_amplitude, period_s }: Part, angles: Angles): string {
+  if (typeof q_amplitude !== "number" || typeof period_s !== "number" || period_s <= 0 || q_amplitude === 0)
+    return "";
+  return `, ${rate((Math.abs(q_amplitude) * 2 * Math.PI) / period_s, "rad/s", angles)} at most`;
+}
+
+function tuning(part: Part, angles: Angles): string {
+  const named = Object.entries(part).filter(([name]) => name !== "do");
+  const words: Record<string, string> = {
+    lam_q: "λ_q",
+    lam_S: "λ_S",
+    lam_motor: "λ_motor",
+    u_plan: "U_plan",
+  };
+  const units: Record<string, string> = { lam_q: "s", lam_S: "s", lam_motor: "s", u_plan: "V" };
+  const parts = named.map(([name, value]) => {
+    const shown =
+      typeof value === "boolean" ? (value ? "yes" : "no") : said(part, name, units[name] ?? "1", angles);
+    return `${words[name] ?? name} = ${shown}`;
+  });
+  return parts.length === 0 ? "changes nothing of the tuning" : `from the next motion on ${parts.join(", ")}`;
+}
+
+/** What the service has laid out of it: when, and how fast a ramp is. */
+export function playedInWords(part: Part, played: PartPlayed, angles: Angles): string {
+  const words = [`at ${short(played.start_s)} to ${told(played.end_s, "s", angles)}`];
+  if (part.do === "ramp" && played.piece_s > 0) {
+    for (const [name, from, to, unit] of [
+      ["q", played.q_from, played.q_to, "rad"],
+      ["S", played.S_from, played.S_to, "N·m/rad"],
+    ] as const) {
+      if (from === null || from === to) continue;
+      const speed = rate((to - from) / played.piece_s, unit === "rad" ? "rad/s" : "N·m/rad/s", angles);
+      words.push(`${name} from ${told(from, unit, angles)}, ${speed}`);
+    }
+  }
+  return words.join(", ");
+}
+
+function rate(value: number, unit: string, angles: Angles): string {
+  return told(Number(value.toPrecision(3)), unit, angles).replace(
+    /^(−?)(\d+\.?\d*)/,
+    (_, sign, number) => `${sign}${short(Number(number), 3)}`,
+  );
+}
+
+/** Parts one after the other: the boxes of each, what it will do in words, what moves it. A loop has its parts within. */
 
 /** What a row may ask of the editor it stands in. */
 export interface Composing {

@@ -4,18 +4,17 @@ import { ActionIcon, Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { TbArrowUp, TbX } from "react-icons/tb";
 import { Card } from "../../components/Card";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { useQueueCommand } from "../../service/commands";
+import { useNoControl } from "../../service/control";
 import { queueQuery } from "../../service/queries";
-import { useNoControl } from "../../service/useNoControl";
 import type { ExperimentKind } from "../../wire/types";
-import { whyNoStart } from "../operate/allowed";
-import { NextMode } from "../operate/NextMode";
+import { NextMode } from "../operate/ModeCard";
+import { whyNoStart } from "../operate/ReferencesCard";
 import page from "../Page.module.css";
-import { tuningOf } from "./order";
-import { RunSummary } from "./RunSummary";
+import { RunSummary, tuningOf } from "./ExperimentForm";
 
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);

@@ -5,7 +5,7 @@ import { useState } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { RefusedFields } from "../../service/refusedFields";
+import { RefusedFields } from "../../service/refusals";
 import { type Document, SAMPLE } from "./document";
 import { SequenceEditor } from "./SequenceEditor";
 

@@ -3,7 +3,7 @@
 import type { Angles } from "../../samples/quantity";
 import type { Bound, Document, Part } from "./document";
 import { innerOf } from "./document";
-import { partInWords } from "./partWords";
+import { partInWords } from "./PartList";
 
 const MOST = 6;
 

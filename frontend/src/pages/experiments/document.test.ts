@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { beside, type Document, documentIn, moved, numberOf, SAMPLE, writeDocument } from "./document";
-import { PART_FORMS, partOf } from "./partForms";
+import { PART_FORMS, partOf } from "./PartList";
 
 const DO = (kind: string, name: number) => ({ do: kind, duration_s: name });
 const LOOPED: Document = {

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { OwnExperiment } from "../../wire/types";
-import { isOpened, NOTHING_OPENED, savedMeanwhile } from "./opened";
+import { isOpened, NOTHING_OPENED, savedMeanwhile } from "./OwnExperiments";
 
 const version = (number: number, who: string): OwnExperiment => ({
   name: "mine",

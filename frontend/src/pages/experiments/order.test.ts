@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { ExperimentKind } from "../../wire/types";
-import { changesInWords, hasChoice, tuningChanges } from "./order";
+import { changesInWords, hasChoice, tuningChanges } from "./ExperimentForm";
 
 const SEGMENTS = '[{"duration_s": 4, "q_ref": 0, "S_ref": 10}]';
 const KIND = {

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { differences } from "./differences";
 import { SAMPLE } from "./document";
-import { partInWords, playedInWords } from "./partWords";
+import { partInWords, playedInWords } from "./PartList";
 
 const RAD = Math.PI / 180;
 

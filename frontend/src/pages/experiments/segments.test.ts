@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { further, parseSegments, segmentsProblem, totalOf, writeSegments } from "./segments";
+import { further, parseSegments, segmentsProblem, totalOf, writeSegments } from "./SequenceEditor";
 
 describe("segments", () => {
   it("holds SI, and sends what it was given to the last digit", () => {

@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { useComposedPreview } from "./useComposedPreview";
+import { useComposedPreview } from "./Preview";
 
 interface Asked {
   readonly text: string;

@@ -1,24 +1,207 @@
-/** G_q and G_S: models, responses beside the data, residual tests, candidates, and what would change in the bank. */
-
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { CurvePlot } from "../../charts/CurvePlot";
-import { Shown } from "../../components/Absent";
 import { Explained } from "../../components/Explained";
-import { Verdict } from "../../components/Verdict";
+import { Verdict } from "../../components/RunState";
+import { Shown, SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, percent, significant } from "../../samples/format";
 import { labelWith, readingOf, told } from "../../samples/quantity";
-import { structureInWords } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { capital, inWordsOf, structureInWords } from "../../samples/words";
+import { symbolEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
 import { curvesQuery, differenceInUseQuery, tuningKey } from "../../service/queries";
 import { HUES } from "../../theme/signals";
-import type { ChannelCurves, Correlation, Identification, Model } from "../../wire/types";
-import { DifferenceTable } from "../banks/DifferenceTable";
-import page from "../Page.module.css";
-import styles from "./Identify.module.css";
-import { ModelView } from "./ModelView";
-import { residualOutcome } from "./residuals";
+import type { ChannelCurves, Correlation, Identification, Model, UnseenOutput } from "../../wire/types";
+import { DifferenceTable } from "../banks/BankComparison";
+import pageStyles from "../Page.module.css";
+import identifyStyles from "./Identify.module.css";
+
+/** What is set side by side of several identifications of one kind. Pure. */
+
+/** Runs that the service puts into one report. */
+const MOST_IN_A_REPORT = 100;
+
+export interface Estimated {
+  /** As the notation spells it. */
+  readonly name: string;
+  readonly unit: string;
+  readonly value: number;
+  readonly std: number | null;
+}
+
+export interface Candidate {
+  readonly run: number;
+  readonly estimates: readonly Estimated[];
+  readonly grade: string;
+}
+
+/** The estimates behind one output, "G_q" or "G_S" of an actuator, "A" or "B" of motors; null where there are none. */
+export function candidateOf(identification: Identification, output: string): Candidate | null {
+  const { run } = identification;
+  const model = output === "G_q" ? identification.G_q : output === "G_S" ? identification.G_S : null;
+  if (model !== null) {
+    const unit = output === "G_S" ? "N·m/rad²" : "1";
+    return {
+      run,
+      grade: model.grade,
+      estimates: [
+        { name: "K", unit, value: model.K, std: model.K_std },
+        { name: "T", unit: "s", value: model.T, std: model.T_std },
+      ],
+    };
+  }
+  const motor = identification.motors.find(({ side }) => side === output);
+  if (motor === undefined) return null;
+  const { fitted, std_errors, u_c, u_c_std, grade } = motor;
+  return {
+    run,
+    grade,
+    estimates: [
+      { name: "K_m", unit: "rad/(V·s)", value: fitted.K_m, std: std_errors.K_m },
+      { name: "T_m", unit: "s", value: fitted.T_m, std: std_errors.T_m },
+      { name: "u_c", unit: "V", value: u_c, std: u_c_std },
+    ],
+  };
+}
+
+/** Identifications that can be set beside this one: of its kind, with a model, newest first, itself left out. */
+export function comparable(one: Identification, all: readonly Identification[]): Identification[] {
+  return all.filter(({ run, kind, estimate }) => run !== one.run && kind === one.kind && estimate !== null);
+}
+
+/** Runs of the session that the newest belongs to, oldest first: those with a model that were made on its day. */
+export function sessionOf(all: readonly Identification[]): number[] {
+  const found = all.filter(({ estimate }) => estimate !== null);
+  const day = (one: Identification) => new Date(one.created).toDateString();
+  const newest = found[0];
+  if (newest === undefined) return [];
+  return found
+    .filter((one) => day(one) === day(newest))
+    .map(({ run }) => run)
+    .slice(0, MOST_IN_A_REPORT)
+    .reverse();
+}
+
+/** How far a value is from another, in words of the page; null where there is nothing to divide by. */
+export function change(value: number, from: number): string | null {
+  if (from === 0) return null;
+  const percent = 100 * (value / from - 1);
+  return `${percent > 0 ? "+" : ""}${fixed(percent, 1)} %`;
+}
+
+/** Where the predicted samples came from, in a sentence. */
+export function recordInWords(kind: string, of: number, own: boolean): string {
+  if (kind === "motor") {
+    return own
+      ? `Each step of run ${of}, by a model fitted to its other steps.`
+      : `Each step of run ${of}, by a model that has not seen that run.`;
+  }
+  return own
+    ? `The last third of run ${of}, by a model fitted to its first two thirds.`
+    : `The last third of run ${of}, by a model that has not seen that run.`;
+}
+
+export function outputTitle(output: UnseenOutput): string {
+  return output.name.startsWith("G_") ? output.name : `Motor ${output.name}`;
+}
+
+/** A residual test in words: which test, its statistic, its level. */
+
+export function residualOutcome(test: Correlation, good: string, bad: string): string {
+  const { correlation, statistic, critical, level, passed } = test;
+  return (
+    `${passed ? good : bad}: largest of ${correlation.length} correlations ${fixed(statistic, 1)} standard ` +
+    `deviations, bound ${fixed(critical, 1)} at the ${fixed(100 * level, 0)} % level for all lags together`
+  );
+}
+
+/** One fitted model with its quality: gain against geometry, lag, fit, parameters, verdict. */
+
+export function ModelView({
+  name,
+  path,
+  unit,
+  model,
+  isExplained,
+}: {
+  name: string;
+  path: string;
+  unit: string;
+  model: Model;
+  /** The verdict on the whole identification has the reasons of this model's grade already. */
+  isExplained: boolean;
+}) {
+  const deviation = 100 * (model.K / model.gain_geometry - 1);
+  const sign = deviation > 0 ? "+" : "";
+  return (
+    <section className={identifyStyles.model} aria-label={`Model ${name}`}>
+      <h3 className={identifyStyles.heading}>
+        <SignalName name={name} /> <span className={pageStyles.dim}>{path}</span>
+      </h3>
+      <dl className={identifyStyles.figures}>
+        <div>
+          <dt>
+            <Explained of="quantity:K">Gain K</Explained> {unit !== "" && `[${unit}]`}
+          </dt>
+          <dd>{significant(model.K, 4)}</dd>
+          <dd className={identifyStyles.beside}>
+            geometry {significant(model.gain_geometry, 3)}, {sign}
+            {fixed(deviation, 1)} %
+          </dd>
+        </div>
+        <div>
+          <dt>
+            <Explained of="quantity:T">Sum of lags T</Explained> [s]
+          </dt>
+          <dd>{significant(model.T, 3)}</dd>
+          <dd className={identifyStyles.beside}>first-order reduction</dd>
+        </div>
+        <div>
+          <dt>
+            <Explained of="quantity:fit_percent">Fit</Explained> [%]
+          </dt>
+          <dd>
+            <Shown value={model.fit_percent} why="not measured: no data was left aside">
+              {(fit) => percent(fit, 1)}
+            </Shown>
+          </dd>
+          <dd className={identifyStyles.beside}>on data not used</dd>
+        </div>
+      </dl>
+      <Table withRowBorders={false} verticalSpacing={2} aria-label={`Parameters of ${name}`}>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>{structureInWords(model.structure)}</Table.Th>
+            <Table.Th className={pageStyles.number}>Value</Table.Th>
+            <Table.Th className={pageStyles.number}>Standard error</Table.Th>
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {Object.entries(model.parameters).map(([parameter, value]) => (
+            <Table.Tr key={parameter}>
+              <Table.Td>
+                <Explained of={symbolEntry(parameter)}>{parameter}</Explained>
+              </Table.Td>
+              <Table.Td className={pageStyles.number}>{significant(value, 4)}</Table.Td>
+              <Table.Td className={pageStyles.number}>
+                <Shown value={model.std_errors[parameter]} why="not determined by this record">
+                  {(error) => significant(error, 2)}
+                </Shown>
+              </Table.Td>
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+      <span className={pageStyles.dim}>Estimated by {inWordsOf(model.method)}.</span>
+      <Verdict good={model.grade === "usable"} of={`grade:${model.grade}`}>
+        {isExplained ? capital(model.grade) : model.verdict}
+      </Verdict>
+    </section>
+  );
+}
+
+/** G_q and G_S: models, responses beside the data, residual tests, candidates, and what would change in the bank. */
 
 const COHERENT = 0.9;
 const CHANNELS: Record<string, { hue: string; unit: string; output: string; outputUnit: string }> = {
@@ -36,7 +219,7 @@ export function ActuatorResult({ identification }: { identification: Identificat
   const curves = useQuery(curvesQuery(run));
   return (
     <>
-      <div className={page.halves}>
+      <div className={pageStyles.halves}>
         {G_q && (
           <ModelView name="G_q" path="θ_A,ref → q" unit="" model={G_q} isExplained={isWorst(G_q, G_S)} />
         )}
@@ -50,12 +233,12 @@ export function ActuatorResult({ identification }: { identification: Identificat
           />
         )}
       </div>
-      <div className={page.halves}>
+      <div className={pageStyles.halves}>
         {curves.data?.channels.map((channel) => (
           <Channel key={channel.name} channel={channel} />
         ))}
       </div>
-      {curves.error && <p className={page.empty}>{curves.error.message}</p>}
+      {curves.error && <p className={pageStyles.empty}>{curves.error.message}</p>}
       {identification.usable && <AgainstBankInUse run={run} />}
     </>
   );
@@ -82,7 +265,7 @@ function Channel({ channel }: { channel: ChannelCurves }) {
   const reduced = { label: "first order", colour: "limit", line: "dashed" } as const;
   const omega = "ω [rad/s]";
   return (
-    <section className={styles.model} aria-label={`Curves of ${channel.name}`}>
+    <section className={identifyStyles.model} aria-label={`Curves of ${channel.name}`}>
       <CurvePlot
         title={`Magnitude of ${channel.name}`}
         xLabel={omega}
@@ -185,16 +368,16 @@ function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
 
 function Candidates({ channel }: { channel: ChannelCurves }) {
   return (
-    <div className={page.tableScroll} style={{ marginBottom: 0 }}>
+    <div className={pageStyles.tableScroll} style={{ marginBottom: 0 }}>
       <Table withRowBorders={false} verticalSpacing={2} aria-label={`Candidates for ${channel.name}`}>
         <Table.Caption>Structures tried on the same record, best first</Table.Caption>
         <Table.Thead>
           <Table.Tr>
             <Table.Th>Structure</Table.Th>
-            <Table.Th className={page.number}>K</Table.Th>
-            <Table.Th className={page.number}>T [s]</Table.Th>
-            <Table.Th className={page.number}>Fit [%]</Table.Th>
-            <Table.Th className={page.number}>BIC</Table.Th>
+            <Table.Th className={pageStyles.number}>K</Table.Th>
+            <Table.Th className={pageStyles.number}>T [s]</Table.Th>
+            <Table.Th className={pageStyles.number}>Fit [%]</Table.Th>
+            <Table.Th className={pageStyles.number}>BIC</Table.Th>
             <Table.Th>Grade</Table.Th>
           </Table.Tr>
         </Table.Thead>
@@ -236,7 +419,7 @@ interface TriedProps {
 
 function Tried({ value, problem, told }: TriedProps) {
   return (
-    <Table.Td className={page.number}>
+    <Table.Td className={pageStyles.number}>
       <Shown value={value} why={problem === "" ? "not determined by this record" : problem}>
         {told}
       </Shown>
@@ -249,9 +432,9 @@ function AgainstBankInUse({ run }: { run: number }) {
   const difference = useQuery(differenceInUseQuery(run, lambdas));
   return (
     <section aria-label="Against the models in use">
-      <h3 className={styles.heading}>What using this model would change</h3>
-      {difference.error && <p className={page.empty}>{difference.error.message}</p>}
-      {difference.isPending && <p className={page.empty}>Comparing …</p>}
+      <h3 className={identifyStyles.heading}>What using this model would change</h3>
+      {difference.error && <p className={pageStyles.empty}>{difference.error.message}</p>}
+      {difference.isPending && <p className={pageStyles.empty}>Comparing …</p>}
       {difference.data && <DifferenceTable difference={difference.data} />}
     </section>
   );

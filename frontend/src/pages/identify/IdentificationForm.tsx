@@ -1,36 +1,136 @@
-/** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
-
 import { Button, SegmentedControl } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useEffect, useMemo } from "react";
+import { useCanvas } from "../../charts/useCanvas";
 import { Card } from "../../components/Card";
-import { ChoiceField } from "../../components/ChoiceField";
 import { DraftMark } from "../../components/DraftMark";
-import { NumberField } from "../../components/NumberField";
+import { ChoiceField, NumberField, TextField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
-import { TextField } from "../../components/TextField";
+import { Verdict } from "../../components/RunState";
+import { Shown } from "../../components/values";
 import { useLive, useLiveStore } from "../../live/react";
-import { fixed } from "../../samples/format";
-import { type Angles, labelWith, rangeText } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { duration, fixed, significant } from "../../samples/format";
+import { notANumber, numberIn } from "../../samples/number";
+import {
+  type Angles,
+  angleText,
+  boxText,
+  inWords,
+  labelWith,
+  offered,
+  rangeText,
+  readingOf,
+} from "../../samples/quantity";
 import { useStartIdentification } from "../../service/commands";
-import { fieldEntry, settingEntry } from "../../service/fieldHelp";
+import { useNoControl } from "../../service/control";
+import { isPlainRecord, useDraft } from "../../service/drafts";
+import { fieldEntry, settingEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
 import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
-import { RefusedFields } from "../../service/refusedFields";
-import { tuningInWords } from "../../service/tuningWords";
-import { isPlainRecord, useDraft } from "../../service/useDraft";
-import { useNoControl } from "../../service/useNoControl";
+import { RefusedFields } from "../../service/refusals";
+import { tuningInWords } from "../../service/tuning";
 import { DEGREES } from "../../theme/signals";
-import type { IdentificationKind, Setting } from "../../wire/types";
-import { tuningOf } from "../experiments/order";
-import { whyNoStart } from "../operate/allowed";
-import { NextMode } from "../operate/NextMode";
-import page from "../Page.module.css";
-import styles from "./Identify.module.css";
-import { type Kind, labelOf, originOf, requestOf, type Values, valuesOf } from "./order";
-import type { LocalizedText } from "./PredictionView";
-import { SpringTableForm } from "./SpringTableForm";
+import type { IdentificationKind, IdentificationRequest, Prediction, Setting } from "../../wire/types";
+import { tuningOf } from "../experiments/ExperimentForm";
+import { NextMode } from "../operate/ModeCard";
+import { paintPlane } from "../operate/paintPlane";
+import { whyNoStart } from "../operate/ReferencesCard";
+import { useBankEntries } from "../operate/TuningCard";
+import pageStyles from "../Page.module.css";
+import identifyStyles from "./Identify.module.css";
+import { SpringTableForm } from "./SpringResult";
+
+/** From what stands in the form to what is asked of the service. Pure. */
+
+export type Kind = IdentificationRequest["kind"];
+export type Values = Record<string, number | string>;
+
+export interface Asked {
+  /** Null while something in the form is no number. */
+  readonly request: IdentificationRequest | null;
+  readonly problem: string | null;
+  /** Of the field that the problem is about. */
+  readonly place?: string;
+}
+
+const MAX_TENSIONS = 8;
+
+/** Short labels; the setting's own meaning stands below the box. */
+const LABELS: Record<string, string> = {
+  tension_N: "Tension",
+  amplitude_rad: "PRBS amplitude",
+  chip_s: "Chip length",
+  bits: "Register bits",
+  periods: "Periods",
+  settle_s: "Settling",
+  estimator: "Estimator",
+  u_low: "Smallest step",
+  u_high: "Largest step",
+  levels: "Voltages",
+  travel_rad: "Travel",
+  step_s: "Longest step",
+  F_low: "Lowest tension",
+  F_high: "Highest tension",
+  sweep_s: "One way",
+  cycles: "Times up and down",
+};
+
+export function labelOf({ name, meaning }: Setting): string {
+  return LABELS[name] ?? meaning;
+}
+
+/** Every setting: what a person changed, else its default. All of it is shown, and sent. */
+export function valuesOf(kind: IdentificationKind, changed: Values, angles: Angles): Values {
+  const values = kind.settings.map((setting) => [
+    setting.name,
+    changed[setting.name] ?? usualOf(setting, angles),
+  ]);
+  return Object.fromEntries(values);
+}
+
+/** Where the value of a setting comes from. */
+export function originOf(setting: Setting, changed: Values, angles: Angles): string {
+  const [value, usual] = [changed[setting.name], usualOf(setting, angles)];
+  if (value === undefined || value === usual) return "default";
+  return `default: ${typeof usual === "number" ? boxText(usual, setting.unit, angles) : usual}`;
+}
+
+function usualOf(setting: Setting, angles: Angles): number | string {
+  return setting.choices ? String(setting.default) : offered(Number(setting.default), setting, angles);
+}
+
+/** `tensions` lists several, separated by commas; empty for the one among the values. */
+export function requestOf(kind: IdentificationKind, values: Values, tensions: string): Asked {
+  const list = tensions.split(/[,;\s]+/).filter((word) => word !== "");
+  // one tension is not in use while there are several
+  const used = Object.entries(values).filter(([name]) => list.length === 0 || name !== "tension_N");
+  const chosen = kind.settings.filter((setting) => setting.choices).map((setting) => setting.name);
+  const odd = used.find(([name, value]) => typeof value !== "number" && !chosen.includes(name));
+  if (odd !== undefined) {
+    const [place, value] = odd;
+    const setting = kind.settings.find(({ name }) => name === place);
+    const label = setting === undefined ? place : labelOf(setting);
+    return { request: null, problem: `${label}: ${notANumber(String(value))}.`, place };
+  }
+  const numbers = list.map(numberIn).filter((number) => number !== null);
+  const place = "tensions_N";
+  const word = list.find((one) => numberIn(one) === null);
+  if (word !== undefined) {
+    const problem = `Several tensions: ${notANumber(word)}; write numbers separated by commas.`;
+    return { request: null, problem, place };
+  }
+  if (numbers.length > MAX_TENSIONS) {
+    return { request: null, problem: `Several tensions: at most ${MAX_TENSIONS} in turn.`, place };
+  }
+  const several = numbers.length > 0 ? { tensions_N: numbers } : {};
+  return {
+    request: { kind: kind.kind as Kind, ...Object.fromEntries(used), ...several } as IdentificationRequest,
+    problem: null,
+  };
+}
+
+/** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
 
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
 
@@ -55,7 +155,7 @@ export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps
   const chosen = kinds.data?.find((entry) => entry.kind === kind);
   return (
     <Card title="New identification">
-      <div className={page.fields}>
+      <div className={pageStyles.fields}>
         <SegmentedControl
           aria-label="What to identify"
           fullWidth
@@ -63,7 +163,7 @@ export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps
           data={(kinds.data ?? []).map((entry) => ({ value: entry.kind, label: entry.title }))}
           onChange={(value) => setKind(value as Kind)}
         />
-        <span className={page.dim}>{chosen?.description ?? kinds.error?.message ?? "Loading …"}</span>
+        <span className={pageStyles.dim}>{chosen?.description ?? kinds.error?.message ?? "Loading …"}</span>
         {chosen && <KindForm key={kind} kind={chosen} onStarted={onStarted} onForecast={onForecast} />}
         {kind === "spring" && <SpringTableForm onTable={onTable} />}
       </div>
@@ -115,7 +215,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
 
   return (
     <RefusedFields error={start.error} foreseen={prediction.error} about={[changed, tensions]}>
-      <form className={page.fields} aria-label="New identification" onSubmit={submit}>
+      <form className={pageStyles.fields} aria-label="New identification" onSubmit={submit}>
         <DraftMark
           draft={draft}
           of="identification"
@@ -132,7 +232,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
             onTensions={(text) => draft.set((before) => ({ ...before, tensions: text }))}
           />
         )}
-        <div className={styles.grid}>
+        <div className={identifyStyles.grid}>
           {kind.settings
             .filter((setting) => setting.name !== "tension_N")
             .map((setting) =>
@@ -162,9 +262,9 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
             )}
         </div>
         {state !== null && (
-          <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
+          <span className={pageStyles.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
         )}
-        <div className={page.decide}>
+        <div className={pageStyles.decide}>
           <Button
             type="submit"
             size="sm"
@@ -224,7 +324,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
   const inTurn = tensions.trim() !== "";
   return (
     <>
-      <div className={styles.tension}>
+      <div className={identifyStyles.tension}>
         <NumberField
           name="tension_N"
           label="Tension [N]"
@@ -252,7 +352,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
           ))}
         </Button.Group>
       </div>
-      <div className={styles.tension}>
+      <div className={identifyStyles.tension}>
         <TextField
           name="tensions_N"
           label="Several tensions in turn [N]"
@@ -271,6 +371,120 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
           All four
         </Button>
       </div>
+    </>
+  );
+}
+
+/** Where a run will take the joint, in the plane of position and stiffness, with the joint as it is now. */
+
+export function ForecastMap({ prediction }: { prediction: Prediction }) {
+  const store = useLiveStore();
+  const entries = useBankEntries();
+  const angles = useAngles();
+  const drawing = useMemo(() => {
+    const newest = (name: string) => store.window.newest(name).toFixed(2);
+    return {
+      signature: () => [newest("q"), newest("S"), store.snapshot().state === null].join(),
+      paint: (surface: Parameters<typeof paintPlane>[0]) => {
+        const limits = store.snapshot().state?.limits;
+        if (limits) paintPlane(surface, limits, undefined, store.window, entries, null, angles, prediction);
+      },
+    };
+  }, [store, entries, prediction, angles]);
+  const canvas = useCanvas(drawing);
+  const [low, high] = [prediction.q_low, prediction.q_high].map((q) => angleText(q, 1, angles));
+  return (
+    <figure className={identifyStyles.map}>
+      <canvas
+        ref={canvas}
+        role="img"
+        aria-label={`Way of the joint, ${labelWith(`within ${low} to ${high}`, "rad", angles)}`}
+      />
+      <figcaption className={pageStyles.dim}>
+        Way of the joint and the band it stays in: S [N·m/rad] over {labelWith("q", "rad", angles)}
+      </figcaption>
+    </figure>
+  );
+}
+
+/** What a run will do to the rig, told before it starts. */
+
+export interface LocalizedText {
+  readonly prediction: Prediction | undefined;
+  readonly problem: string | undefined;
+}
+
+export function PredictionView({ prediction, problem }: LocalizedText) {
+  const angles = useAngles();
+  const isRunning = useLive((live) => live.state?.task != null);
+  if (isRunning) {
+    return (
+      <Card title="Forecast">
+        <output className={identifyStyles.prediction} aria-label="Prediction">
+          <span className={pageStyles.dim}>
+            A task is running. The forecast of the next run starts from where the joint is after it.
+          </span>
+        </output>
+      </Card>
+    );
+  }
+  return (
+    <Card title="Forecast">
+      <output className={identifyStyles.prediction} aria-label="Prediction">
+        {problem !== undefined && <Verdict good={false}>{problem}</Verdict>}
+        {problem === undefined && prediction === undefined && (
+          <span className={pageStyles.dim}>Predicting …</span>
+        )}
+        {problem === undefined && prediction !== undefined && (
+          <>
+            <div className={identifyStyles.forecast}>
+              <ForecastMap prediction={prediction} />
+              <dl className={pageStyles.facts}>
+                <dt>
+                  {labelWith("Joint", "rad", angles)}, now at {angleText(prediction.q_start, 1, angles)}
+                </dt>
+                <dd>
+                  <strong>
+                    {angleText(prediction.q_low, 1, angles)} to {angleText(prediction.q_high, 1, angles)}
+                  </strong>
+                </dd>
+                <dt>Tendons</dt>
+                <dd>
+                  <strong>
+                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} to{" "}
+                    {fixed(prediction.F_high, 1)}
+                  </strong>{" "}
+                  N
+                </dd>
+                {prediction.figures.map((figure) => (
+                  <Figure key={figure.name} {...figure} />
+                ))}
+                <dt>Until back in pretension</dt>
+                <dd>{duration(prediction.duration_s)}</dd>
+              </dl>
+            </div>
+            <Verdict good={prediction.enough_motion}>{inWords(prediction.message, angles)}</Verdict>
+          </>
+        )}
+      </output>
+    </Card>
+  );
+}
+
+function Figure({ label, value, unit }: Prediction["figures"][number]) {
+  const { unit: read, factor } = readingOf(unit, useAngles());
+  const counts = unit === "encoder counts";
+  return (
+    <>
+      <dt>{label}</dt>
+      <dd>
+        <strong>
+          <Shown value={value} why="cannot be foreseen">
+            {(some) => (counts ? fixed(some, 0) : significant(some * factor, 3))}
+          </Shown>
+        </strong>{" "}
+        {read}
+      </dd>
     </>
   );
 }

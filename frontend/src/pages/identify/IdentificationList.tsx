@@ -1,20 +1,30 @@
-/** All identification runs; a tick chooses one for a bank. */
-
-import { Checkbox, Table } from "@mantine/core";
-import type { ReactNode } from "react";
+import { Button, Checkbox, Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { type FormEvent, type ReactNode, useState } from "react";
 import { Link } from "wouter";
-import { Absent, Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
-import { RunState } from "../../components/RunState";
-import { SeriesReports } from "../../components/SeriesReports";
-import { SignalName } from "../../components/SignalName";
+import { SeriesReports } from "../../components/Downloads";
+import { TextField } from "../../components/fields";
+import { Refusal } from "../../components/Refusal";
+import { RunState, Verdict } from "../../components/RunState";
+import { Absent, Shown, SignalName } from "../../components/values";
+import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { heading } from "../../samples/words";
-import { useMayCommand } from "../../service/useMayCommand";
-import type { Identification } from "../../wire/types";
-import page from "../Page.module.css";
-import { sessionOf } from "./candidates";
-import styles from "./Identify.module.css";
+import { useActivateBank, useBuildBank } from "../../service/commands";
+import { useMayCommand, useNoRetuning } from "../../service/control";
+import { identificationQuery, isRunning } from "../../service/queries";
+import { RefusedFields } from "../../service/refusals";
+import type { Bank, Identification } from "../../wire/types";
+import { nameOf } from "../banks/BankTable";
+import pageStyles from "../Page.module.css";
+import { ActuatorResult, sessionOf } from "./ActuatorResult";
+import identifyStyles from "./Identify.module.css";
+import { MotorResult } from "./MotorResult";
+import { ApplyParameters } from "./ParametersCard";
+import { SpringRunResult } from "./SpringResult";
+
+/** All identification runs; a tick chooses one for a bank. */
 
 interface IdentificationListProps {
   readonly identifications: readonly Identification[] | undefined;
@@ -32,32 +42,32 @@ export function IdentificationList(props: IdentificationListProps) {
   return (
     <Card title="Identification runs">
       {identifications?.length === 0 && (
-        <p className={page.empty}>
+        <p className={pageStyles.empty}>
           No identification yet. Bring the loop to pretension, then start one at each tension.
         </p>
       )}
-      {identifications === undefined && <p className={page.empty}>Loading …</p>}
+      {identifications === undefined && <p className={pageStyles.empty}>Loading …</p>}
       {identifications !== undefined && identifications.length > 0 && (
-        <div className={page.tableScroll}>
-          <Table aria-label="Identification runs" highlightOnHover className={page.cards ?? ""}>
+        <div className={pageStyles.tableScroll}>
+          <Table aria-label="Identification runs" highlightOnHover className={pageStyles.cards ?? ""}>
             <Table.Thead>
               <Table.Tr>
                 <Table.Th>{may === false ? "" : "Bank"}</Table.Th>
                 <Table.Th>Run</Table.Th>
                 <Table.Th>Of</Table.Th>
                 <Table.Th>When</Table.Th>
-                <Table.Th className={page.number}>Tension [N]</Table.Th>
-                <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
-                <Table.Th className={page.number}>
+                <Table.Th className={pageStyles.number}>Tension [N]</Table.Th>
+                <Table.Th className={pageStyles.number}>S [N·m/rad]</Table.Th>
+                <Table.Th className={pageStyles.number}>
                   K of <SignalName name="G_q" />
                 </Table.Th>
-                <Table.Th className={page.number}>
+                <Table.Th className={pageStyles.number}>
                   T of <SignalName name="G_q" /> [s]
                 </Table.Th>
-                <Table.Th className={page.number}>
+                <Table.Th className={pageStyles.number}>
                   K of <SignalName name="G_S" />
                 </Table.Th>
-                <Table.Th className={page.number}>
+                <Table.Th className={pageStyles.number}>
                   T of <SignalName name="G_S" /> [s]
                 </Table.Th>
                 <Table.Th>End</Table.Th>
@@ -68,7 +78,7 @@ export function IdentificationList(props: IdentificationListProps) {
                 <Table.Tr
                   key={row.id}
                   bg={row.id === selected ? "var(--accent-soft)" : undefined}
-                  className={styles.pressed ?? ""}
+                  className={identifyStyles.pressed ?? ""}
                   onClick={(event) => {
                     if ((event.target as Element).closest("a, input, button") === null) onShow(row.id);
                   }}
@@ -89,24 +99,24 @@ export function IdentificationList(props: IdentificationListProps) {
                   </Table.Td>
                   <Table.Td>{heading(row.kind)}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
-                  <Table.Td className={page.number}>
+                  <Table.Td className={pageStyles.number}>
                     <Shown value={row.tension_N} why="not at one tension">
                       {(tension_N) => fixed(tension_N, 0)}
                     </Shown>
                   </Table.Td>
-                  <Table.Td className={page.number}>
+                  <Table.Td className={pageStyles.number}>
                     {row.S_nominal === null ? noModel(row) : fixed(row.S_nominal, 2)}
                   </Table.Td>
-                  <Table.Td className={page.number}>
+                  <Table.Td className={pageStyles.number}>
                     {row.G_q === null ? noModel(row) : significant(row.G_q.K, 3)}
                   </Table.Td>
-                  <Table.Td className={page.number}>
+                  <Table.Td className={pageStyles.number}>
                     {row.G_q === null ? noModel(row) : significant(row.G_q.T, 3)}
                   </Table.Td>
-                  <Table.Td className={page.number}>
+                  <Table.Td className={pageStyles.number}>
                     {row.G_S === null ? noModel(row) : significant(row.G_S.K, 3)}
                   </Table.Td>
-                  <Table.Td className={page.number}>
+                  <Table.Td className={pageStyles.number}>
                     {row.G_S === null ? noModel(row) : significant(row.G_S.T, 3)}
                   </Table.Td>
                   <Table.Td>
@@ -119,8 +129,10 @@ export function IdentificationList(props: IdentificationListProps) {
         </div>
       )}
       {session.length > 1 && (
-        <section className={styles.report} aria-label="Report of the session">
-          <span className={page.dim}>The {session.length} identifications of this day in one report:</span>
+        <section className={identifyStyles.report} aria-label="Report of the session">
+          <span className={pageStyles.dim}>
+            The {session.length} identifications of this day in one report:
+          </span>
           <SeriesReports runs={session} />
         </section>
       )}
@@ -131,4 +143,127 @@ export function IdentificationList(props: IdentificationListProps) {
 /** Motors and springs have no such columns; an actuator's run without a model says so. */
 function noModel({ kind }: Identification): ReactNode {
   return kind === "actuator" ? "no model" : <Absent why={`a ${kind} has none`} />;
+}
+
+/** Makes a bank of controllers from the ticked runs, and activates it. */
+
+export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; onBuilt: () => void }) {
+  const [name, setName] = useState("");
+  const build = useBuildBank();
+  const runs = [...chosen].sort((a, b) => a - b);
+  const ready = runs.length > 0 && name.trim() !== "";
+  const inSight = runs.length > 0 || build.data !== undefined;
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    if (ready) build.mutate({ name: name.trim(), identifications: runs }, { onSuccess: onBuilt });
+  }
+
+  return (
+    <Card title="Bank from runs" className={inSight ? identifyStyles.builder : undefined}>
+      <RefusedFields error={build.error} about={name}>
+        <form className={identifyStyles.build} aria-label="Bank from runs" onSubmit={submit}>
+          <TextField name="name" label="Bank name" value={name} onChange={setName} />
+          <Button type="submit" variant="default" disabled={!ready} loading={build.isPending}>
+            Build bank
+          </Button>
+          <span className={pageStyles.dim}>
+            {runs.length === 0
+              ? "Tick the runs to use in the list above."
+              : `Chosen: ${runs.map((run) => `run ${run}`).join(", ")}`}
+          </span>
+        </form>
+        {build.data && <Built bank={build.data} />}
+        <Refusal error={build.error} about={name} />
+      </RefusedFields>
+    </Card>
+  );
+}
+
+/** What was built, with the step that comes next. */
+function Built({ bank }: { bank: Bank }) {
+  const activate = useActivateBank();
+  const active = useLive((live) => live.state?.tuning.bank?.id === bank.id);
+  const locked = useNoRetuning();
+  const name = nameOf(bank);
+  return (
+    <div className={identifyStyles.built}>
+      <span>
+        Built <Link href={`/banks/${bank.id}`}>{name}</Link>.
+      </span>
+      {active ? (
+        <output>It is active: the loop uses its gains.</output>
+      ) : (
+        <Button
+          size="compact-sm"
+          aria-label={`Activate ${name}`}
+          disabled={locked !== null}
+          loading={activate.isPending}
+          onClick={() => activate.mutate(bank.id)}
+        >
+          Activate
+        </Button>
+      )}
+      <Refusal error={activate.error} text={active ? null : locked} />
+    </div>
+  );
+}
+
+/** One identification: progress while it runs, then a verdict and what came out, by kind. */
+
+export function IdentificationResult({ id }: { id: number }) {
+  const { data, error } = useQuery(identificationQuery(id));
+  if (error) {
+    return (
+      <Card title="Result">
+        <p className={pageStyles.empty}>{error.message}</p>
+      </Card>
+    );
+  }
+  if (data === undefined) {
+    return (
+      <Card title="Result">
+        <p className={pageStyles.empty}>Loading …</p>
+      </Card>
+    );
+  }
+  return (
+    <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
+      <p className={pageStyles.lead}>
+        Run {data.run}
+        {data.tension_N !== null && <> at {fixed(data.tension_N, 0)} N</>}
+        {data.S_nominal !== null && <>, stiffness {fixed(data.S_nominal, 2)} N·m/rad</>},{" "}
+        {dateTime(data.created)}. <Link href={`/runs/${data.run}`}>Data of the run</Link>
+      </p>
+      {isRunning(data.status) ? <RunProgress identification={data} /> : <Models identification={data} />}
+    </Card>
+  );
+}
+
+function RunProgress({ identification }: { identification: Identification }) {
+  const task = useLive((live) => live.state?.task ?? null);
+  const mine = task !== null && task.run === identification.run && task.phase !== "evaluation";
+  return (
+    <p className={pageStyles.empty}>
+      {mine ? "It runs; its models stand here afterwards." : "estimating models …"}
+    </p>
+  );
+}
+
+function Models({ identification }: { identification: Identification }) {
+  const { kind, estimate, message } = identification;
+  if (estimate === null) {
+    return <p className={pageStyles.empty}>{message === "" ? "No model came out of this run." : message}</p>;
+  }
+  const parts = [identification.G_q, identification.G_S, ...identification.motors];
+  const good = identification.usable && parts.every((part) => part === null || part.grade === "usable");
+  return (
+    <>
+      <Verdict good={good}>{message}</Verdict>
+      {kind === "actuator" && <ActuatorResult identification={identification} />}
+      {kind === "motor" && <MotorResult identification={identification} />}
+      {kind === "spring" && <SpringRunResult identification={identification} />}
+      {kind !== "actuator" && <ApplyParameters estimate={estimate} />}
+    </>
+  );
 }

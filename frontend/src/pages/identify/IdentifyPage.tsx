@@ -3,18 +3,14 @@
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useLocation, useParams } from "wouter";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { identificationsQuery, springTablesQuery } from "../../service/queries";
 import { RunningCard } from "../operate/RunningCard";
 import styles from "../Page.module.css";
-import { BankBuilder } from "./BankBuilder";
-import { IdentificationForm } from "./IdentificationForm";
-import { IdentificationList } from "./IdentificationList";
-import { IdentificationResult } from "./IdentificationResult";
+import { IdentificationForm, type LocalizedText, PredictionView } from "./IdentificationForm";
+import { BankBuilder, IdentificationList, IdentificationResult } from "./IdentificationList";
 import { ParametersCard } from "./ParametersCard";
-import { type LocalizedText, PredictionView } from "./PredictionView";
-import { SpringTableResult } from "./SpringResult";
-import { SpringTableList } from "./SpringTableList";
+import { SpringTableList, SpringTableResult } from "./SpringResult";
 import { TrendCard } from "./TrendCard";
 import { UnseenCard } from "./UnseenCard";
 

@@ -1,16 +1,163 @@
-/** The parameters in force by versions: who applied what, from which identification, and one step back. */
-
-import { Table } from "@mantine/core";
+import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { useId } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { dateTime } from "../../samples/format";
-import { parametersQuery, useUndoParameters } from "../../service/comparedModels";
-import type { Parameters } from "../../wire/types";
-import page from "../Page.module.css";
-import { ChangeTable } from "./ApplyParameters";
-import { ChangeButton } from "./ChangeButton";
-import styles from "./Identify.module.css";
+import { Refusal } from "../../components/Refusal";
+import { Shown, SignalName } from "../../components/values";
+import { useLive } from "../../live/react";
+import { dateTime, fixed, significant } from "../../samples/format";
+import { parametersQuery, useApplyParameters, useUndoParameters } from "../../service/comparedModels";
+import { useMayCommand, useNoControl } from "../../service/control";
+import type { ParameterChange, Parameters } from "../../wire/types";
+import { NextMode } from "../operate/ModeCard";
+import pageStyles from "../Page.module.css";
+import identifyStyles from "./Identify.module.css";
+
+/** A button that changes the parameters in force, and why it cannot at present. */
+
+interface ChangeButtonProps {
+  readonly children: string;
+  readonly error: Error | null;
+  readonly pending: boolean;
+  /** What the refused request would have changed. */
+  readonly about: unknown;
+  onPress(): void;
+}
+
+export function ChangeButton({ children, error, pending, about, onPress }: ChangeButtonProps) {
+  const may = useMayCommand();
+  const mode = useLive((live) => live.state?.mode);
+  const id = useId();
+  const noControl = useNoControl();
+  const reason =
+    may === false
+      ? "Operators change the parameters."
+      : (noControl ??
+        (mode === "off" || mode === undefined
+          ? null
+          : `Parameters change in off only; the mode is ${mode}: switch it off first.`));
+  return (
+    <>
+      <Button
+        variant="default"
+        className={identifyStyles.act}
+        aria-disabled={reason !== null}
+        data-disabled={reason !== null || undefined}
+        aria-describedby={id}
+        loading={pending}
+        onClick={() => reason === null && onPress()}
+      >
+        {children}
+      </Button>
+      <Refusal id={id} error={error} about={`${mode} ${about}`} text={reason}>
+        <NextMode need="off" />
+      </Refusal>
+    </>
+  );
+}
+
+/** What applying an identification would change about the parameters in force, and the button that does it. */
+
+export function ApplyParameters({ estimate }: { estimate: number }) {
+  const asked = useQuery(parametersQuery(estimate));
+  const apply = useApplyParameters();
+  const onCard = useLive((live) => ["rig", "virtual_card"].includes(live.state?.plant.kind ?? ""));
+  const proposal = asked.data?.proposal;
+  return (
+    <section className={identifyStyles.model} aria-label="Apply to the parameters">
+      <h3 className={identifyStyles.heading}>What applying it would change</h3>
+      {asked.error && <p className={pageStyles.empty}>{asked.error.message}</p>}
+      {asked.isPending && <p className={pageStyles.empty}>Comparing …</p>}
+      {proposal && proposal.problem !== "" && <p className={pageStyles.empty}>{proposal.problem}.</p>}
+      {apply.data && (
+        <output className={pageStyles.dim}>
+          Version {apply.data.versions[0]?.number} is in force. <NextMode need="start" />
+        </output>
+      )}
+      {proposal && proposal.problem === "" && (
+        <>
+          <ChangeTable label="Parameters that would change" changes={proposal.changes} />
+          <span className={pageStyles.dim}>
+            Controller, forecasts and predictions go by it then; a simulated plant stays as it is. The control
+            loop starts anew, and a bank made with the former parameters is put aside with them.
+            {onCard &&
+              " The encoders lose their zero with the loop: do Zero or Homing of the bring-up anew after it."}
+          </span>
+          <ChangeButton
+            error={apply.error}
+            pending={apply.isPending}
+            about={estimate}
+            onPress={() => apply.mutate(estimate)}
+          >
+            Apply to the parameters
+          </ChangeButton>
+        </>
+      )}
+    </section>
+  );
+}
+
+interface ChangeTableProps {
+  readonly label: string;
+  readonly changes: readonly ParameterChange[];
+}
+
+export function ChangeTable({ label, changes }: ChangeTableProps) {
+  return (
+    <div className={identifyStyles.scroll}>
+      <Table withRowBorders={false} verticalSpacing={2} aria-label={label}>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>Of</Table.Th>
+            <Table.Th className={pageStyles.number}>before</Table.Th>
+            <Table.Th className={pageStyles.number}>after</Table.Th>
+            <Table.Th>Unit</Table.Th>
+            <Table.Th className={pageStyles.number}>change [%]</Table.Th>
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {changes.map((one) => (
+            <Table.Tr key={`${one.name} ${one.side}`}>
+              <Table.Td>
+                <Named name={one.name} /> {one.name.startsWith("k") ? "of spring" : "of motor"} {one.side}
+              </Table.Td>
+              <Table.Td className={pageStyles.number}>
+                <Shown value={one.before} why="it had none">
+                  {(value) => significant(value, 5)}
+                </Shown>
+              </Table.Td>
+              <Table.Td className={pageStyles.number}>
+                <Shown value={one.after} why="it has none any more">
+                  {(value) => significant(value, 5)}
+                </Shown>
+              </Table.Td>
+              <Table.Td>{one.unit}</Table.Td>
+              <Table.Td className={pageStyles.number}>
+                <Shown value={one.percent} why="there is nothing to compare with">
+                  {(percent) => `${percent > 0 ? "+" : ""}${fixed(percent, 2)}`}
+                </Shown>
+              </Table.Td>
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+    </div>
+  );
+}
+
+/** k0, k1 ... are coefficients; the others are in the notation. */
+function Named({ name }: { name: string }) {
+  if (!/^k\d$/.test(name)) return <SignalName name={name} />;
+  return (
+    <span className="symbol">
+      <i>k</i>
+      <sub>{name.slice(1)}</sub>
+    </span>
+  );
+}
+
+/** The parameters in force by versions: who applied what, from which identification, and one step back. */
 
 const DIGEST_SHOWN = 12;
 
@@ -22,14 +169,14 @@ export function ParametersCard() {
   const newest = data?.versions[0];
   return (
     <Card title="Parameters in force">
-      {error && <p className={page.empty}>{error.message}</p>}
+      {error && <p className={pageStyles.empty}>{error.message}</p>}
       {data && newest && (
         <>
-          <p className={page.lead}>
+          <p className={pageStyles.lead}>
             {data.name}, {newest.number === 0 ? "as the file says" : `version ${newest.number}`},{" "}
             <code title={newest.digest}>{newest.digest.slice(0, DIGEST_SHOWN)}</code>
           </p>
-          <div className={styles.scroll}>
+          <div className={identifyStyles.scroll}>
             <Table aria-label="Versions of the parameters">
               <Table.Thead>
                 <Table.Tr>
@@ -44,7 +191,7 @@ export function ParametersCard() {
                 {data.versions.map((version) => (
                   <Table.Tr key={version.number}>
                     <Table.Td>{version.number}</Table.Td>
-                    <Table.Td className={styles.together}>
+                    <Table.Td className={identifyStyles.together}>
                       {version.at === null ? "at the start" : dateTime(version.at)}
                     </Table.Td>
                     <Table.Td>{version.who || "nobody"}</Table.Td>
@@ -60,8 +207,8 @@ export function ParametersCard() {
             </Table>
           </div>
           {newest.number > 0 && (
-            <section className={styles.model} aria-label="Newest change">
-              <h3 className={styles.heading}>What version {newest.number} changed</h3>
+            <section className={identifyStyles.model} aria-label="Newest change">
+              <h3 className={identifyStyles.heading}>What version {newest.number} changed</h3>
               <ChangeTable label="Parameters that changed" changes={newest.changes} />
               <ChangeButton
                 error={undo.error}

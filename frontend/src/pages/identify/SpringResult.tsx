@@ -1,18 +1,23 @@
-/** Springs: polynomials of several orders, which one to use and why, with pairs and error curves. */
-
-import { Table } from "@mantine/core";
+import { Button, FileInput, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
 import { CurvePlot } from "../../charts/CurvePlot";
-import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
-import { Verdict } from "../../components/Verdict";
+import { ChoiceField, TextField } from "../../components/fields";
+import { Refusal } from "../../components/Refusal";
+import { Verdict } from "../../components/RunState";
+import { Shown } from "../../components/values";
 import { dateTime, fixed, withError } from "../../samples/format";
+import { useAddSpringTable } from "../../service/commands";
 import { curvesQuery, springTableCurvesQuery } from "../../service/queries";
+import { RefusedFields, useRefusedInput } from "../../service/refusals";
 import { HUES } from "../../theme/signals";
 import type { Identification, Spring, SpringCurves, SpringTable, SpringTableReading } from "../../wire/types";
-import page from "../Page.module.css";
-import { ApplyParameters } from "./ApplyParameters";
-import styles from "./Identify.module.css";
+import pageStyles from "../Page.module.css";
+import identifyStyles from "./Identify.module.css";
+import { ApplyParameters } from "./ParametersCard";
+
+/** Springs: polynomials of several orders, which one to use and why, with pairs and error curves. */
 
 const MILLI = 1000;
 const ORDER_COLOURS: Record<number, string> = { 2: "text", 3: HUES.u_B, 5: HUES.u_A };
@@ -20,7 +25,7 @@ const ORDER_COLOURS: Record<number, string> = { 2: "text", 3: HUES.u_B, 5: HUES.
 export function SpringRunResult({ identification }: { identification: Identification }) {
   const curves = useQuery(curvesQuery(identification.run));
   return (
-    <div className={page.halves}>
+    <div className={pageStyles.halves}>
       {identification.springs.map((spring) => (
         <SpringView
           key={spring.name}
@@ -38,10 +43,10 @@ export function SpringTableResult({ table }: { table: SpringTable }) {
   const curves = useQuery(springTableCurvesQuery(table.id));
   return (
     <Card title="Spring from a table">
-      <p className={page.lead}>
+      <p className={pageStyles.lead}>
         {table.file}, {dateTime(table.created)} by {table.who}. Digest {table.sha256.slice(0, 12)}.
       </p>
-      {table.read && <p className={page.lead}>{readingOf(table.read)}</p>}
+      {table.read && <p className={pageStyles.lead}>{readingOf(table.read)}</p>}
       <Verdict good={table.usable}>{table.message}</Verdict>
       <SpringView title={table.file} hue={HUES.F_A} spring={table.spring} curves={curves.data?.springs[0]} />
       <ApplyParameters estimate={table.id} />
@@ -71,29 +76,29 @@ interface SpringViewProps {
 
 function SpringView({ title, hue, spring, curves }: SpringViewProps) {
   return (
-    <section className={styles.model} aria-label={title}>
-      <h3 className={styles.heading}>{title}</h3>
+    <section className={identifyStyles.model} aria-label={title}>
+      <h3 className={identifyStyles.heading}>{title}</h3>
       <Table withRowBorders={false} verticalSpacing={2} aria-label={`Polynomials of ${title}`}>
         <Table.Thead>
           <Table.Tr>
             <Table.Th>Order</Table.Th>
-            <Table.Th className={page.number}>RMS [N]</Table.Th>
-            <Table.Th className={page.number}>Largest [N]</Table.Th>
-            <Table.Th className={page.number}>Left out [N]</Table.Th>
+            <Table.Th className={pageStyles.number}>RMS [N]</Table.Th>
+            <Table.Th className={pageStyles.number}>Largest [N]</Table.Th>
+            <Table.Th className={pageStyles.number}>Left out [N]</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
           {spring.fits.map((fit) => (
             <Table.Tr key={fit.order} fw={fit.order === spring.recommended ? 600 : undefined}>
               <Table.Td>{fit.order === spring.recommended ? `${fit.order}, use this` : fit.order}</Table.Td>
-              <Table.Td className={page.number}>{fixed(fit.rms_N, 3)}</Table.Td>
-              <Table.Td className={page.number}>{fixed(fit.max_N, 3)}</Table.Td>
-              <Table.Td className={page.number}>{fixed(fit.cross_validation_N, 3)}</Table.Td>
+              <Table.Td className={pageStyles.number}>{fixed(fit.rms_N, 3)}</Table.Td>
+              <Table.Td className={pageStyles.number}>{fixed(fit.max_N, 3)}</Table.Td>
+              <Table.Td className={pageStyles.number}>{fixed(fit.cross_validation_N, 3)}</Table.Td>
             </Table.Tr>
           ))}
         </Table.Tbody>
       </Table>
-      <span className={page.dim}>
+      <span className={pageStyles.dim}>
         {spring.reason}; {spring.pairs} pairs
         {spring.hysteresis_N !== null &&
           `; the ways up and down differ by up to ${fixed(spring.hysteresis_N, 2)} N`}
@@ -117,7 +122,7 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
             k<sub>i</sub> [N/mⁱ]
           </Table.Th>
           {spring.fits.map((fit) => (
-            <Table.Th key={fit.order} className={page.number}>
+            <Table.Th key={fit.order} className={pageStyles.number}>
               order {fit.order}
             </Table.Th>
           ))}
@@ -130,7 +135,7 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
               k<sub>{power}</sub>
             </Table.Td>
             {spring.fits.map((fit) => (
-              <Table.Td key={fit.order} className={page.number} style={{ whiteSpace: "nowrap" }}>
+              <Table.Td key={fit.order} className={pageStyles.number} style={{ whiteSpace: "nowrap" }}>
                 <Shown value={fit.k[power]} why={`order ${fit.order} has none`}>
                   {(k) => withError(k, fit.std_errors[power] ?? Number.NaN)}
                 </Shown>
@@ -178,5 +183,125 @@ function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurve
         }))}
       />
     </>
+  );
+}
+
+/** A spring measured elsewhere: a CSV file in, its characteristic out. */
+
+const DECIMALS = [
+  { value: "", label: "found from the numbers" },
+  { value: "point", label: "point, as in 8.5" },
+  { value: "comma", label: "comma, as in 8,5" },
+];
+
+export function SpringTableForm({ onTable }: { onTable: (id: number) => void }) {
+  const add = useAddSpringTable();
+  const [file, setFile] = useState<File | null>(null);
+  const [decimal, setDecimal] = useState("");
+  const [header, setHeader] = useState("");
+
+  const isLine = /^([1-9]\d{0,5})?$/.test(header);
+
+  async function read(chosen: File | null): Promise<void> {
+    setFile(chosen);
+    if (chosen === null || !isLine) return;
+    const body = {
+      name: chosen.name,
+      table: await chosen.text(),
+      decimal: decimal === "point" || decimal === "comma" ? decimal : null,
+      header: header === "" ? null : Number(header),
+    } as const;
+    add.mutate(body, { onSuccess: (table) => onTable(table.id) });
+  }
+
+  return (
+    <RefusedFields error={add.error} only="table">
+      <form
+        className={pageStyles.fields}
+        aria-label="Measured table"
+        onSubmit={(event) => event.preventDefault()}
+      >
+        <TableFile reading={add.isPending} onChange={read} />
+        <ChoiceField
+          name="decimal"
+          label="Decimal mark of the table"
+          data={DECIMALS}
+          value={decimal}
+          onChange={setDecimal}
+        />
+        <TextField
+          name="header"
+          label="Line that names the columns"
+          description="found where it is left empty"
+          value={header}
+          problem={isLine ? null : "a whole number from 1"}
+          onChange={(text) => setHeader(text.trim())}
+        />
+        {add.isError && file !== null && (
+          <Button variant="default" loading={add.isPending} onClick={() => read(file)}>
+            Read {file.name} again
+          </Button>
+        )}
+        <Refusal error={add.error} />
+      </form>
+    </RefusedFields>
+  );
+}
+
+function TableFile({ reading, onChange }: { reading: boolean; onChange: (file: File | null) => void }) {
+  const { ref, said } = useRefusedInput<HTMLButtonElement>("table");
+  return (
+    <FileInput
+      ref={ref}
+      label="Or a table measured elsewhere (CSV)"
+      description="columns x [m] or x [mm], and F [N]; units in the heading"
+      inputWrapperOrder={["label", "input", "description", "error"]}
+      placeholder="Choose a file"
+      accept=".csv,text/csv,text/plain"
+      value={null}
+      error={said}
+      disabled={reading}
+      onChange={onChange}
+    />
+  );
+}
+
+/** Springs identified from tables; not there while there is none. */
+
+interface SpringTableListProps {
+  readonly tables: readonly SpringTable[];
+  readonly selected: number | null;
+  onSelect(id: number | null): void;
+}
+
+export function SpringTableList({ tables, selected, onSelect }: SpringTableListProps) {
+  if (tables.length === 0) return null;
+  return (
+    <Card title="Springs from tables">
+      <div className={pageStyles.tableScroll}>
+        <Table aria-label="Springs from tables">
+          <Table.Tbody>
+            {tables.map((table) => (
+              <Table.Tr key={table.id} bg={table.id === selected ? "var(--accent-soft)" : undefined}>
+                <Table.Td>{table.file}</Table.Td>
+                <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(table.created)}</Table.Td>
+                <Table.Td>order {table.spring.recommended}</Table.Td>
+                <Table.Td>{table.usable ? "usable" : "not usable"}</Table.Td>
+                <Table.Td className={pageStyles.number}>
+                  <Button
+                    size="compact-xs"
+                    variant="default"
+                    aria-label={table.id === selected ? `Close ${table.file}` : `Show ${table.file}`}
+                    onClick={() => onSelect(table.id === selected ? null : table.id)}
+                  >
+                    {table.id === selected ? "Close" : "Show"}
+                  </Button>
+                </Table.Td>
+              </Table.Tr>
+            ))}
+          </Table.Tbody>
+        </Table>
+      </div>
+    </Card>
   );
 }

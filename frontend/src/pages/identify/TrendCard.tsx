@@ -5,7 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { CurvePlot } from "../../charts/CurvePlot";
 import { Card } from "../../components/Card";
-import { SignalName } from "../../components/SignalName";
+import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
 import { trendQuery } from "../../service/comparedModels";

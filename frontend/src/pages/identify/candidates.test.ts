@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Identification } from "../../wire/types";
-import { candidateOf, change, comparable, recordInWords, sessionOf } from "./candidates";
+import { candidateOf, change, comparable, recordInWords, sessionOf } from "./ActuatorResult";
 
 const MOTOR = {
   side: "A",

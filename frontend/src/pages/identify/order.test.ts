@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { IdentificationKind } from "../../wire/types";
-import { originOf, requestOf, valuesOf } from "./order";
+import { originOf, requestOf, valuesOf } from "./IdentificationForm";
 
 const ACTUATOR: IdentificationKind = {
   kind: "actuator",

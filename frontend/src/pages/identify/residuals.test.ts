@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { residualOutcome } from "./residuals";
+import { residualOutcome } from "./ActuatorResult";
 
 const TEST = {
   lags_s: [0.1, 0.2],

@@ -6,12 +6,11 @@ import { useInfiniteQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Card } from "../../components/Card";
-import { useAngles } from "../../service/angles";
 import { type LogAsked, logQuery } from "../../service/log";
+import { useAngles } from "../../service/preferences";
 import page from "../Page.module.css";
-import { CHOICES, kindsOf, midnight } from "./kinds";
 import styles from "./Log.module.css";
-import { LogRows } from "./LogRows";
+import { CHOICES, kindsOf, LogRows, midnight } from "./LogRows";
 
 interface Filters {
   readonly words: string;

@@ -2,8 +2,8 @@
 
 import { Button, TextInput } from "@mantine/core";
 import { Refusal } from "../../components/Refusal";
+import { isPlainRecord, isText, useDraft } from "../../service/drafts";
 import { useRemark } from "../../service/log";
-import { isPlainRecord, isText, useDraft } from "../../service/useDraft";
 import type { LogEntry } from "../../wire/types";
 import styles from "./Log.module.css";
 

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { ALARMS, CHOICES, kindsOf, NAMES } from "./kinds";
+import { ALARMS, CHOICES, kindsOf, NAMES } from "./LogRows";
 
 it("offers refusals by themselves, and they are no alarms", () => {
   expect(CHOICES).toContainEqual({ value: "refusal", label: "Refusals" });

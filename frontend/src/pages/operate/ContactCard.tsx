@@ -8,12 +8,12 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { rangeOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
 import { useTouch } from "../../service/commands";
-import { fieldEntry } from "../../service/fieldHelp";
-import { RefusedFields } from "../../service/refusedFields";
-import { useDraft } from "../../service/useDraft";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoControl } from "../../service/control";
+import { useDraft } from "../../service/drafts";
+import { fieldEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
+import { RefusedFields } from "../../service/refusals";
 import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
 

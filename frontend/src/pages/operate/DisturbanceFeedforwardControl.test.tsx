@@ -4,7 +4,7 @@ import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Pushed, State, Tuning, TuningPreview } from "../../wire/types";
-import { DisturbanceFeedforwardControl } from "./DisturbanceFeedforwardControl";
+import { DisturbanceFeedforwardControl } from "./LambdaControl";
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));

@@ -1,24 +1,25 @@
-/** One λ: slider with its safe range, box, − / + / reset, and the preview of the loop at the value in hand. */
-
-import { ActionIcon, Slider } from "@mantine/core";
+import { ActionIcon, Slider, Switch } from "@mantine/core";
 import { type ReactNode, useEffect, useState } from "react";
 import { TbMinus, TbPlus, TbRestore } from "react-icons/tb";
 import { Refusal } from "../../components/Refusal";
-import { SignalName } from "../../components/SignalName";
 import { TargetKeys } from "../../components/TargetKeys";
 import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
+import { Shown, SignalName } from "../../components/values";
+import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { useAngles } from "../../service/angles";
-import { fieldEntry } from "../../service/fieldHelp";
-import { useErrorLifetime } from "../../service/useErrorLifetime";
-import type { Previewed } from "../../service/usePreview";
-import { useSentValue } from "../../service/useSentValue";
+import { angleWithUnit } from "../../samples/quantity";
+import { useErrorLifetime } from "../../service/control";
+import { useSentValue } from "../../service/drafts";
+import { fieldEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
+import { type Previewed, whyNoEstimate } from "../../service/tuning";
 import { LAMBDAS } from "../../wire/sample.gen";
-import type { Tuning, TuningPreview } from "../../wire/types";
-import styles from "./Operate.module.css";
-import type { LoopName } from "./previewedMotion";
-import { StepPreview } from "./StepPreview";
+import type { Pushed, Tuning, TuningPreview } from "../../wire/types";
+import operateStyles from "./Operate.module.css";
+import { type LoopName, StepPreview } from "./StepPreview";
+
+/** One λ: slider with its safe range, box, − / + / reset, and the preview of the loop at the value in hand. */
 
 const STEP_S = 0.01;
 const DECIMALS = 3;
@@ -70,12 +71,12 @@ export function LambdaControl(props: LambdaControlProps) {
   const fromSlider = (position: number) => Math.min(Math.max(rounded(Math.exp(position)), min), max);
 
   return (
-    <div className={styles.control}>
-      <div className={styles.row}>
-        <span className={styles.name}>
+    <div className={operateStyles.control}>
+      <div className={operateStyles.row}>
+        <span className={operateStyles.name}>
           <SignalName name={symbol} />
         </span>
-        <span className={styles.bounds} />
+        <span className={operateStyles.bounds} />
         <Small name={`Decrease ${symbol}`} disabled={disabled} onClick={() => nudge(-STEP_S)}>
           <TbMinus size={14} />
         </Small>
@@ -106,7 +107,7 @@ export function LambdaControl(props: LambdaControlProps) {
         </Small>
       </div>
       <TouchLock name={symbol}>
-        <div className={styles.lambdaSlider} style={{ ["--unsafe" as string]: `${unsafe}%` }}>
+        <div className={operateStyles.lambdaSlider} style={{ ["--unsafe" as string]: `${unsafe}%` }}>
           <TargetKeys
             min={min}
             max={max}
@@ -147,7 +148,7 @@ export function LambdaControl(props: LambdaControlProps) {
               }}
             />
           </TargetKeys>
-          <div className={styles.scale} aria-hidden="true">
+          <div className={operateStyles.scale} aria-hidden="true">
             <span style={{ left: `${unsafe}%` }}>{fixed(min, DECIMALS)}</span>
             <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
           </div>
@@ -194,4 +195,112 @@ function Small({ name, title, disabled, children, onClick }: SmallProps) {
 
 function rounded(seconds: number): number {
   return Number(seconds.toFixed(DECIMALS));
+}
+
+/** Pushes that are rejected by feed-forward of the outside force, and what that does to a joint that is pushed. */
+
+/** As far as the margin against something stiff allows: beyond, M_s is more than 1/(1 − 0.7) there. */
+const USUAL = 0.7;
+const STEP = 0.1;
+/** The push that is forecast, as long as no forecast says so. */
+const PUSH_N = 5;
+const SHARE_DECIMALS = 2;
+
+interface DisturbanceFeedforwardControlProps {
+  readonly tuning: Tuning;
+  readonly previewed: Previewed;
+  /** A run has the tuning: nothing of it is taken. */
+  readonly disabled: boolean;
+  /** What is in hand and not in force yet, for the forecast. */
+  onDraft(k_ext: number | undefined): void;
+  onCommit(k_ext: number): Promise<unknown>;
+}
+
+export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardControlProps) {
+  const { tuning, previewed, disabled, onDraft, onCommit } = props;
+  const { k_ext } = tuning;
+  const reason = useLive((live) => whyNoEstimate(live.state));
+  const sent = useSentValue(k_ext, onCommit);
+  const [problem, setProblem] = useState<string | null>(null);
+  const refusal = problem === null ? sent.refusal : null;
+  const refused = useErrorLifetime(refusal, k_ext) !== null;
+  const rejects = sent.value > 0;
+  const angles = useAngles();
+  const [typed, setTyped] = useState<number>();
+  const drafted = typed ?? (sent.value === k_ext ? undefined : sent.value);
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the forecast
+  useEffect(() => onDraft(drafted), [drafted]);
+
+  return (
+    <div className={operateStyles.control}>
+      <div className={operateStyles.row}>
+        <Switch
+          size="xs"
+          label="Reject pushes"
+          checked={rejects}
+          disabled={disabled || (reason !== null && !rejects)}
+          title={rejects ? undefined : (reason ?? undefined)}
+          onChange={(event) => sent.commit(event.currentTarget.checked ? USUAL : 0)}
+        />
+        <span className={operateStyles.bounds}>
+          {rejects ? "share 0 to 1" : (reason ?? "left to the position loop")}
+        </span>
+        {rejects && (
+          <ValueBox
+            label="Share of pushes that is fed forward"
+            unit="1"
+            value={sent.value}
+            decimals={SHARE_DECIMALS}
+            step={STEP}
+            width={84}
+            disabled={disabled}
+            onDraft={setTyped}
+            onCommit={sent.commit}
+            onProblem={setProblem}
+            saidAt="refusal-of-k_ext"
+            entry={fieldEntry("tuning.k_ext", angles, { minimum: 0, maximum: 1 })}
+            refused={refused}
+          />
+        )}
+      </div>
+      <Refusal id="refusal-of-k_ext" error={refusal} about={k_ext} text={problem} />
+      <PushForecast previewed={previewed} />
+    </div>
+  );
+}
+
+/**
+ * How far and how long a held push moves the joint, and how hard the joint feels; behind the arrows with the rejection.
+ * The stiffness S of the springs is what it was: what one feels is force over deviation.
+ */
+function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "previewed">) {
+  const angles = useAngles();
+  const { preview, stale, missing } = previewed;
+  const forecast = preview?.pushed;
+  const { without, rejected } = forecast ?? {};
+  const both = (word: (push: Pushed["without"]) => string) =>
+    without && (rejected ? `${word(without)} → ${word(rejected)}` : word(without));
+  const figure = (word: (push: Pushed["without"]) => string) => (
+    <Shown value={both(word)} why={missing}>
+      {String}
+    </Shown>
+  );
+  return (
+    <output
+      className={operateStyles.pushForecast}
+      aria-label="Forecast of a push"
+      aria-busy={stale}
+      data-stale={stale}
+    >
+      {fixed(forecast?.F ?? PUSH_N, 0)} N held: gives way{" "}
+      <Shown value={without?.give} why={missing}>
+        {(give) => angleWithUnit(give, 1, angles)}
+      </Shown>
+      , back within {forecast ? angleWithUnit(forecast.near, 1, angles) : "its band"} after{" "}
+      {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 2)} s`))}; feels like{" "}
+      {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad at 0.1 Hz,{" "}
+      {figure(({ felt_fast }) => fixed(felt_fast, 1))} at 1 Hz
+    </output>
+  );
 }

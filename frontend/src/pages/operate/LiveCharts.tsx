@@ -1,25 +1,50 @@
-/** The live charts with their buttons. */
-
 import { Button, NativeSelect } from "@mantine/core";
 import { useHotkeys } from "@mantine/hooks";
 import { useCallback, useEffect, useMemo } from "react";
 import { TbPlayerPause, TbPlayerPlay } from "react-icons/tb";
 import { Charts } from "../../charts/Charts";
-import type { PlacedMark } from "../../charts/decorations";
-import { LiveSource } from "../../charts/liveSource";
-import type { Origin } from "../../charts/origin";
-import { useViewport } from "../../charts/useViewport";
-import { following, held, LIVE, SPANS_S, withSpan } from "../../charts/viewport";
-import { plantWord } from "../../components/PlantBadge";
+import type { LimitLine, PlacedMark } from "../../charts/decorations";
+import type { Origin } from "../../charts/export";
+import { LiveSource } from "../../charts/sources";
+import { following, held, LIVE, SPANS_S, useViewport, withSpan } from "../../charts/viewport";
+import { plantWord } from "../../components/Header";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
-import { age, fixed } from "../../samples/format";
-import { type Angles, inWords } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { usePreferences } from "../../service/preferences";
+import { age, fixed, short } from "../../samples/format";
+import { type Angles, inWords, readingOf } from "../../samples/quantity";
+import { useAngles, usePreferences } from "../../service/preferences";
 import { usePanels } from "../../theme/usePanels";
 import { PERIOD_S } from "../../wire/sample.gen";
-import type { Mark } from "../../wire/types";
-import { limitLines } from "./limitLines";
+import type { Limits, Mark } from "../../wire/types";
+
+/** Where the operator's inputs end and what the plant can bear, as lines of the charts. Pure. */
+
+const FORCES = ["F_A", "F_B"];
+const VOLTAGES = ["u_A", "u_B"];
+
+/** Each with the signals that it limits; none while the limits are not known. */
+export function limitLines(limits: Limits | undefined, angles: Angles): readonly LimitLine[] {
+  if (limits === undefined) return [];
+  const { q_min, q_max, S_min, S_max, F_min, F_max, u_max } = limits;
+  const { factor } = readingOf("rad", angles);
+  const line = (of: readonly string[], value: number, label: string, alwaysInSight = false): LimitLine => ({
+    of,
+    value,
+    label,
+    alwaysInSight,
+  });
+  return [
+    line(["q", "q_ref"], q_min * factor, "lowest q_ref"),
+    line(["q", "q_ref"], q_max * factor, "highest q_ref"),
+    line(["S", "S_ref"], S_min, "lowest S_ref"),
+    line(["S", "S_ref"], S_max, "highest S_ref"),
+    line(FORCES, F_min, `slack ${short(F_min)} N`, true),
+    line(FORCES, F_max, `limit ${short(F_max)} N`, true),
+    line(VOLTAGES, -u_max, `−${short(u_max)} V`, true),
+    line(VOLTAGES, u_max, `+${short(u_max)} V`, true),
+  ];
+}
+
+/** The live charts with their buttons. */
 
 export function LiveCharts() {
   const store = useLiveStore();

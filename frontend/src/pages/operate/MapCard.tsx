@@ -8,16 +8,15 @@ import { Refusal } from "../../components/Refusal";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { angleWithUnit, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { useMayCommand } from "../../service/useMayCommand";
-import { useNoControl } from "../../service/useNoControl";
-import { useReferenceOrders } from "../../service/useReferenceOrders";
+import { useMayCommand, useNoControl } from "../../service/control";
+import { useAngles } from "../../service/preferences";
+import { useReferenceOrders } from "../../service/references";
 import type { References } from "../../wire/types";
-import { whyNoReferences } from "./allowed";
 import styles from "./MapCard.module.css";
 import { type PlaneEntry, paintPlane } from "./paintPlane";
 import { planeOver, pointAt } from "./planeScale";
-import { useBankEntries } from "./useBankEntries";
+import { whyNoReferences } from "./ReferencesCard";
+import { useBankEntries } from "./TuningCard";
 
 export function MapCard() {
   const store = useLiveStore();

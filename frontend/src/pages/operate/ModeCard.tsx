@@ -1,16 +1,21 @@
-/** Moves between modes: only the legal ones can be pressed, the others say why not. */
-
 import { Button, Tooltip } from "@mantine/core";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { usePages } from "../../components/Navigation";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
+import { fixed } from "../../samples/format";
+import { angleWithUnit } from "../../samples/quantity";
 import { capital, heading } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
-import { useNoControl } from "../../service/useNoControl";
+import { useMayCommand, useNoControl } from "../../service/control";
+import { useAngles } from "../../service/preferences";
+import { motionInWords } from "../../service/tuning";
 import type { Mode, State } from "../../wire/types";
-import styles from "./Operate.module.css";
+import pageStyles from "../Page.module.css";
+import operateStyles from "./Operate.module.css";
+
+/** Moves between modes: only the legal ones can be pressed, the others say why not. */
 
 const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
   { mode: "pretension", name: "Pretension", meaning: "Wind both tendons up to 10 N and hold them." },
@@ -41,7 +46,7 @@ export function ModeCard() {
   return (
     <Card title="Mode">
       {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-      <div className={styles.moves} role="group" aria-label="Change mode">
+      <div className={operateStyles.moves} role="group" aria-label="Change mode">
         {MOVES.map(({ mode, name, meaning }, index) => {
           const reason = noControl ?? whyNot(state, mode);
           return (
@@ -84,7 +89,7 @@ export function ModeCard() {
 function Unready({ why }: { why: string }) {
   const offered = usePages().some(({ path }) => path === "/bring-up");
   return (
-    <p className={styles.unready}>
+    <p className={operateStyles.unready}>
       No pretension yet. {capital(why)}. {offered && <Link href="/bring-up">Go to Bring-up</Link>}
     </p>
   );
@@ -108,4 +113,73 @@ export function whyNot(state: State | null, mode: Mode): string | null {
   if (state.task?.phase === "paused") return "An order is paused in pretension: go on, or stop softly.";
   const legal = MOVES.filter((move) => state.legal_modes.includes(move.mode)).map(({ name }) => name);
   return `Not possible from ${heading(state.mode)}. Possible now: ${legal.join(", ") || "nothing but STOP"}.`;
+}
+
+/** The mode that has to come before what is refused at present, one press away. */
+
+/** What needs a mode: a run needs tension, a change of parameters needs the motors off. */
+export type Need = "start" | "off";
+
+const NAMES = { pretension: "Pretension", stopping: "Soft stop" } as const;
+
+export function NextMode({ need }: { need: Need }) {
+  const mode = useLive((live) => nextMode(live.state, need));
+  const noControl = useNoControl();
+  const may = useMayCommand();
+  const set = useSetMode();
+  if (mode === null || noControl !== null || may === false) return null;
+  return (
+    <>
+      <Button
+        size="compact-xs"
+        ml={6}
+        variant="default"
+        loading={set.isPending}
+        onClick={() => set.mutate(mode)}
+      >
+        {NAMES[mode]}
+      </Button>
+      {set.error !== null && <span> {set.error.message}</span>}
+    </>
+  );
+}
+
+/** The mode to go to first; null where none helps at present. Pure. */
+export function nextMode(state: State | null, need: Need): keyof typeof NAMES | null {
+  if (state === null || state.task !== null || state.trial !== null) return null;
+  const wanted = need === "start" ? "pretension" : "stopping";
+  if ((state.mode === "off") !== (need === "start")) return null;
+  return state.legal_modes.includes(wanted) ? wanted : null;
+}
+
+/** In place of the controls, for those who look on: what is in force, as numbers that cannot be changed. */
+
+export function ViewOnly() {
+  const angles = useAngles();
+  const state = useLive((live) => live.state);
+  if (state === null) return null;
+  const { references, tuning } = state;
+  return (
+    <Card title="In force">
+      <dl className={pageStyles.facts}>
+        <dt>{references.in_force ? "Position reference" : "Position, without reference"}</dt>
+        <dd>{angleWithUnit(references.q_ref, 1, angles)}</dd>
+        <dt>{references.in_force ? "Stiffness reference" : "Stiffness, without reference"}</dt>
+        <dd>{references.S_ref === null ? "slack: none" : `${fixed(references.S_ref, 2)} N·m/rad`}</dd>
+        <dt>λ_q, λ_S, λ_motor</dt>
+        <dd>
+          {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s
+        </dd>
+        <dt>Motion</dt>
+        <dd>{motionInWords(tuning.motion, tuning.u_plan)}</dd>
+        <dt>Pushes</dt>
+        <dd>{tuning.k_ext > 0 ? `rejected by ${fixed(tuning.k_ext, 2)}` : "left to the position loop"}</dd>
+        <dt>Gains</dt>
+        <dd>{tuning.bank === null ? "from geometry" : `bank ${tuning.bank.name} v${tuning.bank.version}`}</dd>
+      </dl>
+      <p className={pageStyles.dim}>
+        You are signed in as a viewer: you may look at everything and press STOP.
+      </p>
+    </Card>
+  );
 }

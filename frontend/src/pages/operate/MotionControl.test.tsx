@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Tuning } from "../../wire/types";
-import { MotionControl } from "./MotionControl";
+import { MotionControl } from "./ReferencesCard";
 
 const LIMIT = "Voltage limit of time-optimal motion [V]";
 

@@ -13,7 +13,7 @@ import { Refusal } from "../../components/Refusal";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State } from "../../wire/types";
-import { NextMode, nextMode } from "./NextMode";
+import { NextMode, nextMode } from "./ModeCard";
 
 const OFF = {
   mode: "off",

@@ -1,27 +1,124 @@
-/** What the cascade is asked to follow. */
-
-import { Slider } from "@mantine/core";
+import { SegmentedControl, Slider } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
+import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
-import { SignalName } from "../../components/SignalName";
 import { TargetKeys } from "../../components/TargetKeys";
 import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
+import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { FINER, rangeOf, readingOf, toSI, withUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { fieldEntry } from "../../service/fieldHelp";
-import type { Entry } from "../../service/glossary";
-import { useErrorLifetime } from "../../service/useErrorLifetime";
-import { useNoControl, useNoRetuning } from "../../service/useNoControl";
-import { useReferenceOrders } from "../../service/useReferenceOrders";
-import { useSentValue } from "../../service/useSentValue";
-import type { Limits, State } from "../../wire/types";
-import { whyNoReferences } from "./allowed";
-import { MotionControl } from "./MotionControl";
-import styles from "./Operate.module.css";
+import { useSetTuning } from "../../service/commands";
+import { useErrorLifetime, useNoControl, useNoRetuning } from "../../service/control";
+import { useSentValue } from "../../service/drafts";
+import { type Entry, fieldEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
+import { useReferenceOrders } from "../../service/references";
+import { ON_TRIAL } from "../../service/tuning";
+import type { Limits, Mode, State, Tuning } from "../../wire/types";
+import { whyNot } from "./ModeCard";
+import operateStyles from "./Operate.module.css";
+
+/** How references are followed: by the paper's law (lambda), or by a trajectory within a voltage limit (time-optimal). */
+
+const STEP_V = 0.1;
+const DECIMALS = 1;
+const EFFECT = {
+  lambda: "λ_q and λ_S set the speed of a step.",
+  "time-optimal":
+    "The voltage limit sets the speed of a step; λ sets robustness and the reaction to disturbances.",
+} as const;
+const MOTIONS = ["lambda", "time-optimal"] as const;
+
+interface MotionControlProps {
+  readonly tuning: Tuning;
+  /** No change of the tuning is accepted now. */
+  readonly disabled: boolean;
+}
+
+export function MotionControl({ tuning, disabled }: MotionControlProps) {
+  const choose = useSetTuning();
+  const { mutateAsync: setTuning } = useSetTuning();
+  const motion = (choose.isPending && choose.variables.motion) || tuning.motion;
+  const limit = useSentValue(tuning.u_plan, (u_plan) => setTuning({ motion: "time-optimal", u_plan }));
+  const [problem, setProblem] = useState<string | null>(null);
+  const refusal = problem === null ? (choose.error ?? limit.refusal) : null;
+  const refused = useErrorLifetime(limit.refusal, tuning.u_plan) !== null;
+  const angles = useAngles();
+  const { u_plan_min, u_plan_max } = tuning;
+  return (
+    <div className={operateStyles.control}>
+      <div className={operateStyles.row}>
+        <Explained of="setting:tuning.motion">Motion</Explained>
+        <SegmentedControl
+          className={operateStyles.motions}
+          size="xs"
+          aria-label="Motion"
+          data={[...MOTIONS]}
+          value={motion}
+          disabled={disabled}
+          onChange={(value) => {
+            const chosen = MOTIONS.find((one) => one === value);
+            if (chosen !== undefined) choose.mutate({ motion: chosen });
+          }}
+        />
+      </div>
+      {motion === "time-optimal" && (
+        <div className={operateStyles.limitRow}>
+          <Explained of="setting:tuning.u_plan">Voltage limit</Explained>
+          <ValueBox
+            label="Voltage limit of time-optimal motion [V]"
+            unit="V"
+            value={limit.value}
+            decimals={DECIMALS}
+            step={STEP_V}
+            width={124}
+            disabled={disabled}
+            onCommit={limit.commit}
+            onProblem={setProblem}
+            saidAt="refusal-of-u_plan"
+            entry={fieldEntry("tuning.u_plan", angles, { minimum: u_plan_min, maximum: u_plan_max })}
+            refused={refused}
+          />
+        </div>
+      )}
+      <Refusal
+        id="refusal-of-u_plan"
+        error={refusal}
+        about={`${tuning.motion} ${tuning.u_plan}`}
+        text={problem}
+        hint={
+          motion === "lambda"
+            ? EFFECT.lambda
+            : `${fixed(u_plan_min, DECIMALS)} to ${fixed(u_plan_max, DECIMALS)} V. ${EFFECT["time-optimal"]}`
+        }
+      />
+    </div>
+  );
+}
+
+/** What the service would refuse at present, and why: a control whose command it would not take is not offered. Pure. */
+
+/** Why no experiment and no identification can be started; null where one can. `noControl` says who holds control. */
+export function whyNoStart(state: State | null, mode: Mode, noControl: string | null): string | null {
+  if (noControl !== null) return noControl;
+  if (state?.task != null) return "Another task is running.";
+  if (state?.trial != null) return ON_TRIAL;
+  return whyNot(state, mode);
+}
+
+/** Why references cannot be set, as the end of a hint; null where they can. */
+export function whyNoReferences(state: State | null, noControl: string | null): string | null {
+  if (state === null) return "not known yet";
+  if (state.player) return "a recording is played";
+  if (noControl !== null) return noControl;
+  if (state.mode !== "run" && state.mode !== "compliance") return "set in run and compliance";
+  return state.touch.felt === null ? null : "the joint gives way to a contact: choose a mode first";
+}
+
+/** What the cascade is asked to follow. */
 
 export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
@@ -36,7 +133,7 @@ export function ReferencesCard() {
       {references && limits ? (
         <ReferenceControls references={references} limits={limits} open={open} locked={locked} />
       ) : (
-        <div className={styles.reserve} />
+        <div className={operateStyles.reserve} />
       )}
       {tuning && <MotionControl tuning={tuning} disabled={fixedTuning !== null} />}
     </Card>
@@ -121,9 +218,9 @@ function ReferenceControl(props: ReferenceControlProps) {
   const refusal = problem === null && target === null ? sent.refusal : null;
   const refused = useErrorLifetime(refusal, inForce) !== null;
   return (
-    <div className={styles.control}>
-      <div className={styles.referenceRow}>
-        <span className={styles.name}>
+    <div className={operateStyles.control}>
+      <div className={operateStyles.referenceRow}>
+        <span className={operateStyles.name}>
           <SignalName name={name} />
         </span>
         <TouchLock name={name}>

@@ -3,20 +3,20 @@
 import { Button, Progress } from "@mantine/core";
 import { useMediaQuery } from "@mantine/hooks";
 import { Card } from "../../components/Card";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
-import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/status";
+import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/StatusStrip";
 import { useLive } from "../../live/react";
 import { counted } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
-import { usePauseOrder } from "../../service/pauseOrder";
-import { lastRefusal } from "../../service/refusedFields";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoControl } from "../../service/control";
+import { usePauseOrder } from "../../service/experiments";
+import { lastRefusal } from "../../service/refusals";
 import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
 import { whyNot } from "./ModeCard";
-import { PlannedProfile } from "./PlannedProfile";
+import { PlannedProfile } from "./StepPreview";
 
 interface PlaceProps {
   /** Above the columns of the page, or in one of them. */

@@ -1,15 +1,95 @@
-/** What one outer loop would do at the value in hand: how robust it is, and the motion that its λ sets. */
-
+import { useQuery } from "@tanstack/react-query";
 import type { ReactNode } from "react";
-import { Shown } from "../../components/Absent";
 import { Explained } from "../../components/Explained";
-import { SignalName } from "../../components/SignalName";
+import { Shown, SignalName } from "../../components/values";
 import { fixed, short } from "../../samples/format";
-import { paintOf } from "../../theme/signals";
-import type { TuningPreview } from "../../wire/types";
-import { type LoopName, previewedMotion } from "./previewedMotion";
-import styles from "./StepPreview.module.css";
-import { stepPath } from "./stepPath";
+import { readingOf, withUnit } from "../../samples/quantity";
+import { useAngles } from "../../service/preferences";
+import { plannedQuery } from "../../service/queries";
+import { paintOf, traceFor } from "../../theme/signals";
+import type { Planned, TuningPreview } from "../../wire/types";
+import plannedProfileStyles from "./PlannedProfile.module.css";
+import stepPreviewStyles from "./StepPreview.module.css";
+
+/** The motion of a preview that a λ sets: a step in `lambda` motion, the recovery from a push in `time-optimal`. Pure. */
+
+export type LoopName = "position" | "stiffness";
+
+export interface PreviewedMotion {
+  readonly kind: "step" | "push";
+  /** Time [s]. */
+  readonly t: readonly number[];
+  /** Progress of the step from 0 to 1, or deviation under the push as a part of the largest one. */
+  readonly y: readonly number[];
+  /** Where the motion leads to, in the same measure: the new reference, or the band within which the joint is back. */
+  readonly target: number;
+  /** Time to 90 % of the step, or until the joint is back [s]; null where that does not happen. */
+  readonly time_s: number | null;
+}
+
+/** Null where λ sets no motion: the trajectory makes the steps, and a push does not move S. */
+export function previewedMotion(preview: TuningPreview, loop: LoopName): PreviewedMotion | null {
+  if (preview.motion === "lambda") {
+    const { t, y, rise_s } = loop === "position" ? preview.step_q : preview.step_S;
+    return { kind: "step", t, y, target: 1, time_s: rise_s };
+  }
+  if (loop === "stiffness") return null;
+  const { near, without, rejected } = preview.pushed;
+  const { t, off, give, back_s } = rejected ?? without;
+  const largest = give > 0 ? give : 1;
+  return { kind: "push", t, y: off.map((value) => value / largest), target: near / largest, time_s: back_s };
+}
+
+/** A step response as an SVG path. Pure. */
+
+export interface StepDrawing {
+  readonly path: string;
+  /** Height of the final value 1 in the drawing. */
+  readonly target: number;
+  /** Value at the upper edge. */
+  readonly top: number;
+  /** First time at 90 % [s], null if it is not reached. */
+  readonly t_90: number | null;
+}
+
+const TOP = 1.15;
+
+/** The response `y(t)` from 0 to 1, with 15 % of room above; or up to `upper`, and
+ * to `end_s`, so that two can be laid over each other; beyond its end the response stays where it came to. */
+export function stepPath(
+  t: readonly number[],
+  y: readonly number[],
+  width: number,
+  height: number,
+  upper?: number,
+  end_s?: number,
+): StepDrawing {
+  const last = end_s ?? t.at(-1) ?? 1;
+  const top = upper ?? Math.max(TOP, ...y);
+  const level = (value: number) => height - (value / top) * height;
+  const points = t.map(
+    (time, index) => `${((time / last) * width).toFixed(1)} ${level(y[index] ?? 0).toFixed(1)}`,
+  );
+  if ((t.at(-1) ?? last) < last) points.push(`${width.toFixed(1)} ${level(y.at(-1) ?? 0).toFixed(1)}`);
+  return {
+    path: points.length === 0 ? "" : `M${points.join("L")}`,
+    target: level(1),
+    top,
+    t_90: firstAt(0.9, t, y),
+  };
+}
+
+/** First time at which `y` rises to `level`, on the straight line between two points. */
+function firstAt(level: number, t: readonly number[], y: readonly number[]): number | null {
+  const above = y.findIndex((value) => value >= level);
+  const [t0, t1, y0, y1] = [t[above - 1], t[above], y[above - 1], y[above]];
+  if (t1 === undefined || y1 === undefined) {
+    return null;
+  }
+  return t0 === undefined || y0 === undefined ? t1 : t0 + ((level - y0) / (y1 - y0)) * (t1 - t0);
+}
+
+/** What one outer loop would do at the value in hand: how robust it is, and the motion that its λ sets. */
 
 const WIDTH = 150;
 const HEIGHT = 46;
@@ -55,7 +135,7 @@ export function StepPreview(props: StepPreviewProps) {
   return (
     // biome-ignore lint/a11y/useSemanticElements: readings, not inputs
     <div
-      className={styles.preview}
+      className={stepPreviewStyles.preview}
       role="group"
       aria-label={`Preview of ${symbol}`}
       aria-busy={stale}
@@ -63,14 +143,14 @@ export function StepPreview(props: StepPreviewProps) {
       data-drafted={drafted}
     >
       {motion === null ? (
-        <span className={styles.previewNote}>
+        <span className={stepPreviewStyles.previewNote}>
           The trajectory sets the time of a step of {symbol === "λ_S" ? "S" : "q"}; {symbol} sets how robust
           the loop is.
         </span>
       ) : (
         <Drawing hue={hue} motion={motion} beside={beside} printed={printed} />
       )}
-      <dl className={styles.previewNumbers}>
+      <dl className={stepPreviewStyles.previewNumbers}>
         <Reading
           label={<SignalName name="M_s" />}
           name="maximum of the sensitivity"
@@ -113,7 +193,7 @@ export function StepPreview(props: StepPreviewProps) {
         <span className="visually-hidden">In force, drawn grey: {timeOf(beside.kind, beside.time_s)}.</span>
       )}
       {printed && (
-        <span className={styles.previewNote}>
+        <span className={stepPreviewStyles.previewNote}>
           As printed: {printed.stable && printed.M_s !== null ? `M_s ${fixed(printed.M_s, 2)}` : "unstable"} (
           {printed.t.length > 0 ? "dotted; " : ""}never in force)
         </span>
@@ -137,26 +217,26 @@ function Drawing({ hue, motion, beside, printed }: DrawingProps) {
   const drawing = motion && stepPath(motion.t, motion.y, WIDTH, HEIGHT, upper, end_s);
   const target = HEIGHT * (1 - (motion?.target ?? 1) / upper);
   return (
-    <div className={styles.previewFrame}>
+    <div className={stepPreviewStyles.previewFrame}>
       <svg
         viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
-        className={styles.previewChart}
+        className={stepPreviewStyles.previewChart}
         preserveAspectRatio="none"
         aria-hidden="true"
       >
         {drawing && (
           <>
-            <line className={styles.previewTarget} x1="0" x2={WIDTH} y1={target} y2={target} />
+            <line className={stepPreviewStyles.previewTarget} x1="0" x2={WIDTH} y1={target} y2={target} />
             {printed && printed.t.length > 0 && (
               <path
-                className={styles.previewPrinted}
+                className={stepPreviewStyles.previewPrinted}
                 d={stepPath(printed.t, printed.y, WIDTH, HEIGHT, upper, end_s).path}
                 vectorEffect="non-scaling-stroke"
               />
             )}
             {beside && (
               <path
-                className={styles.previewPresent}
+                className={stepPreviewStyles.previewPresent}
                 d={stepPath(beside.t, beside.y, WIDTH, HEIGHT, upper, end_s).path}
                 vectorEffect="non-scaling-stroke"
               />
@@ -168,11 +248,11 @@ function Drawing({ hue, motion, beside, printed }: DrawingProps) {
       {motion && (
         <>
           {motion.kind === "step" && (
-            <span className={styles.previewOne} style={{ top: `${(100 * target) / HEIGHT}%` }}>
+            <span className={stepPreviewStyles.previewOne} style={{ top: `${(100 * target) / HEIGHT}%` }}>
               1
             </span>
           )}
-          <span className={styles.previewEnd}>{short(end_s)} s</span>
+          <span className={stepPreviewStyles.previewEnd}>{short(end_s)} s</span>
         </>
       )}
     </div>
@@ -202,8 +282,133 @@ function Reading({ label, name, value, unit = "", warn = false }: ReadingProps) 
         <span className="visually-hidden">, {name}</span>
       </dt>
       <dd>
-        {value} <span className={styles.previewUnit}>{unit}</span>
+        {value} <span className={stepPreviewStyles.previewUnit}>{unit}</span>
       </dd>
+    </div>
+  );
+}
+
+/** The planned profile as a picture: lines within a box, in parts of its width and height. Pure. */
+
+export interface Line {
+  /** Of SVG polylines, over a box of PROFILE_WIDTH × PROFILE_HEIGHT. */
+  readonly pieces: readonly string[];
+  readonly lowest: number;
+  readonly highest: number;
+}
+
+export const PROFILE_WIDTH = 1000;
+export const PROFILE_HEIGHT = 40;
+const MARGIN = 3;
+
+/** Values over the times of a profile; a level line where all are alike, and none where the plan leaves them open. */
+export function lineOf(t: readonly number[], values: readonly (number | null)[]): Line {
+  const given = values.filter((value) => value !== null);
+  const lowest = Math.min(...given);
+  const highest = Math.max(...given);
+  const whole_s = t[t.length - 1] ?? 0;
+  const span = highest - lowest;
+  const pieces: string[][] = [[]];
+  values.forEach((value, at) => {
+    if (value === null) {
+      if (pieces[pieces.length - 1]?.length !== 0) pieces.push([]);
+      return;
+    }
+    const up = span === 0 ? 0.5 : (value - lowest) / span;
+    const x = whole_s === 0 ? 0 : (PROFILE_WIDTH * (t[at] ?? 0)) / whole_s;
+    const point = `${x.toFixed(1)},${(MARGIN + (PROFILE_HEIGHT - 2 * MARGIN) * (1 - up)).toFixed(1)}`;
+    pieces[pieces.length - 1]?.push(point);
+  });
+  return {
+    pieces: pieces.filter((piece) => piece.length > 0).map((piece) => piece.join(" ")),
+    lowest,
+    highest,
+  };
+}
+
+/** Where an instant stands in the picture. */
+export function placeOf(t: readonly number[], at_s: number): number {
+  const whole_s = t[t.length - 1] ?? 0;
+  return whole_s === 0 ? 0 : PROFILE_WIDTH * Math.min(1, Math.max(0, at_s / whole_s));
+}
+
+/** What is asked for at an instant: the last value at or before it; null where the plan leaves it open. */
+export function valueAt(t: readonly number[], values: readonly (number | null)[], at_s: number) {
+  const after = t.findIndex((one) => one > at_s + 1e-9);
+  return values[after === -1 ? t.length - 1 : Math.max(0, after - 1)] ?? null;
+}
+
+/** All that a program will ask for, with the line of now: what has been, and what is ahead. */
+
+/** Samples are stored once a second. */
+const STORED_AFTER_S = 2;
+
+export function PlannedProfile({ run, at_s }: { run: number; at_s: number }) {
+  const { data } = useQuery(plannedQuery(run, at_s > STORED_AFTER_S));
+  if (data === undefined || data.t.length === 0) return null;
+  return (
+    <figure className={plannedProfileStyles.profile} aria-label="Planned profile">
+      {data.lines.map((line) => (
+        <Row key={line.name} planned={data} line={line} at_s={at_s} />
+      ))}
+    </figure>
+  );
+}
+
+interface RowProps {
+  readonly planned: Planned;
+  readonly line: Planned["lines"][number];
+  readonly at_s: number;
+}
+
+function Row({ planned, line: { name, unit: inSI, values }, at_s }: RowProps) {
+  const { unit, factor } = readingOf(inSI, useAngles());
+  const { pieces, lowest, highest } = lineOf(
+    planned.t,
+    values.map((value) => (value === null ? null : value * factor)),
+  );
+  const now = valueAt(planned.t, values, at_s);
+  const x = placeOf(planned.t, at_s);
+  const whole_s = planned.t[planned.t.length - 1] ?? 1;
+  const { hue } = traceFor(name, []);
+  return (
+    <div className={plannedProfileStyles.row}>
+      <span className={plannedProfileStyles.name}>
+        <SignalName name={name} /> [{unit}]
+      </span>
+      <svg
+        className={plannedProfileStyles.picture}
+        viewBox={`0 0 ${PROFILE_WIDTH} ${PROFILE_HEIGHT}`}
+        preserveAspectRatio="none"
+        role="img"
+        aria-label={`${name} from ${fixed(lowest, 1)} to ${withUnit(fixed(highest, 1), unit)}, now ${now === null ? "left open" : withUnit(fixed(now * factor, 1), unit)}`}
+      >
+        {planned.parts.slice(1).map((part) => (
+          <line
+            key={part.start_s}
+            className={plannedProfileStyles.part}
+            x1={(PROFILE_WIDTH * part.start_s) / whole_s}
+            x2={(PROFILE_WIDTH * part.start_s) / whole_s}
+            y1="0"
+            y2={PROFILE_HEIGHT}
+          />
+        ))}
+        <rect className={plannedProfileStyles.past} x="0" y="0" width={x} height={PROFILE_HEIGHT} />
+        {pieces.map((points) => (
+          <polyline
+            key={points.slice(0, 20)}
+            className={plannedProfileStyles.line}
+            points={points}
+            stroke={paintOf(hue)}
+          />
+        ))}
+        <line className={plannedProfileStyles.now} x1={x} x2={x} y1="0" y2={PROFILE_HEIGHT} />
+      </svg>
+      <span className={plannedProfileStyles.range}>
+        {fixed(highest, 1)}
+        <br />
+        {fixed(lowest, 1)}
+      </span>
     </div>
   );
 }

@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State, Tuning } from "../../wire/types";
-import { TuningChanges } from "./TuningChanges";
+import { TuningChanges } from "./TuningCard";
 
 const SAVED = {
   lam_q: 0.5,

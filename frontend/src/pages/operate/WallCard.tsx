@@ -7,12 +7,12 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { angleWithUnit, FINER, rangeOf, readingOf, toSI } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
 import { useSetWall } from "../../service/commands";
-import { fieldEntry } from "../../service/fieldHelp";
-import { RefusedFields } from "../../service/refusedFields";
-import { isPlainRecord, useDraft } from "../../service/useDraft";
-import { useNoControl } from "../../service/useNoControl";
+import { useNoControl } from "../../service/control";
+import { isPlainRecord, useDraft } from "../../service/drafts";
+import { fieldEntry } from "../../service/glossary";
+import { useAngles } from "../../service/preferences";
+import { RefusedFields } from "../../service/refusals";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
 

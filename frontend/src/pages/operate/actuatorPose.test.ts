@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { actuatorPose } from "./actuatorPose";
+import { actuatorPose } from "./ActuatorDrawing";
 
 const REST = { q: 0, q_ref: 0, S: 10, theta_A: 4, theta_B: 4, F_A: 20, F_B: 20 };
 

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { State } from "../../wire/types";
-import { whyNoReferences, whyNoStart } from "./allowed";
+import { whyNoReferences, whyNoStart } from "./ReferencesCard";
 
 const FREE = {
   mode: "run",

@@ -19,7 +19,7 @@ import { LiveStore } from "../../live/store";
 import type { State, Tuning } from "../../wire/types";
 import { STATE, TUNING } from "../refusals.fixture";
 import { RunningCard } from "./RunningCard";
-import { TuningChanges } from "./TuningChanges";
+import { TuningChanges } from "./TuningCard";
 
 const NOTHING = { staging: false, values: {}, turn() {}, stage() {}, discard() {} };
 const TASK = {

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { Limits } from "../../wire/types";
-import { limitLines } from "./limitLines";
+import { limitLines } from "./LiveCharts";
 
 it("names each line by the value at which it is drawn", () => {
   const limits = {

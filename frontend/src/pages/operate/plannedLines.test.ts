@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { HEIGHT, lineOf, placeOf, valueAt, WIDTH } from "./plannedLines";
+import { PROFILE_HEIGHT as HEIGHT, lineOf, placeOf, valueAt, PROFILE_WIDTH as WIDTH } from "./StepPreview";
 
 describe("the planned profile", () => {
   it("spans the box from the lowest value at its foot to the highest at its head", () => {

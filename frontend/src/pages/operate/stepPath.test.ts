@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { stepPath } from "./stepPath";
+import { stepPath } from "./StepPreview";
 
 describe("stepPath", () => {
   const lam = 0.5;

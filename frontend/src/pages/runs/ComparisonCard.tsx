@@ -1,21 +1,41 @@
-/** The metrics of several runs beside each other, with the differences to one of them. */
-
-import { Button, Group, Table } from "@mantine/core";
-import { Link } from "wouter";
+import { ActionIcon, Button, Group, NativeSelect, Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useMemo } from "react";
+import { TbX } from "react-icons/tb";
+import { Link, useLocation } from "wouter";
 import { Card } from "../../components/Card";
+import { SeriesReports } from "../../components/Downloads";
 import { Explained } from "../../components/Explained";
-import { SeriesReports } from "../../components/SeriesReports";
-import { Unit } from "../../components/Unit";
-import { dateTime, measured, significant } from "../../samples/format";
+import { Unit } from "../../components/values";
+import { dateTime, fixed, measured, significant } from "../../samples/format";
 import { type Angles, inWords, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { type ComparisonAsked, comparisonFile } from "../../service/comparison";
 import { figureEntry } from "../../service/glossary";
-import type { ComparedMetric, RunComparison } from "../../wire/types";
-import { Reason, SEEN } from "../experiments/Figures";
-import page from "../Page.module.css";
-import { DifferingSettings } from "./DifferingSettings";
-import styles from "./Runs.module.css";
+import { useAngles } from "../../service/preferences";
+import { runsQuery } from "../../service/queries";
+import { type ComparisonAsked, comparisonFile, comparisonQuery } from "../../service/runs";
+import type { ComparedMetric, Run, RunComparison } from "../../wire/types";
+import { Reason, SEEN } from "../experiments/ExperimentRuns";
+import { NAMES } from "../log/LogRows";
+import pageStyles from "../Page.module.css";
+import {
+  ALIGN_BY,
+  type AlignBy,
+  askedOf,
+  type Compared,
+  EVENT_KINDS,
+  type EventKind,
+  MOST_NUMBER,
+  STEP_SIGNALS,
+  type StepSignal,
+  textOf,
+} from "./compared";
+import { DifferencesCard, DifferingSettings } from "./DifferencesCard";
+import { type Placed, RunCharts } from "./RunCharts";
+import { addressOf, MOST_COMPARED } from "./RunSearch";
+import runsStyles from "./Runs.module.css";
+import { SettledNumber } from "./SettledNumber";
+
+/** The metrics of several runs beside each other, with the differences to one of them. */
 
 interface ComparisonCardProps {
   readonly asked: ComparisonAsked;
@@ -32,20 +52,20 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
   return (
     <Card title="Comparison" aside={<Files asked={asked} signal={signal} />}>
       {data === undefined ? (
-        <p className={page.empty}>{error?.message ?? "Loading …"}</p>
+        <p className={pageStyles.empty}>{error?.message ?? "Loading …"}</p>
       ) : (
-        <div className={styles.answer} aria-busy={data.reference !== reference}>
-          <p className={page.dim}>Below each metric: the difference to run {reference}.</p>
-          <div className={page.tableScroll}>
+        <div className={runsStyles.answer} aria-busy={data.reference !== reference}>
+          <p className={pageStyles.dim}>Below each metric: the difference to run {reference}.</p>
+          <div className={pageStyles.tableScroll}>
             <Table aria-label="Comparison" verticalSpacing={4}>
               <Table.Thead>
                 <Table.Tr>
                   <Table.Th>Metric</Table.Th>
                   {data.runs.map((run) => (
-                    <Table.Th key={run.id} className={page.number} title={inWords(run.verdict, angles)}>
+                    <Table.Th key={run.id} className={pageStyles.number} title={inWords(run.verdict, angles)}>
                       <Link href={`/runs/${run.id}`}>Run {run.id}</Link>
-                      <div className={page.dim}>{run.title}</div>
-                      <div className={page.dim}>{dateTime(run.started)}</div>
+                      <div className={pageStyles.dim}>{run.title}</div>
+                      <div className={pageStyles.dim}>{dateTime(run.started)}</div>
                     </Table.Th>
                   ))}
                   <Table.Th>Unit</Table.Th>
@@ -74,7 +94,7 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
               </Table.Tbody>
             </Table>
           </div>
-          {data.metrics.length === 0 && <p className={page.empty}>None of these runs has a result.</p>}
+          {data.metrics.length === 0 && <p className={pageStyles.empty}>None of these runs has a result.</p>}
           <DifferingSettings told={data} />
         </div>
       )}
@@ -114,9 +134,11 @@ function Value({ metric, index, angles, compared }: ValueProps) {
   const { factor } = readingOf(metric.unit, angles);
   const value = found.value === null ? null : found.value * factor;
   return (
-    <Table.Td className={page.number}>
+    <Table.Td className={pageStyles.number}>
       {measured(value, 4)}
-      {compared && <div className={page.dim}>{difference(found.difference, found.percent, factor)}</div>}
+      {compared && (
+        <div className={pageStyles.dim}>{difference(found.difference, found.percent, factor)}</div>
+      )}
       <Reason text={found.reason} seen={value === null ? undefined : SEEN["<"]} />
     </Table.Td>
   );
@@ -131,4 +153,215 @@ function difference(value: number | null, percent: number | null, factor: number
   const sign = value > 0 ? "+" : "";
   const relative = percent === null ? "" : ` (${sign}${significant(percent, 3)} %)`;
   return `${sign}${significant(value * factor, 4)}${relative}`;
+}
+
+/** Which run the others are compared with, and what of each is brought to one moment. */
+
+const WORDS: Readonly<Record<AlignBy, string>> = {
+  begin: "the begin of each run",
+  step: "a step",
+  event: "an event of the log",
+};
+const STEPS: Readonly<Record<StepSignal, string>> = {
+  q_ref: "of q_ref",
+  S_ref: "of S_ref",
+  F_push: "of the push F_push",
+};
+
+interface AlignmentBarProps {
+  readonly asked: ComparisonAsked;
+  onChange(to: Partial<Compared>): void;
+}
+
+export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
+  const { run, reference, by, step, event, number } = asked;
+  return (
+    <div className={pageStyles.actions}>
+      <NativeSelect
+        aria-label="Reference"
+        value={String(reference)}
+        data={run.map((id) => ({ value: String(id), label: `reference: run ${id}` }))}
+        onChange={({ currentTarget: { value } }) =>
+          onChange({ reference: Number(value) === run[0] ? null : Number(value) })
+        }
+      />
+      <NativeSelect
+        aria-label="Align by"
+        value={by}
+        data={ALIGN_BY.map((value) => ({ value, label: `aligned by ${WORDS[value]}` }))}
+        onChange={({ currentTarget: { value } }) => onChange({ by: value as AlignBy, number: 1 })}
+      />
+      {by === "step" && (
+        <NativeSelect
+          aria-label="Step of"
+          value={step}
+          data={STEP_SIGNALS.map((value) => ({ value, label: STEPS[value] }))}
+          onChange={({ currentTarget: { value } }) => onChange({ step: value as StepSignal })}
+        />
+      )}
+      {by === "event" && (
+        <NativeSelect
+          aria-label="Kind of event"
+          value={event}
+          data={EVENT_KINDS.map((value) => ({ value, label: NAMES[value] }))}
+          onChange={({ currentTarget: { value } }) => onChange({ event: value as EventKind })}
+        />
+      )}
+      {by !== "begin" && (
+        <SettledNumber
+          label={by === "step" ? "Number of the step" : "Number of the event"}
+          before="no."
+          value={number}
+          fits={(found) =>
+            Number.isInteger(found) && found >= 1 && found <= MOST_NUMBER ? "" : "is a whole number from 1 on"
+          }
+          onChange={(found) => onChange({ number: found ?? 1 })}
+        />
+      )}
+    </div>
+  );
+}
+
+/** Choice of further runs for the same axes. */
+
+const OFFERED = 100;
+
+interface CompareWithProps {
+  readonly run: Run;
+  readonly others: readonly number[];
+  /** How they are compared, as the address has it. */
+  readonly how?: string;
+}
+
+export function CompareWith({ run, others, how = "" }: CompareWithProps) {
+  const [, go] = useLocation();
+  const runs = useQuery(runsQuery({ limit: OFFERED, offset: 0 }));
+  const offered = (runs.data?.runs ?? []).filter(
+    ({ id, samples }) => id !== run.id && samples > 0 && !others.includes(id),
+  );
+  // those of the same kind come first: they are what one compares with
+  const sorted = [...offered].sort((a, b) => Number(b.title === run.title) - Number(a.title === run.title));
+  return (
+    <div className={pageStyles.actions}>
+      {others.map((id) => (
+        <span key={id}>
+          run {id}
+          <ActionIcon
+            size={18}
+            variant="subtle"
+            color="gray"
+            aria-label={`Leave out run ${id}`}
+            onClick={() =>
+              go(
+                addressOf(
+                  run.id,
+                  others.filter((other) => other !== id),
+                  null,
+                  how,
+                ),
+              )
+            }
+          >
+            <TbX size={12} />
+          </ActionIcon>
+        </span>
+      ))}
+      <NativeSelect
+        aria-label="Compare with"
+        value=""
+        disabled={others.length >= MOST_COMPARED - 1}
+        onChange={(event) => go(addressOf(run.id, [...others, Number(event.currentTarget.value)], null, how))}
+        data={[
+          { value: "", label: others.length === 0 ? "Compare with …" : "and with …" },
+          ...sorted.map(({ id, title, started }) => ({
+            value: String(id),
+            label: `run ${id}, ${title}, ${dateTime(started)}`,
+          })),
+        ]}
+      />
+    </div>
+  );
+}
+
+/** A run beside others: all on one time axis, what differs from one of them, where, and by how much. */
+
+interface ComparedRunsProps {
+  readonly run: Run;
+  /** Has to be the same array as long as it says the same. */
+  readonly others: readonly number[];
+  readonly compared: Compared;
+}
+
+export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
+  const [, go] = useLocation();
+  const asked = useMemo(() => askedOf([run.id, ...others], compared), [run.id, others, compared]);
+  const { data, error, isPlaceholderData } = useQuery(comparisonQuery(asked));
+  const told = isPlaceholderData ? undefined : data;
+  const placed = usePlaced(asked, told);
+  const drawn = useMemo(() => asked.run.filter((id) => placed?.offsets.has(id)), [asked, placed]);
+  const change = (to: Partial<Compared>) =>
+    go(addressOf(run.id, others, null, textOf({ ...compared, ...to })), { replace: true });
+  return (
+    <>
+      <Card title="Curves" aside={<CompareWith run={run} others={others} how={textOf(compared)} />}>
+        <AlignmentBar asked={asked} onChange={change} />
+        <p className={runsStyles.placed} aria-live="polite">
+          {told === undefined ? (error?.message ?? "Aligning …") : <Placing told={told} />}
+        </p>
+        <div className={pageStyles.charts}>
+          {placed === undefined ? (
+            <p className={pageStyles.empty}>{error === null ? "Loading …" : "Nothing can be drawn."}</p>
+          ) : (
+            <RunCharts run={run.id} others={others} placed={placed} />
+          )}
+        </div>
+      </Card>
+      <DifferencesCard
+        asked={asked}
+        drawn={drawn}
+        signal={compared.signal}
+        band={compared.band}
+        onChange={change}
+      />
+      <ComparisonCard asked={asked} signal={compared.signal} told={data} error={error} />
+    </>
+  );
+}
+
+/** From the begin of each run nothing has to be asked for: the curves do not wait. */
+function usePlaced(asked: ComparisonAsked, told: RunComparison | undefined): Placed | undefined {
+  return useMemo(() => {
+    const { reference, by, run } = asked;
+    if (by === "begin") return { reference, offsets: new Map(run.map((id) => [id, 0])) };
+    if (told === undefined) return undefined;
+    const found = told.runs.flatMap(({ id, offset_s }): [number, number][] =>
+      offset_s === null ? [] : [[id, offset_s]],
+    );
+    return { reference, offsets: new Map(found) };
+  }, [asked, told]);
+}
+
+/** In words how each run came onto the axis, or why it did not. */
+function Placing({ told }: { told: RunComparison }) {
+  const absent = told.runs.filter(({ not_aligned }) => not_aligned !== "");
+  const shifted = told.runs.filter(({ id, offset_s }) => id !== told.reference && offset_s !== null);
+  return (
+    <>
+      Time of run {told.reference}
+      {shifted.map(({ id, offset_s }) => (
+        <span key={id}>
+          {" · "}run {id} {offset_s === 0 ? "not shifted" : `shifted by ${signed(offset_s as number)} s`}
+        </span>
+      ))}
+      {absent.map(({ id, not_aligned }) => (
+        <strong key={id} role="alert" className={runsStyles.absent}>
+          {" · "}left out: {not_aligned}
+        </strong>
+      ))}
+    </>
+  );
+}
+
+function signed(value: number): string {
+  return value > 0 ? `+${fixed(value, 3)}` : fixed(value, 3);
 }

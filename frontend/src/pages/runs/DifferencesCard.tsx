@@ -1,26 +1,212 @@
-/** A signal of each run minus that of the reference, and where it leaves the band that the operator gives. */
-
-import { NativeSelect } from "@mantine/core";
+import { NativeSelect, Table } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { useCallback, useEffect, useMemo } from "react";
+import { type ReactNode, useCallback, useEffect, useMemo } from "react";
 import { Charts } from "../../charts/Charts";
-import type { PlacedMark } from "../../charts/decorations";
-import { RecordedSource } from "../../charts/recordedSource";
-import { useViewport } from "../../charts/useViewport";
-import { stretch } from "../../charts/viewport";
+import type { LimitLine, PlacedMark } from "../../charts/decorations";
+import { markOf, RecordedSource, traceOf } from "../../charts/sources";
+import { stretch, useViewport } from "../../charts/viewport";
 import { Card } from "../../components/Card";
-import { told } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { type ComparisonAsked, curvesOf, differencesQuery } from "../../service/comparison";
-import { unitOf } from "../../theme/signals";
-import type { Differences } from "../../wire/types";
-import page from "../Page.module.css";
+import { Absent, Shown, Unit } from "../../components/values";
+import { fixed, settingValue, significant } from "../../samples/format";
+import { type Angles, labelWith, readingOf, told } from "../../samples/quantity";
+import { useAngles } from "../../service/preferences";
+import { type ComparisonAsked, curvesOf, differencesQuery } from "../../service/runs";
+import { readIn } from "../../theme/layouts";
+import { type Panel, scaleOf, traceFor, unitOf } from "../../theme/signals";
+import { FIELDS } from "../../wire/sample.gen";
+import type { ComparedSetting, Differences, RunComparison, RunDifference } from "../../wire/types";
+import pageStyles from "../Page.module.css";
 import type { Compared } from "./compared";
-import { DeviationTable } from "./DeviationTable";
-import { bandLines, differencePanel, nameOf, SIGNALS } from "./differencePanel";
-import styles from "./Runs.module.css";
+import runsStyles from "./Runs.module.css";
 import { SettledNumber } from "./SettledNumber";
+
+/** Where each run leaves the band around the reference, for how long, and how far it goes. */
+
+const NO_BAND = "no tolerance is given";
+const NEVER = "it stays within the band";
+
+interface DeviationTableProps {
+  readonly found: Differences;
+  /** In SI; null where none is given. */
+  readonly band: number | null;
+}
+
+export function DeviationTable({ found, band }: DeviationTableProps) {
+  const angles = useAngles();
+  const { factor } = readingOf(found.unit, angles);
+  return (
+    <div className={pageStyles.tableScroll}>
+      <Table aria-label="Deviations" verticalSpacing={4}>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>Run</Table.Th>
+            <Table.Th className={pageStyles.number}>Leaves the band at [s]</Table.Th>
+            <Table.Th className={pageStyles.number}>Outside together [s]</Table.Th>
+            <Table.Th className={pageStyles.number}>Longest [s]</Table.Th>
+            <Table.Th className={pageStyles.number}>{labelWith("Largest", found.unit, angles)}</Table.Th>
+            <Table.Th className={pageStyles.number}>at [s]</Table.Th>
+            <Table.Th className={pageStyles.number}>Compared [s]</Table.Th>
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {found.runs.map((one) => (
+            <Table.Tr key={one.run}>
+              <Table.Td>Run {one.run}</Table.Td>
+              {one.reason === "" ? (
+                <Figures one={one} banded={band !== null} factor={factor} />
+              ) : (
+                <Table.Td colSpan={6}>not measured: {one.reason}</Table.Td>
+              )}
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+    </div>
+  );
+}
+
+interface FiguresProps {
+  readonly one: RunDifference;
+  readonly banded: boolean;
+  readonly factor: number;
+}
+
+function Figures({ one, banded, factor }: FiguresProps) {
+  const within = (figure: ReactNode) => (banded ? figure : <Absent why={NO_BAND} />);
+  const cells = [
+    within(
+      <Shown value={one.left_at_s} why={NEVER}>
+        {(at_s) => fixed(at_s, 3)}
+      </Shown>,
+    ),
+    within(fixed(one.outside_s, 3)),
+    within(fixed(one.longest_s, 3)),
+    one.largest === null ? "" : significant(one.largest * factor, 4),
+    one.largest_at_s === null ? "" : fixed(one.largest_at_s, 3),
+    `${fixed(one.compared_s, 3)}${one.missing_s > 0 ? ` of ${fixed(one.compared_s + one.missing_s, 3)}` : ""}`,
+  ];
+  return cells.map((cell, place) => (
+    // biome-ignore lint/suspicious/noArrayIndexKey: columns have a place and nothing else to tell them by
+    <Table.Td key={place} className={pageStyles.number}>
+      {cell}
+    </Table.Td>
+  ));
+}
+
+/** What not all compared runs were set to alike. */
+
+/** Texts of more letters stand out by themselves. */
+const LONG = 40;
+
+export function DifferingSettings({ told: { settings, runs, reference } }: { told: RunComparison }) {
+  const angles = useAngles();
+  if (settings.length === 0) {
+    return (
+      <p className={pageStyles.empty}>
+        All of these runs were set to the same, on the same plant and software.
+      </p>
+    );
+  }
+  const place = runs.findIndex(({ id }) => id === reference);
+  return (
+    <div className={pageStyles.tableScroll}>
+      <Table aria-label="Settings that differ" verticalSpacing={4}>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>Setting or parameter that differs</Table.Th>
+            {runs.map(({ id }) => (
+              <Table.Th key={id} className={pageStyles.number}>
+                Run {id}
+              </Table.Th>
+            ))}
+            <Table.Th>Unit</Table.Th>
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {settings.map((setting) => (
+            <Table.Tr key={`${setting.name} ${setting.unit}`}>
+              <Table.Td>{setting.name}</Table.Td>
+              {runs.map(({ id }, index) => (
+                <Table.Td key={id} className={pageStyles.number}>
+                  <Value setting={setting} index={index} alike={place} angles={angles} />
+                </Table.Td>
+              ))}
+              <Table.Td>
+                <Unit unit={setting.unit} />
+              </Table.Td>
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+    </div>
+  );
+}
+
+interface ValueProps {
+  readonly setting: ComparedSetting;
+  readonly index: number;
+  /** Place of the reference: who differs from it stands out. */
+  readonly alike: number;
+  readonly angles: Angles;
+}
+
+function Value({ setting: { values, unit }, index, alike, angles }: ValueProps) {
+  const value = values[index] ?? null;
+  if (value === null) return <Absent why="not set" />;
+  const text = settingValue(typeof value === "number" ? value * readingOf(unit, angles).factor : value);
+  if (value === values[alike]) return <span className={pageStyles.dim}>{text}</span>;
+  return text.length > LONG ? text : <strong>{text}</strong>;
+}
+
+/** The panel of a signal's differences: in the looks of the runs that they are of, with the tolerance band. Pure. */
+
+/** Those that have a unit: of codes and counts there is no difference that says anything. */
+export const SIGNALS = FIELDS.filter(({ unit }) => unit !== "1").map(({ name }) => name);
+
+/** Differences are small: their axis may be as much finer. */
+const FINER = 20;
+
+/** What the difference of a run is called: with the mark that the run has in the curves; null where it has none. */
+export function nameOf(signal: string, drawn: readonly number[], run: number): string | null {
+  const place = drawn.indexOf(run);
+  return place < 0 ? null : `Δ${signal}${markOf(place)}`;
+}
+
+/** Of all `drawn` runs but the reference. */
+export function differencePanel(
+  signal: string,
+  drawn: readonly number[],
+  reference: number,
+  angles: Angles,
+): Panel {
+  const { hue } = traceFor(signal, []);
+  const traces = drawn
+    .map((_, n) => ({
+      ...traceOf({ name: signal, hue, dashed: false }, n, drawn.length),
+      name: `Δ${signal}${markOf(n)}`,
+    }))
+    .filter((_, n) => drawn[n] !== reference);
+  const scale = scaleOf([signal]);
+  return readIn(
+    { ...scale, narrowest: scale.narrowest / FINER, title: `Difference of ${signal}`, traces },
+    angles,
+  );
+}
+
+/** The band, given in SI, as lines of the panel. */
+export function bandLines({ traces, factor }: Panel, band: number | null): readonly LimitLine[] {
+  if (band === null) return [];
+  const line = (sign: 1 | -1): LimitLine => ({
+    of: traces.map(({ name }) => name),
+    value: sign * band * factor,
+    label: sign > 0 ? "+ band" : "− band",
+    alwaysInSight: true,
+  });
+  return [line(1), line(-1)];
+}
+
+/** A signal of each run minus that of the reference, and where it leaves the band that the operator gives. */
 
 const POINTS = 2000;
 const RESTED_MS = 300;
@@ -42,7 +228,7 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
     <Card
       title={`Differences to run ${asked.reference}`}
       aside={
-        <div className={page.actions}>
+        <div className={pageStyles.actions}>
           <NativeSelect
             aria-label="Signal"
             value={signal}
@@ -63,16 +249,16 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
       }
     >
       {data === undefined ? (
-        <p className={page.empty}>{error?.message ?? "Comparing every sample …"}</p>
+        <p className={pageStyles.empty}>{error?.message ?? "Comparing every sample …"}</p>
       ) : (
-        <div className={styles.deviations}>
+        <div className={runsStyles.deviations}>
           <DeviationTable found={data} band={band} />
           {data.runs.some(({ run }) => drawn.includes(run)) && (
-            <div className={styles.difference}>
+            <div className={runsStyles.difference}>
               <DifferenceCharts key={keyOf(asked, signal)} found={data} {...{ asked, drawn, signal, band }} />
             </div>
           )}
-          <p className={page.dim}>
+          <p className={pageStyles.dim}>
             {signal} of each run minus that of run {asked.reference}, at the samples of run {asked.reference}
             {band !== null && `; the band is ± ${told(band, unitOf(signal), angles)}`}.
           </p>

@@ -1,23 +1,246 @@
-/** Back from a run to parameters, bank, identifications and their raw data, and forth to what came of it. */
-
+import { ActionIcon, Table } from "@mantine/core";
+import { useClipboard } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { Fragment } from "react";
+import { Fragment, useMemo } from "react";
+import { TbCheck, TbCopy } from "react-icons/tb";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { Verdict } from "../../components/Verdict";
+import { Verdict } from "../../components/RunState";
+import { inWords } from "../../samples/quantity";
 import { parametersQuery } from "../../service/comparedModels";
+import { useAngles } from "../../service/preferences";
 import { lineageQuery } from "../../service/queries";
-import type { Lineage } from "../../wire/types";
-import page from "../Page.module.css";
+import type { Lineage, LineageNode } from "../../wire/types";
+import pageStyles from "../Page.module.css";
 import { appliedRuns, digestOfParameters } from "./appliedRuns";
-import { LineagePicture } from "./LineagePicture";
+import runsStyles from "./Runs.module.css";
+
+/** Where the boxes of a lineage stand: origins at the left, what came of them at the right. Pure. */
+
+export const BOX = { width: 178, height: 76, across: 44, down: 14 } as const;
+
+export interface Placed {
+  readonly node: LineageNode;
+  readonly x: number;
+  readonly y: number;
+}
+
+export interface Picture {
+  readonly boxes: readonly Placed[];
+  readonly edges: readonly { readonly key: string; readonly from: Placed; readonly to: Placed }[];
+  readonly width: number;
+  readonly height: number;
+}
+
+/** Each box stands right of all it came from, as near to what came of it as that leaves room. */
+export function laidOut(nodes: readonly LineageNode[]): Picture {
+  const byId = new Map(nodes.map((node) => [node.id, node]));
+  const columns = columnsOf(nodes, byId);
+  const filled = new Map<number, number>();
+  const boxes = nodes.map((node): Placed => {
+    const column = columns.get(node.id) ?? 0;
+    const row = filled.get(column) ?? 0;
+    filled.set(column, row + 1);
+    return { node, x: column * (BOX.width + BOX.across), y: row * (BOX.height + BOX.down) };
+  });
+  const placed = new Map(boxes.map((box) => [box.node.id, box]));
+  const edges = boxes.flatMap((to) =>
+    to.node.origins.flatMap((origin) => {
+      const from = placed.get(origin);
+      return from === undefined ? [] : [{ key: `${origin} ${to.node.id}`, from, to }];
+    }),
+  );
+  return {
+    boxes,
+    edges,
+    width: Math.max(0, ...boxes.map(({ x }) => x + BOX.width)),
+    height: Math.max(0, ...boxes.map(({ y }) => y + BOX.height)),
+  };
+}
+
+function columnsOf(
+  nodes: readonly LineageNode[],
+  byId: ReadonlyMap<string, LineageNode>,
+): Map<string, number> {
+  const depth = new Map<string, number>();
+  const visit = (id: string, seen: ReadonlySet<string>): number => {
+    const known = depth.get(id);
+    if (known !== undefined) return known;
+    const origins = (byId.get(id)?.origins ?? []).filter((origin) => byId.has(origin) && !seen.has(origin));
+    const found =
+      origins.length === 0 ? 0 : 1 + Math.max(...origins.map((one) => visit(one, new Set([...seen, id]))));
+    depth.set(id, found);
+    return found;
+  };
+  for (const { id } of nodes) visit(id, new Set());
+  return depth;
+}
+
+/** The lineage of a run as boxes and arrows: each leads to its thing, says its digest, and whether it still holds. */
+
+const SHORT = 12;
+const MARGIN = 2;
+/** Letters that fit into a box. */
+const FIT = 27;
+
+export function LineagePicture({ nodes, self }: { nodes: readonly LineageNode[]; self: string }) {
+  const picture = useMemo(() => laidOut(nodes), [nodes]);
+  const [width, height] = [picture.width + 2 * MARGIN, picture.height + 2 * MARGIN];
+  return (
+    <>
+      <div className={runsStyles.picture}>
+        {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is no part of a drawing */}
+        <svg
+          width={width}
+          height={height}
+          viewBox={`${-MARGIN} ${-MARGIN} ${width} ${height}`}
+          role="group"
+          aria-label="Lineage as a picture"
+        >
+          {picture.edges.map(({ key, from, to }) => (
+            <Arrow key={key} from={from} to={to} />
+          ))}
+          {picture.boxes.map((placed) => (
+            <Box key={placed.node.id} placed={placed} self={placed.node.id === self} />
+          ))}
+        </svg>
+      </div>
+      <Digests nodes={nodes} />
+    </>
+  );
+}
+
+function Arrow({ from, to }: { from: Placed; to: Placed }) {
+  const [x0, y0] = [from.x + BOX.width, from.y + BOX.height / 2];
+  const [x1, y1] = [to.x - 6, to.y + BOX.height / 2];
+  const bend = Math.max(20, (x1 - x0) / 2);
+  return (
+    <g>
+      <path
+        className={runsStyles.edge}
+        d={`M${x0},${y0} C${x0 + bend},${y0} ${x1 - bend},${y1} ${x1},${y1}`}
+      />
+      <path className={runsStyles.arrow} d={`M${x1 + 6},${y1} l-7,-4 v8 z`} />
+    </g>
+  );
+}
+
+function Box({ placed: { node, x, y }, self }: { placed: Placed; self: boolean }) {
+  const angles = useAngles();
+  const address = self ? null : addressOfNode(node);
+  const outdated = inWords(node.out_of_date, angles);
+  const detail = inWords(node.detail, angles);
+  const inside = (
+    <>
+      <title>{[node.title, detail, outdated].filter((part) => part !== "").join("\n")}</title>
+      <rect
+        className={runsStyles.node}
+        data-self={self}
+        data-outdated={outdated !== ""}
+        width={BOX.width}
+        height={BOX.height}
+        rx={6}
+      />
+      <text className={runsStyles.name} x={10} y={19}>
+        {cut(node.title)}
+      </text>
+      <text className={runsStyles.detail} x={10} y={36}>
+        {cut(detail)}
+      </text>
+      <text className={`${runsStyles.detail} ${runsStyles.hash}`} x={10} y={52}>
+        {node.sha256 === null ? "no digest" : node.sha256.slice(0, SHORT)}
+      </text>
+      {outdated !== "" && (
+        <text className={runsStyles.outdated} x={10} y={68}>
+          ⚠ out of date
+        </text>
+      )}
+    </>
+  );
+  return (
+    <g transform={`translate(${x},${y})`}>
+      {address === null ? (
+        inside
+      ) : (
+        <Link
+          href={address}
+          className={runsStyles.link}
+          aria-label={`${node.title}${outdated && ", out of date"}`}
+        >
+          {inside}
+        </Link>
+      )}
+    </g>
+  );
+}
+
+function cut(text: string): string {
+  return text.length <= FIT ? text : `${text.slice(0, FIT - 1)}…`;
+}
+
+/** The page that tells more of a box. */
+export function addressOfNode({ bank, identification, run }: LineageNode): string | null {
+  if (bank !== null) return `/banks/${bank}`;
+  if (identification !== null) return `/identify/${identification}`;
+  return run === null ? null : `/runs/${run}`;
+}
+
+function Digests({ nodes }: { nodes: readonly LineageNode[] }) {
+  const angles = useAngles();
+  return (
+    <Table aria-label="Digests" verticalSpacing={2}>
+      <Table.Thead>
+        <Table.Tr>
+          <Table.Th>What</Table.Th>
+          <Table.Th>sha256</Table.Th>
+          <Table.Th>Out of date</Table.Th>
+        </Table.Tr>
+      </Table.Thead>
+      <Table.Tbody>
+        {nodes.map((node) => (
+          <Table.Tr key={node.id}>
+            <Table.Td>{node.title}</Table.Td>
+            <Table.Td>
+              {node.sha256 === null ? (
+                inWords(node.no_sha256, angles)
+              ) : (
+                <Digest title={node.title} sha256={node.sha256} />
+              )}
+            </Table.Td>
+            <Table.Td>{node.out_of_date === "" ? "no" : inWords(node.out_of_date, angles)}</Table.Td>
+          </Table.Tr>
+        ))}
+      </Table.Tbody>
+    </Table>
+  );
+}
+
+function Digest({ title, sha256 }: { title: string; sha256: string }) {
+  const { copy, copied } = useClipboard({ timeout: 1500 });
+  return (
+    <span title={sha256}>
+      <code className={runsStyles.hash}>{sha256.slice(0, SHORT)}</code>{" "}
+      <ActionIcon
+        size={18}
+        variant="subtle"
+        color="gray"
+        aria-label={`Copy the digest of ${title}`}
+        onClick={() => copy(sha256)}
+      >
+        {copied ? <TbCheck size={12} /> : <TbCopy size={12} />}
+      </ActionIcon>
+    </span>
+  );
+}
+
+/** Back from a run to parameters, bank, identifications and their raw data, and forth to what came of it. */
 
 export function LineageCard({ run }: { run: number }) {
   const { data, error } = useQuery(lineageQuery(run));
   return (
     <Card title="Lineage">
       {data === undefined ? (
-        <p className={page.empty}>{error?.message ?? "Loading …"}</p>
+        <p className={pageStyles.empty}>{error?.message ?? "Loading …"}</p>
       ) : (
         <>
           <LineagePicture nodes={data.nodes} self={`run-${run}`} />
@@ -31,7 +254,7 @@ export function LineageCard({ run }: { run: number }) {
 function Origins({ lineage }: { lineage: Lineage }) {
   const { parameters, parameters_as_now, software, bank, entries, banks_built, runs_with_them } = lineage;
   return (
-    <dl className={page.facts}>
+    <dl className={pageStyles.facts}>
       <dt>Software</dt>
       <dd>Sinew {software}</dd>
       <dt>Parameters</dt>
@@ -62,7 +285,7 @@ function Origins({ lineage }: { lineage: Lineage }) {
       {banks_built.length > 0 && (
         <>
           <dt>Banks built from it</dt>
-          <dd className={page.actions}>
+          <dd className={pageStyles.actions}>
             {banks_built.map((one) => (
               <Link key={one.id} href={`/banks/${one.id}`}>
                 {one.name} v{one.version}
@@ -70,7 +293,7 @@ function Origins({ lineage }: { lineage: Lineage }) {
             ))}
           </dd>
           <dt>Runs with these</dt>
-          <dd className={page.actions}>
+          <dd className={pageStyles.actions}>
             {runs_with_them.length === 0 ? "none" : runs_with_them.map((id) => <RunLink key={id} run={id} />)}
           </dd>
         </>
@@ -85,7 +308,7 @@ function AppliedFrom({ lineage }: { lineage: Lineage }) {
   const runs = appliedRuns(data?.versions ?? [], digestOfParameters(lineage.nodes));
   if (runs.length === 0) return null;
   return (
-    <span className={page.dim}>
+    <span className={pageStyles.dim}>
       {" with values of "}
       {runs.map((id, index) => (
         <Fragment key={id}>

@@ -6,7 +6,7 @@ import { expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Run } from "../../wire/types";
-import { NoteCard } from "./NoteCard";
+import { NoteCard } from "./RunDetail";
 
 function reports(kind: string, end_state: string): number {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));

@@ -3,14 +3,12 @@
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
 import { useCallback, useEffect, useState } from "react";
 import { TbPlayerPauseFilled, TbPlayerPlayFilled } from "react-icons/tb";
-import { type Playhead, usePlayhead } from "../../charts/playhead";
-import type { PlotSource } from "../../charts/source";
-import { CameraChoice } from "../../components/CameraChoice";
-import { sceneAddress } from "../../components/cameras";
-import { SceneFrame } from "../../components/SceneFrame";
+import type { PlotSource } from "../../charts/sources";
+import { type Playhead, usePlayhead } from "../../charts/viewport";
+import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
 import { showMoment } from "../../service/commands";
-import { useSceneView } from "../../service/useSceneView";
+import { useSceneView } from "../../service/runs";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 import { useMoments } from "./useMoments";

@@ -1,31 +1,212 @@
-/** The samples of a stored run, or of several, on the same charts as the live ones; played back beside its actuator. */
-
+import { useDebouncedValue } from "@mantine/hooks";
 import { useQueries, useQuery } from "@tanstack/react-query";
-import { useMemo, useState } from "react";
+import { useEffect, useMemo, useRef, useState } from "react";
 import { Charts } from "../../charts/Charts";
-import { ComparedSource, comparedPanels, markOf, traceOf } from "../../charts/comparedSource";
 import type { PlacedMark } from "../../charts/decorations";
-import { Playhead } from "../../charts/playhead";
-import { ShiftedSource } from "../../charts/shiftedSource";
-import type { PlotSource } from "../../charts/source";
+import { TraceLine } from "../../charts/PanelRow";
+import {
+  ComparedSource,
+  comparedPanels,
+  markOf,
+  type PlotSource,
+  RecordedSource,
+  ShiftedSource,
+  traceOf,
+} from "../../charts/sources";
 import { StoredRuns } from "../../charts/storedRuns";
-import { TraceLine } from "../../charts/TraceLine";
-import { useViewport, type ViewControl } from "../../charts/useViewport";
-import type { Viewport } from "../../charts/viewport";
-import { plantWord } from "../../components/PlantBadge";
+import { Playhead, stretch, useViewport, type ViewControl, type Viewport } from "../../charts/viewport";
+import { plantWord } from "../../components/Header";
 import { useLive } from "../../live/react";
+import { significant } from "../../samples/format";
 import { type Angles, inWords } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
-import { banksQuery, runMarksQuery, runQuery } from "../../service/queries";
-import { bankInWords } from "../../service/tuningWords";
-import { HUES, type Trace } from "../../theme/signals";
+import type { Stretch } from "../../samples/stretch";
+import { useAngles } from "../../service/preferences";
+import { banksQuery, recordingQuery, runMarksQuery, runQuery } from "../../service/queries";
+import { bankInWords } from "../../service/tuning";
+import { HUES, isSum, type Trace } from "../../theme/signals";
 import { usePanels } from "../../theme/usePanels";
+import type { Excerpt } from "../../wire/curves";
+import { AT_HAND_SAMPLES, PERIOD_S } from "../../wire/sample.gen";
 import type { Bank, RunMark } from "../../wire/types";
-import { limitLines } from "../operate/limitLines";
+import { limitLines } from "../operate/LiveCharts";
 import page from "../Page.module.css";
 import { Replay } from "./Replay";
 import replay from "./Replay.module.css";
-import { covered, type Recorded, useRecordings } from "./useRecordings";
+
+/** Stretches of recordings, in two parts where they are long: what is summarised comes at once, what follows from every sample later. */
+
+/** Of what is longer [s] every sample is read beside the service: the extremes of a difference come some seconds later. */
+export const LONG_S = AT_HAND_SAMPLES * PERIOD_S;
+
+interface Asked {
+  readonly id: number;
+  readonly stretch: Stretch;
+  readonly wanted: boolean;
+}
+
+interface Excerpts {
+  /** In the order asked for; the same array as long as nothing has come. */
+  readonly there: readonly (Excerpt | undefined)[];
+  /** What is not there yet or could not be had, in words; "" for nothing. */
+  readonly lacking: string;
+}
+
+/** `asked` must not change in length. */
+export function useExcerpts(asked: readonly Asked[], points: number, signals: readonly string[]): Excerpts {
+  const sums = signals.filter(isSum);
+  const stored = signals.filter((name) => !isSum(name));
+  const apart = asked.map(({ stretch }) => sums.length > 0 && stretch.to_s - stretch.from_s > LONG_S);
+  const first = useQueries({
+    queries: asked.map(({ id, stretch, wanted }, index) => ({
+      ...recordingQuery(id, stretch, points, apart[index] ? stored : signals),
+      enabled: wanted,
+    })),
+  });
+  const second = useQueries({
+    queries: asked.map(({ id, stretch, wanted }, index) => ({
+      ...recordingQuery(id, stretch, points, sums),
+      enabled: wanted && apart[index] === true,
+    })),
+  });
+  const joined = asked.map((_, index) => [
+    first[index]?.data,
+    apart[index] ? second[index]?.data : undefined,
+  ]);
+  const there = useSame(joined.flat());
+  const missing = second.filter((one, index) => apart[index] && asked[index]?.wanted && !one.data);
+  return {
+    // biome-ignore lint/correctness/useExhaustiveDependencies: what has come decides, not the arrays around it
+    there: useMemo(() => joined.map(([a, b]) => together(a, b)), [there]),
+    lacking: lackingOf(sums, missing.find((one) => one.error)?.error ?? null, missing.length),
+  };
+}
+
+/** Both parts of an excerpt as one; a part over other buckets, of a recording that grew meanwhile, is left out. */
+export function together(a: Excerpt | undefined, b: Excerpt | undefined): Excerpt | undefined {
+  if (a === undefined || b === undefined || a.t.length !== b.t.length || a.t[0] !== b.t[0]) return a;
+  return { ...a, signals: { ...a.signals, ...b.signals } };
+}
+
+function lackingOf(sums: readonly string[], error: Error | null, missing: number): string {
+  const names = sums.map((name) => name.replace(" - ", " − ")).join(", ");
+  if (error !== null) return `${names} not computed: ${error.message}`;
+  return missing > 0 ? `${names}: being computed from every sample` : "";
+}
+
+/** The same array as long as its elements are. */
+function useSame<Element>(elements: readonly Element[]): readonly Element[] {
+  const kept = useRef(elements);
+  const same =
+    kept.current.length === elements.length && kept.current.every((one, index) => one === elements[index]);
+  if (!same) kept.current = elements;
+  return kept.current;
+}
+
+/** The samples of stored runs as sources of curves, in more detail where the view has come to rest. */
+
+/** What the drawing of the actuator and the foot of a picture need, whatever the charts show. */
+const ALWAYS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "lam_q", "lam_S", "bank_entry"];
+const POINTS = 2000;
+const RESTED_MS = 80;
+
+export interface Recorded {
+  readonly id: number;
+  readonly duration_s: number;
+  /** What its times are shifted by onto the axis of the charts. */
+  readonly offset_s?: number;
+}
+
+/** All that the runs cover of the axis. */
+export function covered(runs: readonly Recorded[]): Stretch {
+  return {
+    from_s: Math.min(...runs.map(({ offset_s = 0 }) => offset_s)),
+    to_s: Math.max(...runs.map(({ offset_s = 0, duration_s }) => offset_s + duration_s)),
+  };
+}
+
+export interface Recordings {
+  readonly sources: readonly RecordedSource[];
+  /** What a point of the curves of the first stands for at present. */
+  readonly resolution: string;
+}
+
+/** `runs` has to be the same array as long as it says the same. */
+export function useRecordings(runs: readonly Recorded[], view: Viewport): Recordings {
+  const panels = usePanels();
+  const signals = useMemo(() => {
+    const drawn = panels.flatMap(({ traces, over }) => [...traces, ...(over === undefined ? [] : [over])]);
+    return [...new Set([...drawn.map(({ name }) => name), ...ALWAYS])];
+  }, [panels]);
+  const sources = useMemo(() => runs.map(({ duration_s }) => new RecordedSource(duration_s)), [runs]);
+  const overviews = useExcerpts(
+    runs.map(({ id, duration_s }) => ({ id, stretch: { from_s: 0, to_s: duration_s }, wanted: true })),
+    POINTS,
+    signals,
+  );
+  const whole = covered(runs);
+  const seen = stretch(view, whole.to_s);
+  // the first turn of the wheel is followed at once, those after it when they have come to rest
+  const wanted = useSteady(widened(seen, whole));
+  const [rested] = useDebouncedValue(wanted, RESTED_MS, { leading: true });
+  const parts = runs.map(({ duration_s, offset_s = 0 }) => {
+    const own = (time_s: number) => Math.min(Math.max(0, time_s - offset_s), duration_s);
+    return { from_s: own(rested.from_s), to_s: own(rested.to_s) };
+  });
+  const zoomed = parts.map(
+    ({ from_s, to_s }, index) => to_s - from_s < (runs[index] as Recorded).duration_s && to_s > from_s,
+  );
+  const details = useExcerpts(
+    runs.map(({ id }, index) => ({
+      id,
+      stretch: parts[index] as Stretch,
+      wanted: zoomed[index] === true,
+    })),
+    2 * POINTS,
+    signals,
+  );
+
+  useEffect(() => {
+    overviews.there.forEach((data, index) => {
+      if (data) sources[index]?.setOverview(data);
+    });
+  }, [overviews.there, sources]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
+  useEffect(() => {
+    details.there.forEach((data, index) => {
+      if (data && zoomed[index]) sources[index]?.setDetail(parts[index] as Stretch, data);
+    });
+  }, [details.there, sources]);
+
+  const first = parts[0] as Stretch;
+  const { duration_s, offset_s = 0 } = runs[0] as Recorded;
+  const fits =
+    zoomed[0] &&
+    first.from_s <= Math.max(0, seen.from_s - offset_s) &&
+    first.to_s >= Math.min(seen.to_s - offset_s, duration_s);
+  const shown = fits ? details : overviews;
+  return { sources, resolution: [resolution(shown.there[0]), shown.lacking].filter(Boolean).join("; ") };
+}
+
+/** The same object as long as it says the same: a new one would begin the wait for rest anew. */
+function useSteady({ from_s, to_s }: Stretch): Stretch {
+  return useMemo(() => ({ from_s, to_s }), [from_s, to_s]);
+}
+
+function resolution(shown: Excerpt | undefined): string {
+  if (shown === undefined) return "loading";
+  return shown.raw ? "every sample" : `smallest and largest per ${significant(shown.width_s, 3)} s`;
+}
+
+/** A third more on either side, so that a small pan needs no new data. */
+function widened({ from_s, to_s }: Stretch, whole: Stretch): Stretch {
+  const margin = (to_s - from_s) / 3;
+  return {
+    from_s: Math.max(whole.from_s, from_s - margin),
+    to_s: Math.max(from_s, Math.min(whole.to_s, to_s + margin)),
+  };
+}
+
+/** The samples of a stored run, or of several, on the same charts as the live ones; played back beside its actuator. */
 
 const NO_MARKS: readonly RunMark[] = [];
 

@@ -10,8 +10,14 @@ import type { Experiment, Lineage, Run } from "../../wire/types";
 import { RunDetail } from "./RunDetail";
 
 // A canvas cannot draw here; where the curves stand is what counts.
-vi.mock("./RunCharts", () => ({ RunCharts: () => <div data-testid="curves" /> }));
-vi.mock("./ComparedRuns", () => ({ ComparedRuns: () => null }));
+vi.mock("./RunCharts", async (original) => ({
+  ...(await original<object>()),
+  RunCharts: () => <div data-testid="curves" />,
+}));
+vi.mock("./ComparisonCard", async (original) => ({
+  ...(await original<object>()),
+  ComparedRuns: () => null,
+}));
 
 const RUN: Run = {
   id: 7,

@@ -1,15 +1,129 @@
-/** What narrows the list of runs: one box for a search, a form for what is asked for most, searches under names. */
-
 import { Button, NativeSelect, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useId } from "react";
+import { useId, useState } from "react";
 import { TbSearch } from "react-icons/tb";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { inWordsOf } from "../../samples/words";
-import { searchWordsQuery } from "../../service/queries";
-import { ALL_STATIONS, type Filters, NO_FILTERS } from "./filters";
-import styles from "./Runs.module.css";
-import { SavedSearches } from "./SavedSearches";
+import { useForgetSearch, useSaveSearch } from "../../service/commands";
+import { savedSearchesQuery, searchWordsQuery } from "../../service/queries";
+import pageStyles from "../Page.module.css";
+import runsStyles from "./Runs.module.css";
+
+/** The form beside the search box: what it says as a search. Pure. */
+
+export interface Filters {
+  readonly kind: string;
+  readonly end: string;
+  readonly verdict: string;
+  readonly tag: string;
+  /** A station's name; ALL_STATIONS for all, "" for the one of this service. */
+  readonly station: string;
+  /** Days of the person's own zone as the boxes have them, 2026-03-31, or "". */
+  readonly from: string;
+  readonly to: string;
+}
+
+export const ALL_STATIONS = "*";
+/** A search that names a station looks at all of them, and this fits each. */
+const ANY_STATION = 'station ~ ""';
+export const NO_FILTERS: Filters = { kind: "", end: "", verdict: "", tag: "", station: "", from: "", to: "" };
+
+/** The search that the form is, "" where it is empty. */
+export function whereOf(filters: Filters): string {
+  const { kind, end, verdict, tag, station, from, to } = filters;
+  const terms = [
+    kind && `kind = ${quoted(kind)}`,
+    end && `end = ${quoted(end)}`,
+    verdict && `verdict = ${quoted(verdict)}`,
+    tag && `tag = ${quoted(tag)}`,
+    station && (station === ALL_STATIONS ? ANY_STATION : `station = ${quoted(station)}`),
+    from && `date >= ${midnight(from, 0)}`,
+    to && `date < ${midnight(to, 1)}`,
+  ];
+  return terms.filter((term) => typeof term === "string" && term !== "").join(" ");
+}
+
+/** Form and box in one, to be saved under a name. */
+export function together(typed: string, filters: Filters): string {
+  const form = whereOf(filters);
+  const box = typed.trim();
+  return form === "" || box === "" ? box || form : `(${box}) ${form}`;
+}
+
+/** Where a day begins, or one `days` later, in UTC as searches have it; what is no date is left to be refused. */
+function midnight(day: string, days: number): string {
+  const begin = new Date(`${day}T00:00`);
+  if (Number.isNaN(begin.getTime())) return day;
+  begin.setDate(begin.getDate() + days);
+  return begin.toISOString().slice(0, 16);
+}
+
+function quoted(text: string): string {
+  return `"${text.replace(/["\\]/g, "\\$&")}"`;
+}
+
+/** Searches under names: chosen, kept, taken off the list. */
+
+interface SavedSearchesProps {
+  readonly typed: string;
+  readonly filters: Filters;
+  onChoose(text: string): void;
+  onFilter(filters: Filters): void;
+}
+
+export function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProps) {
+  const { data: saved = [] } = useQuery(savedSearchesQuery);
+  const [name, setName] = useState("");
+  const save = useSaveSearch();
+  const forget = useForgetSearch();
+  const asked = together(typed, filters);
+  const chosen = saved.find((search) => search.where === asked)?.name ?? "";
+  return (
+    <div className={`${pageStyles.actions} ${runsStyles.saved}`}>
+      <NativeSelect
+        aria-label="Saved searches"
+        value={chosen}
+        disabled={saved.length === 0}
+        data={[
+          { value: "", label: saved.length === 0 ? "No saved searches" : "Saved searches …" },
+          ...saved.map((search) => ({ value: search.name, label: search.name })),
+        ]}
+        onChange={(event) => {
+          const found = saved.find((search) => search.name === event.currentTarget.value);
+          if (found === undefined) return;
+          onFilter(NO_FILTERS);
+          onChoose(found.where);
+        }}
+      />
+      <OperatorsOnly>
+        {chosen !== "" && (
+          <Button variant="default" loading={forget.isPending} onClick={() => forget.mutate(chosen)}>
+            Forget search
+          </Button>
+        )}
+        <TextInput
+          aria-label="Name of the search"
+          placeholder="Name"
+          value={name}
+          w={150}
+          onChange={(event) => setName(event.currentTarget.value)}
+        />
+        <Button
+          variant="default"
+          disabled={asked === "" || name.trim() === ""}
+          loading={save.isPending}
+          onClick={() => save.mutate({ name: name.trim(), where: asked }, { onSuccess: () => setName("") })}
+        >
+          Save search
+        </Button>
+      </OperatorsOnly>
+      <Refusal error={save.error ?? forget.error} about={asked + name} />
+    </div>
+  );
+}
+
+/** What narrows the list of runs: one box for a search, a form for what is asked for most, searches under names. */
 
 interface RunSearchProps {
   readonly typed: string;
@@ -31,9 +145,9 @@ export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearch
   const empty = typed === "" && Object.values(filters).every((value) => value === "");
   return (
     <>
-      <search className={styles.filters} aria-label="Search and filters">
+      <search className={runsStyles.filters} aria-label="Search and filters">
         <TextInput
-          className={styles.box ?? ""}
+          className={runsStyles.box ?? ""}
           type="search"
           label="Search"
           aria-label="Search runs"
@@ -136,4 +250,60 @@ function Choice({ label, all, known = [], value, plain = false, onChange }: Choi
       onChange={(event) => onChange(event.currentTarget.value)}
     />
   );
+}
+
+/** Addresses of runs on the page. Pure. */
+
+/** All runs, their metrics, a run, a run at a second of it, a run beside others, whatever these are: `othersIn` says what is wrong with them. */
+export const RUNS =
+  /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+)(?:\/(?<how>[^/]+))?)?))?$/;
+
+/** All experiments, one that was run, one to be made of a run. */
+export const EXPERIMENTS = /^\/experiments(?:\/(?:(?<id>\d+)|as-run\/(?<asRun>\d+)))?$/;
+
+/** Where a run is made an experiment. */
+export function experimentOf(run: number): string {
+  return `/experiments/as-run/${run}`;
+}
+
+/** A run by itself, at a second of its recording where one is given, or beside others, compared as `how` says. */
+export function addressOf(
+  run: number,
+  others: readonly number[] = [],
+  at_s: number | null = null,
+  how = "",
+): string {
+  const own = at_s === null ? `/runs/${run}` : `/runs/${run}@${Math.max(0, at_s).toFixed(3)}`;
+  if (others.length === 0) return own;
+  return `${own}/${others.join(",")}${how === "" ? "" : `/${how}`}`;
+}
+
+/** As many as the service sets beside each other. */
+export const MOST_COMPARED = 20;
+
+export interface Others {
+  readonly numbers: readonly number[];
+  /** What of the address is left out, and why; "" where nothing is. */
+  readonly problem: string;
+}
+
+/** The runs beside a run in its address, each once and without the run itself. */
+export function othersIn(text: string | undefined, run: number): Others {
+  const parts = (text ?? "").split(",").filter((part) => part !== "");
+  const strange = parts.filter((part) => !isNumber(part));
+  const named = [...new Set(parts.filter(isNumber).map(Number))].filter((number) => number !== run);
+  const more = named.slice(MOST_COMPARED - 1);
+  const problems = [
+    strange.length > 0 && `the address has ${strange.join(", ")}, which is no number of a run`,
+    more.length > 0 &&
+      `at most ${MOST_COMPARED} runs are compared, and the address names ${named.length + 1}: left out are ${more.join(", ")}`,
+  ];
+  return {
+    numbers: named.slice(0, MOST_COMPARED - 1),
+    problem: problems.filter((problem) => problem !== false).join("; "),
+  };
+}
+
+function isNumber(part: string): boolean {
+  return /^[1-9]\d*$/.test(part) && Number.isSafeInteger(Number(part));
 }

@@ -2,10 +2,10 @@
 
 import { useMemo } from "react";
 import { useParams } from "wouter";
-import { othersIn } from "./address";
 import { comparedIn } from "./compared";
 import { MetricChart } from "./MetricChart";
 import { RunDetail } from "./RunDetail";
+import { othersIn } from "./RunSearch";
 import { RunTable } from "./RunTable";
 
 export default function RunsPage() {

@@ -5,7 +5,7 @@ import { useDebouncedCallback } from "@mantine/hooks";
 import { useState } from "react";
 import { notANumber } from "../../samples/number";
 import { boxText, inSI, labelWith, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 
 const RESTED_MS = 400;
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { addressOf, RUNS } from "./address";
 import { askedOf, type Compared, comparedIn, textOf, USUAL } from "./compared";
+import { addressOf, RUNS } from "./RunSearch";
 
 const CHOSEN: Compared = {
   reference: 3,

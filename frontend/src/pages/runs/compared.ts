@@ -1,6 +1,6 @@
 /** How runs are compared, as it stands in the address of the page: only what is not as usual. Pure. */
 
-import type { ComparisonAsked } from "../../service/comparison";
+import type { ComparisonAsked } from "../../service/runs";
 
 export type AlignBy = "begin" | "step" | "event";
 export type StepSignal = (typeof STEP_SIGNALS)[number];

@@ -1,10 +1,10 @@
 import { describe, expect, it } from "vitest";
-import { comparedPanels } from "../../charts/comparedSource";
-import { curvesOf } from "../../service/comparison";
+import { comparedPanels } from "../../charts/sources";
+import { curvesOf } from "../../service/runs";
 import { panelsOf, STANDARD } from "../../theme/layouts";
 import { unitOf } from "../../theme/signals";
 import type { Differences } from "../../wire/types";
-import { bandLines, differencePanel, nameOf } from "./differencePanel";
+import { bandLines, differencePanel, nameOf } from "./DifferencesCard";
 
 const DRAWN = [7, 9, 4];
 

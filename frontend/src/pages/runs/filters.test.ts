@@ -1,6 +1,14 @@
 import { afterEach, expect, it, vi } from "vitest";
-import { addressOf, MOST_COMPARED, othersIn, RUNS } from "./address";
-import { ALL_STATIONS, NO_FILTERS, together, whereOf } from "./filters";
+import {
+  ALL_STATIONS,
+  addressOf,
+  MOST_COMPARED,
+  NO_FILTERS,
+  othersIn,
+  RUNS,
+  together,
+  whereOf,
+} from "./RunSearch";
 
 afterEach(() => vi.unstubAllEnvs());
 

@@ -1,7 +1,6 @@
 import { expect, it } from "vitest";
 import type { LineageNode } from "../../wire/types";
-import { addressOfNode } from "./LineagePicture";
-import { BOX, laidOut } from "./lineageLayout";
+import { addressOfNode, BOX, laidOut } from "./LineageCard";
 
 function node(id: string, origins: string[], pages: Partial<LineageNode> = {}): LineageNode {
   return {

@@ -1,6 +1,6 @@
 import { afterEach, expect, it, vi } from "vitest";
 import { dateTime } from "../../samples/format";
-import { scatter, steps } from "./metricScatter";
+import { scatter, steps } from "./MetricChart";
 
 const DAY_MS = 86_400_000;
 

@@ -1,7 +1,7 @@
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, renderHook, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { LONG_S, together, useExcerpts } from "./useExcerpts";
+import { LONG_S, together, useExcerpts } from "./RunCharts";
 
 const SIGNALS = ["q", "q - q_ref", "S"];
 

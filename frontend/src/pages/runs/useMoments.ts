@@ -2,8 +2,8 @@
 
 import { useQuery } from "@tanstack/react-query";
 import { useCallback, useMemo } from "react";
-import { RecordedSource } from "../../charts/recordedSource";
-import type { PlotSource } from "../../charts/source";
+import type { PlotSource } from "../../charts/sources";
+import { RecordedSource } from "../../charts/sources";
 import { recordingQuery } from "../../service/queries";
 
 const SIGNALS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"];

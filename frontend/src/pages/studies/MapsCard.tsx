@@ -1,16 +1,303 @@
-/** Maps of a study: one figure each over two axes, the first four at once, any other and what a cell shows by choice. */
-
 import { NativeSelect } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
-import { fixed, short } from "../../samples/format";
+import { digitsApart, digitsOver, fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { counted } from "../../samples/words";
-import { useAngles } from "../../service/angles";
+import { useAngles } from "../../service/preferences";
 import type { MapPick } from "../../service/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
-import page from "../Page.module.css";
-import { type Axis, HeatMap } from "./HeatMap";
+import pageStyles from "../Page.module.css";
+import studiesStyles from "./Studies.module.css";
+
+/** Where the cells of a map stand, and in which colour. */
+
+export type Cells = readonly (readonly (number | null)[])[];
+
+export interface Cell {
+  readonly key: string;
+  readonly row: number;
+  readonly column: number;
+  readonly value: number | null;
+  readonly left: number;
+  readonly top: number;
+  readonly width: number;
+  readonly height: number;
+  /** null where there is no number. */
+  readonly colour: string | null;
+  /** Of the number in the cell. */
+  readonly ink: string;
+  readonly text: string;
+}
+
+/** From dark to light by even steps of lightness, told apart by all eyes, on light and dark ground (viridis). */
+const STOPS = [
+  [68, 1, 84],
+  [59, 82, 139],
+  [33, 145, 140],
+  [94, 201, 98],
+  [253, 231, 37],
+] as const;
+
+/** A cell narrower or lower than this [px] has no number in it. */
+const ROOM_X = 34;
+const ROOM_Y = 14;
+const MOST_TICKS = 8;
+
+/** The colours range over this share of the largest magnitude at least: what is alike looks alike. */
+const LEAST_RANGE = 0.05;
+
+/** The colour of a share from 0 to 1. */
+export function colourOf(share: number): string {
+  return `rgb(${partsOf(share).join(" ")})`;
+}
+
+/** Black or white for a text on the colour of a share, whichever is read better (contrast of WCAG 2.1). */
+export function inkOf(share: number): string {
+  const [red = 0, green = 0, blue = 0] = partsOf(share).map((part) => {
+    const value = part / 255;
+    return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+  });
+  const luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+  return (luminance + 0.05) ** 2 > 1.05 * 0.05 ? "#000000" : "#ffffff";
+}
+
+/** The numbers at the ends of the colours: the least and the largest, and further apart where these are alike. */
+export function colourRange(values: readonly number[]): [number, number] {
+  const [low, high] = values.length === 0 ? [0, 1] : [Math.min(...values), Math.max(...values)];
+  const wide = LEAST_RANGE * Math.max(Math.abs(low), Math.abs(high));
+  if (high - low >= wide && high > low) return [low, high];
+  const half = wide > 0 ? wide / 2 : 0.5;
+  return [(low + high) / 2 - half, (low + high) / 2 + half];
+}
+
+/** Red, green and blue from 0 to 255. */
+function partsOf(share: number): number[] {
+  const at = Math.min(1, Math.max(0, share)) * (STOPS.length - 1);
+  const low = Math.min(STOPS.length - 2, Math.floor(at));
+  const [from, to] = [STOPS[low] ?? STOPS[0], STOPS[low + 1] ?? STOPS[0]];
+  return from.map((part, place) => Math.round(part + (at - low) * ((to[place] ?? part) - part)));
+}
+
+/** The cells of a map that is `width` by `height` [px], the first row at the bottom. */
+export function cellsOf(cells: Cells, width: number, height: number) {
+  const known = cells.flat().filter((value) => value !== null);
+  const [low, high] = colourRange(known);
+  const digits = digitsOver(known);
+  const cellHeight = height / cells.length;
+  const drawn = cells.flatMap((row, y) => {
+    const cellWidth = width / row.length;
+    return row.map((value, x): Cell => {
+      const share = value === null ? 0 : (value - low) / (high - low);
+      return {
+        key: `${y} ${x}`,
+        row: y,
+        column: x,
+        value,
+        left: x * cellWidth,
+        top: height - (y + 1) * cellHeight,
+        width: cellWidth,
+        height: cellHeight,
+        colour: value === null ? null : colourOf(share),
+        ink: value === null ? "var(--text)" : inkOf(share),
+        text: value === null || cellWidth < ROOM_X || cellHeight < ROOM_Y ? "" : short(value, digits),
+      };
+    });
+  });
+  return { range: known.length === 0 ? null : ([low, high] as const), digits, drawn };
+}
+
+/** Which of so many values are written at an axis. */
+export function ticksOf(count: number): number[] {
+  const step = Math.ceil(count / MOST_TICKS);
+  return Array.from({ length: Math.ceil(count / step) }, (_, place) => place * step);
+}
+
+/** A map as a picture: a cell for each pair of values, its colour between the numbers at the ends of the scale. */
+
+export interface Axis {
+  readonly label: string;
+  readonly values: readonly (number | string | boolean)[];
+}
+
+interface HeatMapProps {
+  readonly title: string;
+  readonly x: Axis;
+  readonly y: Axis;
+  /** By place of y, then of x. */
+  readonly cells: Cells;
+  /** Where there is no number because the loop of a run is unstable, by the same places. */
+  readonly unstable: readonly (readonly boolean[])[];
+  /** Of which runs each cell is, and of a share its interval, by the same places; "" where there is nothing to say. */
+  readonly notes: readonly (readonly string[])[];
+}
+
+const WIDTH = 420;
+const HEIGHT = 300;
+const LEFT = 62;
+const BOTTOM = 40;
+const SCALE = 96;
+const TOP = 8;
+/** Half the distance [px] of a number and the note below it, and the room that both take in a cell. */
+const APART = 7;
+const ROOM_NOTE_X = 62;
+const ROOM_NOTE_Y = 30;
+
+export function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
+  const width = WIDTH - LEFT - SCALE;
+  const height = HEIGHT - TOP - BOTTOM;
+  const { range, digits, drawn } = cellsOf(cells, width, height);
+  const noteOf = ({ row, column }: Cell) => notes[row]?.[column] ?? "";
+  const isNoted = (cell: Cell) =>
+    noteOf(cell) !== "" && cell.width >= ROOM_NOTE_X && cell.height >= ROOM_NOTE_Y;
+  const textAt = (cell: Cell) => cell.top + cell.height / 2 - (isNoted(cell) ? APART : 0);
+  const [namesX, namesY] = [namesOf(x), namesOf(y)];
+  const atX = (place: number) => LEFT + ((place + 0.5) * width) / x.values.length;
+  const atY = (place: number) => TOP + height - ((place + 0.5) * height) / y.values.length;
+  return (
+    <figure className={studiesStyles.map} aria-label={title}>
+      <figcaption>{title}</figcaption>
+      <svg
+        viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+        role="img"
+        aria-label={`${title} over ${x.label} and ${y.label}`}
+      >
+        <g transform={`translate(${LEFT} ${TOP})`}>
+          {drawn.map((cell) => (
+            <g key={cell.key}>
+              <rect
+                x={cell.left}
+                y={cell.top}
+                width={cell.width}
+                height={cell.height}
+                fill={cell.colour ?? "var(--sunken)"}
+              >
+                <title>{`${x.label} ${namesX[cell.column]}, ${y.label} ${namesY[cell.row]}: ${
+                  cell.value === null
+                    ? unstable[cell.row]?.[cell.column]
+                      ? "the loop of a run is unstable"
+                      : "no run gave a number"
+                    : short(cell.value, digits)
+                }${noteOf(cell) === "" ? "" : ` (${noteOf(cell)})`}`}</title>
+              </rect>
+              {unstable[cell.row]?.[cell.column] && (
+                <text
+                  x={cell.left + cell.width / 2}
+                  y={textAt(cell)}
+                  className={studiesStyles.inside}
+                  fill="var(--text)"
+                >
+                  ∞
+                </text>
+              )}
+              {cell.text !== "" && (
+                <text
+                  x={cell.left + cell.width / 2}
+                  y={textAt(cell)}
+                  className={studiesStyles.inside}
+                  fill={cell.ink}
+                >
+                  {cell.text}
+                </text>
+              )}
+              {isNoted(cell) && (
+                <text
+                  x={cell.left + cell.width / 2}
+                  y={cell.top + cell.height / 2 + APART}
+                  className={studiesStyles.note}
+                  fill={cell.ink}
+                >
+                  {noteOf(cell)}
+                </text>
+              )}
+            </g>
+          ))}
+        </g>
+        {ticksOf(x.values.length).map((place) => (
+          <text
+            key={place}
+            x={atX(place)}
+            y={HEIGHT - BOTTOM + 14}
+            className={studiesStyles.tick}
+            textAnchor="middle"
+          >
+            {namesX[place]}
+          </text>
+        ))}
+        {ticksOf(y.values.length).map((place) => (
+          <text
+            key={place}
+            x={LEFT - 6}
+            y={atY(place)}
+            dy="0.35em"
+            className={studiesStyles.tick}
+            textAnchor="end"
+          >
+            {namesY[place]}
+          </text>
+        ))}
+        <text x={LEFT + width / 2} y={HEIGHT - 6} className={studiesStyles.label} textAnchor="middle">
+          {x.label}
+        </text>
+        <text
+          transform={`translate(12 ${TOP + height / 2}) rotate(-90)`}
+          className={studiesStyles.label}
+          textAnchor="middle"
+        >
+          {y.label}
+        </text>
+        {range !== null && <Scale left={WIDTH - SCALE + 16} height={height} range={range} digits={digits} />}
+      </svg>
+    </figure>
+  );
+}
+
+/** Which colour stands for which number. */
+function Scale({
+  left,
+  height,
+  range: [low, high],
+  digits,
+}: {
+  left: number;
+  height: number;
+  range: readonly [number, number];
+  digits: number;
+}) {
+  const steps = Array.from({ length: 24 }, (_, step) => step / 23);
+  const { drawn } = cellsOf(
+    steps.map((step) => [step]),
+    12,
+    height,
+  );
+  return (
+    <g transform={`translate(${left} ${TOP})`}>
+      {drawn.map((cell) => (
+        <rect
+          key={cell.key}
+          y={cell.top}
+          width={12}
+          height={cell.height + 0.5}
+          fill={cell.colour ?? "none"}
+        />
+      ))}
+      <text x={18} y={8} className={studiesStyles.tick}>
+        {short(high, digits)}
+      </text>
+      <text x={18} y={height} className={studiesStyles.tick}>
+        {short(low, digits)}
+      </text>
+    </g>
+  );
+}
+
+/** What stands at the values of an axis, each apart from the others. */
+function namesOf({ values }: Axis): string[] {
+  const digits = digitsApart(values.filter((value) => typeof value === "number"));
+  return values.map((value) => (typeof value === "number" ? short(value, digits) : settingValue(value)));
+}
+
+/** Maps of a study: one figure each over two axes, the first four at once, any other and what a cell shows by choice. */
 
 const AT_ONCE = 4;
 const PICKS: readonly { value: MapPick; label: string }[] = [
@@ -41,7 +328,7 @@ export function MapsCard({ detail, pick, onPick }: MapsCardProps) {
     <Card
       title="Maps"
       aside={
-        <div className={page.actions}>
+        <div className={pageStyles.actions}>
           <NativeSelect
             aria-label="Each cell"
             value={pick}
@@ -60,7 +347,7 @@ export function MapsCard({ detail, pick, onPick }: MapsCardProps) {
         </div>
       }
     >
-      <div className={page.halves}>
+      <div className={pageStyles.halves}>
         {shown.map((map) => (
           <FigureMap key={map.figure} map={map} detail={detail} />
         ))}

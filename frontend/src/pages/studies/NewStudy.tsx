@@ -1,20 +1,34 @@
-/** A study as a form and as its text, either of which edits the other: refused in its line, computed. */
-
 import { Button, FileButton, Textarea } from "@mantine/core";
-import { useState } from "react";
+import { useQuery } from "@tanstack/react-query";
+import { useEffect, useState } from "react";
 import { useLocation } from "wouter";
 import { Card } from "../../components/Card";
-import { DraftMark } from "../../components/DraftMark";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
+import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
-import { useReplaceDraft } from "../../components/ReplaceDraft";
 import { counted } from "../../samples/words";
-import { useBeginStudy } from "../../service/studies";
-import { isText, useDraft } from "../../service/useDraft";
+import { isText, useDraft } from "../../service/drafts";
+import { checkedStudyQuery, useBeginStudy } from "../../service/studies";
+import type { CheckedStudy } from "../../wire/types";
 import page from "../Page.module.css";
-import { StudyForm } from "./StudyForm";
-import { asStudy, EMPTY_STUDY, type StudyDocument, writeStudy } from "./studyDocument";
-import { useCheckedStudy } from "./useCheckedStudy";
+import { asStudy, EMPTY_STUDY, type StudyDocument, StudyForm, writeStudy } from "./StudyForm";
+
+/** What a text of a study says, read by the service once the text has come to rest. */
+
+const REST_MS = 400;
+
+/** Of this very text; null while that is not known, and for no text. */
+export function useCheckedStudy(text: string): CheckedStudy | null {
+  const [rested, rest] = useState(text);
+  useEffect(() => {
+    const timer = setTimeout(() => rest(text), REST_MS);
+    return () => clearTimeout(timer);
+  }, [text]);
+  const { data } = useQuery({ ...checkedStudyQuery(rested), enabled: rested.trim() !== "" });
+  return rested === text && data !== undefined ? data : null;
+}
+
+/** A study as a form and as its text, either of which edits the other: refused in its line, computed. */
 
 const HINT = "Computed on the simulator, beside the loop and behind it: nothing moves.";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";

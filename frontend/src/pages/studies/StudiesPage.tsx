@@ -6,8 +6,7 @@ import { Card } from "../../components/Card";
 import { studiesQuery } from "../../service/studies";
 import page from "../Page.module.css";
 import { NewStudy } from "./NewStudy";
-import { StudyPage } from "./StudyPage";
-import { StudyRows } from "./StudyRows";
+import { StudyPage, StudyRows } from "./StudyPage";
 
 export default function StudiesPage() {
   const { id } = useParams();

@@ -1,16 +1,470 @@
-/** The form of a study: what is varied, the plants and the noise. It edits the document that the text says. */
-
 import { ActionIcon, Button, NativeSelect, TextInput } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
+import { NumberField } from "../../components/fields";
+import { boxText, inSI, labelWith, offered } from "../../samples/quantity";
+import { useAngles } from "../../service/preferences";
 import { experimentKindsQuery } from "../../service/queries";
-import page from "../Page.module.css";
-import { AxisRows, NumberBox } from "./AxisRows";
-import { SpreadRows } from "./SpreadRows";
-import styles from "./StudyForm.module.css";
-import type { StudyDocument, Value } from "./studyDocument";
-import { VariedSelect } from "./VariedSelect";
-import { type Choices, useVaried, variedOf } from "./varied";
+import { plantNumbersQuery } from "../../service/studies";
+import { isOfTheLoop } from "../experiments/ExperimentForm";
+import pageStyles from "../Page.module.css";
+import studyFormStyles from "./StudyForm.module.css";
+
+/** What a study can vary: settings of its experiment and of the loop, and numbers of the plant, with symbol and unit. */
+
+export interface Varied {
+  readonly name: string;
+  readonly label: string;
+  readonly unit: string;
+  /** What a new axis or setting begins with. */
+  readonly value: boolean | number | string;
+}
+
+export interface Choices {
+  readonly experiment: readonly Varied[];
+  readonly loop: readonly Varied[];
+  readonly plant: readonly Varied[];
+}
+
+/** The choices of a study of this experiment; those of an experiment that is not known are of the loop and the plant. */
+export function useVaried(experiment: string): Choices {
+  const { data: kinds = [] } = useQuery(experimentKindsQuery);
+  const { data: numbers = [] } = useQuery(plantNumbersQuery);
+  const angles = useAngles();
+  const kind = kinds.find(({ name }) => name === experiment) ?? null;
+  const settings = (kind ?? kinds[0])?.settings ?? [];
+  const shown = settings.map((setting) => ({
+    loop: isOfTheLoop(setting),
+    name: setting.name,
+    label: `${setting.symbol}: ${setting.meaning}`,
+    unit: setting.unit,
+    value: offered(setting.default ?? "", setting, angles),
+  }));
+  return {
+    experiment: kind === null ? [] : shown.filter(({ loop, name }) => !loop && name !== "segments"),
+    loop: shown.filter(({ loop }) => loop),
+    plant: numbers.map(({ name, unit, value }) => ({ name, label: name, unit, value })),
+  };
+}
+
+/** One of the choices by name; what is not among them counts in SI. */
+export function variedOf(choices: Choices, name: string): Varied {
+  const all = [...choices.experiment, ...choices.loop, ...choices.plant];
+  return all.find((one) => one.name === name) ?? { name, label: name, unit: "1", value: 0 };
+}
+
+/** The choices as groups of a select, with what stands there also where it is none of them. */
+export function groupsOf(choices: Choices, current: string, only: readonly (keyof Choices)[]) {
+  const titles = { experiment: "Of the experiment", loop: "Of the loop", plant: "Of the plant" };
+  const groups = only.map((key) => ({
+    group: titles[key],
+    items: choices[key].map(({ name, label }) => ({ value: name, label })),
+  }));
+  const known = groups.some(({ items }) => items.some(({ value }) => value === current));
+  return known ? groups : [{ group: "In the text", items: [{ value: current, label: current }] }, ...groups];
+}
+
+/** What is varied or set, by name and meaning: on a line of its own, as meanings are long. */
+
+interface VariedSelectProps {
+  readonly label: string;
+  readonly value: string;
+  readonly choices: Choices;
+  readonly only: readonly (keyof Choices)[];
+  onChange(name: string): void;
+}
+
+export function VariedSelect({ label, value, choices, only, onChange }: VariedSelectProps) {
+  return (
+    <NativeSelect
+      aria-label={label}
+      title={variedOf(choices, value).label}
+      style={{ flex: "1 0 100%" }}
+      data={groupsOf(choices, value, only)}
+      value={value}
+      onChange={(event) => onChange(event.currentTarget.value)}
+    />
+  );
+}
+
+/** A study as its form edits it: the document as the service reads it, and as a text again. Pure. */
+
+export type Value = boolean | number | string;
+
+/** What is gone through: `values`, or `count` of them from `first` to `last`. A box may hold what is no number yet. */
+export interface Axis {
+  readonly over: string;
+  readonly values?: readonly Value[];
+  readonly first?: Value;
+  readonly last?: Value;
+  readonly count?: Value;
+  readonly spacing?: string;
+}
+
+/** How a number of the plant is drawn. */
+export interface Spread {
+  readonly of: string;
+  readonly by?: string;
+  readonly relative?: Value;
+  readonly absolute?: Value;
+}
+
+export interface StudyDocument {
+  readonly name: string;
+  readonly title: string;
+  readonly experiment?: string;
+  readonly settings?: Readonly<Record<string, Value>>;
+  readonly axes?: readonly Axis[];
+  readonly spread?: readonly Spread[];
+  readonly draws?: Value;
+  readonly seeds?: Value;
+  readonly seed?: Value;
+  readonly [other: string]: unknown;
+}
+
+export const EMPTY_STUDY: StudyDocument = {
+  format: 1,
+  name: "mine",
+  title: "Own study",
+  experiment: "tracking",
+  settings: { motion: "lambda" },
+  axes: [{ over: "lam_q", first: 0.4, last: 1, count: 5 }],
+};
+
+/** A document that the form can show; whatever else is wrong with it the service says. */
+export function asStudy(read: unknown): StudyDocument | null {
+  if (typeof read !== "object" || read === null || Array.isArray(read)) return null;
+  const { axes = [], spread = [], settings = {}, name = "", title = "" } = read as Record<string, unknown>;
+  const isShown =
+    typeof name === "string" &&
+    typeof title === "string" &&
+    isRecord(settings) &&
+    Array.isArray(axes) &&
+    axes.every((axis) => isRecord(axis) && (axis.values === undefined || Array.isArray(axis.values))) &&
+    Array.isArray(spread) &&
+    spread.every(isRecord);
+  return isShown ? (read as StudyDocument) : null;
+}
+
+function isRecord(value: unknown): value is Record<string, unknown> {
+  return typeof value === "object" && value !== null && !Array.isArray(value);
+}
+
+/** The document as a text: YAML with an axis and a spread on a line each; what is left out is left out. */
+export function writeStudy(document: StudyDocument): string {
+  const lines = Object.entries(document).flatMap(([name, value]) => {
+    if (value === undefined || (Array.isArray(value) && value.length === 0)) return [];
+    if ((name === "axes" || name === "spread") && Array.isArray(value)) {
+      return [`${name}:`, ...value.map((one) => `  - ${flow(one)}`)];
+    }
+    return [`${name}: ${flow(value)}`];
+  });
+  return `${lines.join("\n")}\n`;
+}
+
+const PLAIN = /^[A-Za-z][A-Za-z0-9_.@]*$/;
+const WORDS = new Set(["true", "false", "null"]);
+
+/** In one line, as YAML; a text that could be read as something else stands between quotes, as in JSON. */
+function flow(value: unknown): string {
+  if (typeof value === "string") {
+    return PLAIN.test(value) && !WORDS.has(value) ? value : JSON.stringify(value);
+  }
+  if (Array.isArray(value)) return `[${value.map(flow).join(", ")}]`;
+  if (isRecord(value)) {
+    const entries = Object.entries(value).filter(([, one]) => one !== undefined);
+    return `{${entries.map(([name, one]) => `${flow(name)}: ${flow(one)}`).join(", ")}}`;
+  }
+  return JSON.stringify(value);
+}
+
+/** The words of a list of values as numbers in SI where they are numbers, else as they are. */
+export function valuesIn(text: string, inSI: (word: string) => number | null): Value[] {
+  return text
+    .split(/[,;\s]+/)
+    .filter((word) => word !== "")
+    .map((word) => (word === "true" ? true : word === "false" ? false : (inSI(word) ?? word)));
+}
+
+/** The axes of a study: what is gone through, by a range or by single values. */
+
+interface AxisRowsProps {
+  readonly axes: readonly Axis[];
+  readonly choices: Choices;
+  onChange(axes: readonly Axis[]): void;
+}
+
+export function AxisRows({ axes, choices, onChange }: AxisRowsProps) {
+  return (
+    <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
+      <legend>Axes: all combinations, the last one fastest</legend>
+      {axes.map((axis, index) => (
+        <Row
+          // biome-ignore lint/suspicious/noArrayIndexKey: an axis is its place in the list
+          key={index}
+          number={index + 1}
+          axis={axis}
+          choices={choices}
+          onChange={(next) => onChange(axes.with(index, next))}
+          onRemove={() => onChange(axes.toSpliced(index, 1))}
+        />
+      ))}
+      <div>
+        <Button
+          variant="default"
+          size="compact-xs"
+          leftSection={<TbPlus size={13} />}
+          onClick={() => onChange([...axes, newAxis(axes)])}
+        >
+          Add axis
+        </Button>
+      </div>
+    </fieldset>
+  );
+}
+
+function newAxis(axes: readonly Axis[]): Axis {
+  const taken = new Set(axes.map(({ over }) => over));
+  const over = ["lam_q", "lam_S"].find((name) => !taken.has(name)) ?? "seed";
+  return over === "seed" ? { over, values: [0, 1] } : { over, first: 0.4, last: 1, count: 5 };
+}
+
+interface RowProps {
+  readonly number: number;
+  readonly axis: Axis;
+  readonly choices: Choices;
+  onChange(axis: Axis): void;
+  onRemove(): void;
+}
+
+function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
+  const { unit, value } = variedOf(choices, axis.over);
+  const angles = useAngles();
+  const isList = axis.values !== undefined;
+  const of = `of axis ${number}`;
+
+  function choose(over: string): void {
+    const start = variedOf(choices, over).value;
+    const isNumber = typeof start === "number" && start !== 0;
+    onChange(
+      isNumber
+        ? { over, first: start, last: 2 * start, count: 5 }
+        : { over, values: start === "" ? [] : [start] },
+    );
+  }
+
+  function turn(way: string): void {
+    const first = typeof axis.values?.[0] === "number" ? axis.values[0] : value;
+    const last = typeof axis.values?.at(-1) === "number" ? axis.values.at(-1) : value;
+    if (way === "values") onChange({ over: axis.over, values: [axis.first, axis.last].filter(isThere) });
+    else onChange({ over: axis.over, first, last, count: 5 } as Axis);
+  }
+
+  return (
+    <fieldset className={studyFormStyles.row} aria-label={`Axis ${number}`}>
+      <VariedSelect
+        label={`Varied by axis ${number}`}
+        value={axis.over}
+        choices={choices}
+        only={["experiment", "loop", "plant"]}
+        onChange={choose}
+      />
+      <NativeSelect
+        aria-label={`Given as ${of}`}
+        data={[
+          { value: "range", label: "range" },
+          { value: "values", label: "values" },
+        ]}
+        value={isList ? "values" : "range"}
+        onChange={(event) => turn(event.currentTarget.value)}
+      />
+      {isList ? (
+        <ValueList
+          label={labelWith("Values", unit, angles)}
+          of={of}
+          unit={unit}
+          values={axis.values}
+          onChange={(values) => onChange({ ...axis, values })}
+        />
+      ) : (
+        <>
+          <NumberBox
+            label="From"
+            of={of}
+            unit={unit}
+            value={axis.first}
+            onChange={(first) => onChange({ ...axis, first })}
+          />
+          <NumberBox
+            label="To"
+            of={of}
+            unit={unit}
+            value={axis.last}
+            onChange={(last) => onChange({ ...axis, last })}
+          />
+          <NumberBox
+            label="Number"
+            of={of}
+            unit="1"
+            value={axis.count}
+            onChange={(count) => onChange({ ...axis, count })}
+          />
+          <NativeSelect
+            label="Spacing"
+            aria-label={`Spacing ${of}`}
+            data={["even", "factor"]}
+            value={axis.spacing ?? "even"}
+            onChange={(event) => onChange({ ...axis, spacing: event.currentTarget.value })}
+          />
+        </>
+      )}
+      <ActionIcon variant="subtle" color="gray" aria-label={`Remove axis ${number}`} onClick={onRemove}>
+        <TbX size={14} />
+      </ActionIcon>
+    </fieldset>
+  );
+}
+
+function isThere(value: Value | undefined): value is Value {
+  return value !== undefined;
+}
+
+interface NumberBoxProps {
+  readonly label: string;
+  readonly of: string;
+  readonly unit: string;
+  readonly value: Value | undefined;
+  onChange(value: number | string): void;
+}
+
+export function NumberBox({ label, of, unit, value, onChange }: NumberBoxProps) {
+  const angles = useAngles();
+  return (
+    <NumberField
+      label={labelWith(label, unit, angles)}
+      aria-label={`${labelWith(label, unit, angles)} ${of}`}
+      size="xs"
+      w={92}
+      unit={unit}
+      value={typeof value === "boolean" || value === undefined ? "" : value}
+      onChange={onChange}
+    />
+  );
+}
+
+interface ValueListProps {
+  readonly label: string;
+  readonly of: string;
+  readonly unit: string;
+  readonly values: readonly Value[];
+  onChange(values: Value[]): void;
+}
+
+/** Keeps what is typed while it says the same: a comma at the end is not taken away. */
+function ValueList({ label, of, unit, values, onChange }: ValueListProps) {
+  const angles = useAngles();
+  const [typed, setTyped] = useState("");
+  const read = (text: string) => valuesIn(text, (word) => inSI(word, unit, angles));
+  const isMine = JSON.stringify(read(typed)) === JSON.stringify(values);
+  const told = values.map((one) => (typeof one === "number" ? boxText(one, unit, angles) : String(one)));
+  return (
+    <TextInput
+      label={label}
+      aria-label={`${label} ${of}`}
+      style={{ flex: 1, minWidth: 160 }}
+      value={isMine && typed !== "" ? typed : told.join(", ")}
+      onChange={(event) => {
+        setTyped(event.currentTarget.value);
+        onChange(read(event.currentTarget.value));
+      }}
+    />
+  );
+}
+
+/** Plants of a study that differ: which numbers are drawn, and how far. */
+
+interface SpreadRowsProps {
+  readonly spread: readonly Spread[];
+  readonly choices: Choices;
+  onChange(spread: readonly Spread[]): void;
+}
+
+export function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
+  const taken = new Set(spread.map(({ of }) => of));
+  const further = ["motor.c0", "asymmetry.spring_A", ...choices.plant.map(({ name }) => name)].find(
+    (name) => !taken.has(name),
+  );
+  return (
+    <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
+      <legend>Plants: numbers that are drawn for each</legend>
+      {spread.map((one, index) => {
+        const of = `of spread ${index + 1}`;
+        const isRelative = one.absolute === undefined;
+        const set = (part: Partial<Spread>) => onChange(spread.with(index, { ...one, ...part }));
+        return (
+          // biome-ignore lint/suspicious/noArrayIndexKey: a spread is its place in the list
+          <fieldset key={index} className={studyFormStyles.row} aria-label={`Spread ${index + 1}`}>
+            <VariedSelect
+              label={`Number ${of}`}
+              value={one.of}
+              choices={choices}
+              only={["plant"]}
+              onChange={(name) => set({ of: name })}
+            />
+            <NativeSelect
+              aria-label={`Distribution ${of}`}
+              data={["uniform", "normal"]}
+              value={one.by ?? "uniform"}
+              onChange={(event) => set({ by: event.currentTarget.value })}
+            />
+            <NativeSelect
+              aria-label={`Width ${of}`}
+              data={[
+                { value: "relative", label: "of itself" },
+                { value: "absolute", label: "absolute" },
+              ]}
+              value={isRelative ? "relative" : "absolute"}
+              onChange={(event) => {
+                const { relative, absolute, ...rest } = one;
+                const width = event.currentTarget.value;
+                onChange(spread.with(index, { ...rest, [width]: relative ?? absolute ?? 0.1 }));
+              }}
+            />
+            <NumberBox
+              label="±"
+              of={of}
+              unit={isRelative ? "1" : variedOf(choices, one.of).unit}
+              value={isRelative ? one.relative : one.absolute}
+              onChange={(value) => set(isRelative ? { relative: value } : { absolute: value })}
+            />
+            <ActionIcon
+              variant="subtle"
+              color="gray"
+              aria-label={`Remove spread ${index + 1}`}
+              onClick={() => onChange(spread.toSpliced(index, 1))}
+            >
+              <TbX size={14} />
+            </ActionIcon>
+          </fieldset>
+        );
+      })}
+      <div>
+        <Button
+          variant="default"
+          size="compact-xs"
+          leftSection={<TbPlus size={13} />}
+          disabled={further === undefined}
+          onClick={() => further && onChange([...spread, { of: further, relative: 0.1 }])}
+        >
+          Add spread
+        </Button>
+      </div>
+    </fieldset>
+  );
+}
+
+/** The form of a study: what is varied, the plants and the noise. It edits the document that the text says. */
 
 interface StudyFormProps {
   readonly document: StudyDocument;
@@ -24,8 +478,8 @@ export function StudyForm({ document, onChange }: StudyFormProps) {
   const set = (part: Partial<StudyDocument>) => onChange({ ...document, ...part });
   const known = kinds.some(({ name }) => name === experiment);
   return (
-    <fieldset className={styles.form} aria-label="Form of the study">
-      <div className={styles.row}>
+    <fieldset className={studyFormStyles.form} aria-label="Form of the study">
+      <div className={studyFormStyles.row}>
         <TextInput
           label="Name"
           value={document.name ?? ""}
@@ -48,7 +502,7 @@ export function StudyForm({ document, onChange }: StudyFormProps) {
             onChange={(event) => set({ experiment: event.currentTarget.value })}
           />
         ) : (
-          <span className={page.dim}>The experiment is written in the text.</span>
+          <span className={pageStyles.dim}>The experiment is written in the text.</span>
         )}
       </div>
       <FixedSettings
@@ -58,7 +512,7 @@ export function StudyForm({ document, onChange }: StudyFormProps) {
       />
       <AxisRows axes={document.axes ?? []} choices={choices} onChange={(axes) => set({ axes })} />
       <SpreadRows spread={document.spread ?? []} choices={choices} onChange={(spread) => set({ spread })} />
-      <div className={styles.row}>
+      <div className={studyFormStyles.row}>
         <NumberBox
           label="Plants"
           of="that are drawn"
@@ -98,10 +552,10 @@ function FixedSettings({ settings, choices, onChange }: FixedProps) {
     onChange(Object.fromEntries(entries.with(index, entry)));
   const further = [...choices.experiment, ...choices.loop].find(({ name }) => !(name in settings));
   return (
-    <fieldset className={`${styles.group} ${page.fields}`}>
+    <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
       <legend>Settings: the same in each run; others are as they are in force</legend>
       {entries.map(([name, value], index) => (
-        <fieldset key={name} className={styles.row} aria-label={`Setting ${index + 1}`}>
+        <fieldset key={name} className={studyFormStyles.row} aria-label={`Setting ${index + 1}`}>
           <VariedSelect
             label={`Name of setting ${index + 1}`}
             value={name}

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { cellsOf, colourOf, colourRange, inkOf, ticksOf } from "./heatCells";
+import { cellsOf, colourOf, colourRange, inkOf, ticksOf } from "./MapsCard";
 
 test("the least number is darkest, the largest lightest, and rows begin at the bottom", () => {
   const { range, drawn } = cellsOf(

@@ -14,7 +14,7 @@ import type { MapPick } from "../../service/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
 import { MapsCard } from "./MapsCard";
 import StudiesPage from "./StudiesPage";
-import { FiguresCard, SharesCard } from "./StudyTables";
+import { FiguresCard, SharesCard } from "./StudyPage";
 
 afterEach(cleanup);
 

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { asStudy, EMPTY_STUDY, type StudyDocument, valuesIn, writeStudy } from "./studyDocument";
+import { asStudy, EMPTY_STUDY, type StudyDocument, valuesIn, writeStudy } from "./StudyForm";
 
 it("writes each axis on a line of its own, as a person would", () => {
   const study: StudyDocument = {

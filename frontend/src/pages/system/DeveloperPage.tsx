@@ -3,13 +3,13 @@
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Fragment, type ReactNode } from "react";
-import { Absent } from "../../components/Absent";
 import { Card } from "../../components/Card";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
+import { Absent } from "../../components/values";
 import { useLive } from "../../live/react";
+import { useMayCommand } from "../../service/control";
 import { faultsQuery, useInject, useMend } from "../../service/system";
-import { useMayCommand } from "../../service/useMayCommand";
 import type { Injection, PlantView } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./System.module.css";

@@ -3,7 +3,7 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
-import { LocalizedText } from "../../components/LocalizedText";
+import { LocalizedText } from "../../components/values";
 import { dateTime, fixed } from "../../samples/format";
 import { flightsQuery } from "../../service/system";
 import page from "../Page.module.css";

@@ -3,9 +3,9 @@
 import { Button, Modal, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
-import { Verdict } from "../../components/Verdict";
+import { Verdict } from "../../components/RunState";
 import { bytes, dateTime } from "../../samples/format";
 import { counted, inWordsOf } from "../../samples/words";
 import { recordingsQuery, useRemoveRecordings } from "../../service/system";

@@ -1,0 +1,216 @@
+import { Progress } from "@mantine/core";
+import { useEffect, useRef, useState } from "react";
+import { Shown, SignalName } from "../components/values";
+import { type Basis, type Figures, figuresOf } from "../samples/figures";
+import { fixed, significant } from "../samples/format";
+import type { Stretch } from "../samples/stretch";
+import type { SampleTable } from "../samples/table";
+import type { Panel } from "../theme/signals";
+import styles from "./Statistics.module.css";
+import type { StoredData } from "./storedRuns";
+
+/** Statistics of what is in sight, or between the cursors: from the page's own samples, or computed by the service. */
+
+const EVERY_MS = 500;
+/** How often it is looked whether the range has changed, and has come to rest since. */
+const LOOK_MS = 200;
+
+export interface ShownStatistics {
+  /** Null before the first ones are there. */
+  readonly figures: Figures | null;
+  /** How far those of the range asked for now are, 0 to 1; null where they are there. */
+  readonly share: number | null;
+  /** Why there are none, "" where there are. */
+  readonly problem: string;
+}
+
+interface Asked {
+  readonly names: readonly string[];
+  /** The stretch in sight, or between the cursors. */
+  range(): Stretch;
+  table(): SampleTable;
+}
+
+/** `asked` and `stored` have to be the same objects as long as they say the same. */
+export function useStatistics({ names, range, table }: Asked, stored: StoredData | null): ShownStatistics {
+  const [shown, setShown] = useState<ShownStatistics>({ figures: null, share: null, problem: "" });
+  const latest = useRef({ range, table });
+  latest.current = { range, table };
+  useEffect(() => {
+    if (stored === null) {
+      const renew = () => setShown({ figures: figuresOf(latest.current.table()), share: null, problem: "" });
+      renew();
+      const timer = window.setInterval(renew, EVERY_MS);
+      return () => window.clearInterval(timer);
+    }
+    let [seen, asked] = ["", ""];
+    let leave = new AbortController();
+    const look = () => {
+      const now = latest.current.range();
+      const key = `${now.from_s} ${now.to_s}`;
+      const rested = key === seen || asked === "";
+      seen = key;
+      if (key === asked || !rested) return;
+      asked = key;
+      leave.abort();
+      leave = new AbortController();
+      const { signal } = leave;
+      const tell = (told: Partial<ShownStatistics>) => {
+        if (!signal.aborted) setShown((before) => ({ ...before, problem: "", ...told }));
+      };
+      tell({ share: 0 });
+      stored
+        .statistics(names, now, { signal, onShare: (share) => tell({ share }) })
+        .then((figures) => tell({ figures, share: null }))
+        .catch((error: Error) => tell({ figures: null, share: null, problem: error.message }));
+    };
+    look();
+    const timer = window.setInterval(look, LOOK_MS);
+    return () => {
+      window.clearInterval(timer);
+      leave.abort();
+    };
+  }, [names, stored]);
+  return shown;
+}
+
+/** What figures were computed from, in words. Pure. */
+
+/** "every sample between 0:00.000 and 9:59.999: 599 988 samples, 12 missing"; of several recordings, of each. */
+export function basisWords(basis: readonly Basis[], timeText: (time_s: number) => string): string {
+  if (basis.length === 0) return "no sample in this range";
+  return basis.map((one) => wordsOf(one, timeText)).join("; ");
+}
+
+function wordsOf(
+  { of, range, samples, missing, bucket_s }: Basis,
+  timeText: (time_s: number) => string,
+): string {
+  const before = of === "" ? "" : `${of}: `;
+  if (range === null) return `${before}no sample in this range`;
+  const stretch = `between ${timeText(range.from_s)} and ${timeText(range.to_s)}`;
+  if (bucket_s !== null) {
+    return `${before}min and max per ${significant(bucket_s, 3)} s ${stretch}: ${grouped(samples)} pairs`;
+  }
+  const lacking = missing === 0 ? "" : `, ${grouped(missing)} missing`;
+  return `${before}every sample ${stretch}: ${grouped(samples)} samples${lacking}`;
+}
+
+/** A whole number with its digits in threes. */
+export function grouped(count: number): string {
+  return fixed(count, 0).replaceAll(/\B(?=(\d{3})+$)/g, "\u202f");
+}
+
+/** Peaks with their times, mean and deviation of every signal in sight, with what they were computed from. */
+
+interface StatisticsTableProps {
+  readonly panels: readonly Panel[];
+  readonly hidden: ReadonlySet<string>;
+  readonly shown: ShownStatistics;
+  /** A moment as the time axis tells it. */
+  timeText(time_s: number): string;
+}
+
+const HEADINGS = [
+  ["Signal", undefined],
+  ["Values", "Samples that have a value. Those without one were not measured, or not in force."],
+  ["Min, at", undefined],
+  ["Max, at", undefined],
+  ["Mean", undefined],
+  ["Std dev", "Standard deviation about the mean, divided by the number of values."],
+  ["Unit", undefined],
+] as const;
+
+export function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTableProps) {
+  const { figures, share, problem } = shown;
+  const rows = panels.flatMap((panel) =>
+    panel.traces
+      .filter((trace) => !hidden.has(trace.name))
+      .map((trace) => ({ panel, name: trace.name, key: `${panel.title} ${trace.name}` })),
+  );
+  const ofBuckets = figures?.basis.some(({ bucket_s }) => bucket_s !== null) === true;
+  const none = figures === null ? "not computed yet" : "no sample of this range has a value";
+  return (
+    <div className={styles.frame} aria-busy={share !== null}>
+      <table className={styles.table} aria-label="Statistics" data-old={share !== null}>
+        <thead>
+          <tr>
+            {HEADINGS.map(([heading, hint]) => (
+              <th key={heading} scope="col" title={hint}>
+                {heading}
+              </th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {rows.map(({ panel, name, key }) => {
+            const figure = figures?.signals.get(name);
+            const number = (value: number | undefined, decimals: number, why = none) => (
+              <Shown value={value} why={why}>
+                {(some) => fixed(some * panel.factor, decimals)}
+              </Shown>
+            );
+            const at = (time_s: number | undefined) => (
+              <div className={styles.when}>
+                <Shown value={time_s} why={none}>
+                  {timeText}
+                </Shown>
+              </div>
+            );
+            const needsAll = ofBuckets ? "it needs every sample: only min and max are here" : none;
+            return (
+              <tr key={key}>
+                <th scope="row">
+                  <SignalName name={name} />
+                </th>
+                <td>
+                  <Shown value={ofBuckets ? undefined : figure?.values} why={needsAll}>
+                    {grouped}
+                  </Shown>
+                  {figure !== undefined && !ofBuckets && figure.withoutValue > 0 && (
+                    <div className={styles.when}>{grouped(figure.withoutValue)} without value</div>
+                  )}
+                </td>
+                <td>
+                  {number(figure?.minimum, panel.decimals)}
+                  {at(figure?.minimum_s)}
+                </td>
+                <td>
+                  {number(figure?.maximum, panel.decimals)}
+                  {at(figure?.maximum_s)}
+                </td>
+                <td>{number(figure?.mean, panel.decimals, needsAll)}</td>
+                <td>{number(figure?.deviation, panel.decimals + 1, needsAll)}</td>
+                <td>{panel.unit}</td>
+              </tr>
+            );
+          })}
+        </tbody>
+      </table>
+      <output className={styles.foot} aria-label="Statistics facts">
+        {problem !== "" && `Not computed: ${problem}`}
+        {problem === "" && figures !== null && `From ${basisWords(figures.basis, timeText)}.`}
+        {share !== null && ` Reading every sample of the new range: ${fixed(100 * share, 0)} %`}
+      </output>
+      {share !== null && <Progress value={100 * share} size={3} aria-label="Statistics progress" />}
+    </div>
+  );
+}
+
+/** Statistics of the visible range, or between the cursors, as long as they are shown. */
+
+interface RangeStatisticsProps {
+  readonly panels: readonly Panel[];
+  readonly hidden: ReadonlySet<string>;
+  readonly names: readonly string[];
+  readonly stored: StoredData | null;
+  range(): Stretch;
+  table(): SampleTable;
+  timeText(time_s: number): string;
+}
+
+export function RangeStatistics(props: RangeStatisticsProps) {
+  const { panels, hidden, names, stored, range, table, timeText } = props;
+  const shown = useStatistics({ names, range, table }, stored);
+  return <StatisticsTable panels={panels} hidden={hidden} shown={shown} timeText={timeText} />;
+}

@@ -1,0 +1,225 @@
+import {
+  NativeSelect,
+  type NativeSelectProps,
+  Switch,
+  type SwitchProps,
+  TextInput,
+  type TextInputProps,
+} from "@mantine/core";
+import { useRef, useState } from "react";
+import { notANumber } from "../samples/number";
+import { boxText, inSI, labelWith, rangeText } from "../samples/quantity";
+import { capital } from "../samples/words";
+import { type Entry, settingEntry } from "../service/glossary";
+import { useAngles } from "../service/preferences";
+import { useDescribedBy, useRefusedInput } from "../service/refusals";
+import type { Setting } from "../wire/types";
+import { help } from "./Shortcuts";
+
+/** A number of a form. Text that is no number stays as it is, marked, and is handed on as text: no form sends it. */
+
+interface NumberFieldProps
+  extends Pick<
+    TextInputProps,
+    "name" | "label" | "aria-label" | "description" | "disabled" | "size" | "w" | "styles"
+  > {
+  /** In SI; typed and shown as the person reads that unit. */
+  readonly value: number | string;
+  readonly unit?: string;
+  /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
+  readonly place?: string;
+  /** Where there is no room below the box: the element that says why it is refused, or no number. */
+  readonly saidAt?: string;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
+  onChange(value: number | string): void;
+}
+
+export function NumberField(props: NumberFieldProps) {
+  const { value, unit = "1", place = props.name, saidAt, entry, onChange, ...rest } = props;
+  const { onFocus, onBlur, ...helped } = help(entry);
+  const angles = useAngles();
+  const [typed, setTyped] = useState<string | null>(null);
+  const before = useRef(value);
+  const { ref, said } = useRefusedInput<HTMLInputElement>(rest.disabled ? undefined : place, saidAt);
+  const odd = typeof value === "string" && !rest.disabled ? notANumber(value) : null;
+  useDescribedBy(ref, odd === null ? undefined : saidAt);
+  const problem = odd ?? said;
+  // while "1." is being typed it is the number 1, and its point stays
+  const mine = typed !== null && (inSI(typed, unit, angles) ?? typed) === value;
+  return (
+    <TextInput
+      {...rest}
+      {...helped}
+      autoComplete="off"
+      inputWrapperOrder={["label", "input", "description", "error"]}
+      value={mine ? typed : typeof value === "number" ? boxText(value, unit, angles) : value}
+      ref={ref}
+      error={saidAt === undefined ? problem : problem !== null}
+      onFocus={(event) => {
+        before.current = value;
+        onFocus?.(event);
+      }}
+      onChange={(event) => {
+        const text = event.currentTarget.value;
+        setTyped(text);
+        onChange(inSI(text, unit, angles) ?? text);
+      }}
+      onBlur={(event) => {
+        setTyped(null);
+        onBlur?.(event);
+      }}
+      onKeyDown={(event) => {
+        if (event.key !== "Escape") return;
+        setTyped(null);
+        onChange(before.current);
+      }}
+    />
+  );
+}
+
+/** A text of a form, told at the field when it is refused. */
+
+interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {
+  readonly value: string;
+  /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
+  readonly place?: string;
+  /** Where there is no room below the field: the element that says why it is refused. */
+  readonly saidAt?: string;
+  /** What the page itself finds wrong with the text. */
+  readonly problem?: string | null;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
+  onChange(text: string): void;
+}
+
+export function TextField(props: TextFieldProps) {
+  const { place = props.name, saidAt, problem = null, entry, onChange, ...rest } = props;
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
+  return (
+    <TextInput
+      {...rest}
+      {...help(entry)}
+      ref={ref}
+      inputWrapperOrder={["label", "input", "description", "error"]}
+      error={problem ?? (saidAt === undefined ? said : said !== null)}
+      onChange={(event) => onChange(event.currentTarget.value)}
+    />
+  );
+}
+
+/** One of a few words, told at the field when it is refused. */
+
+interface ChoiceFieldProps extends Omit<NativeSelectProps, "error" | "onChange"> {
+  /** Where the value stands in what is sent, as refusals name it; the name of the field if left out. */
+  readonly place?: string;
+  /** Where there is no room below the field: the element that says why it is refused. */
+  readonly saidAt?: string;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
+  onChange(value: string): void;
+}
+
+export function ChoiceField(props: ChoiceFieldProps) {
+  const { place = props.name, saidAt, entry, onChange, ...rest } = props;
+  const { ref, said } = useRefusedInput<HTMLSelectElement>(place, saidAt);
+  return (
+    <NativeSelect
+      {...rest}
+      {...help(entry)}
+      ref={ref}
+      inputWrapperOrder={["label", "input", "description", "error"]}
+      error={saidAt === undefined ? said : said !== null}
+      onChange={(event) => onChange(event.currentTarget.value)}
+    />
+  );
+}
+
+/** On or off, told at the switch when it is refused. */
+
+interface SwitchFieldProps extends Omit<SwitchProps, "error" | "onChange"> {
+  /** Also where the value stands in what is sent, as refusals name it. */
+  readonly name: string;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
+  onChange(checked: boolean): void;
+}
+
+export function SwitchField({ entry, onChange, ...rest }: SwitchFieldProps) {
+  const { ref, said } = useRefusedInput<HTMLInputElement>(rest.name);
+  return (
+    <Switch
+      {...rest}
+      {...help(entry)}
+      ref={ref}
+      error={said}
+      aria-invalid={said !== null}
+      onChange={(event) => onChange(event.currentTarget.checked)}
+    />
+  );
+}
+
+/** One declared setting as an input with its unit and bounds. */
+
+export type SettingValue = boolean | number | string;
+
+interface SettingFieldProps {
+  readonly setting: Setting;
+  /** Text where a number is wanted: what was typed is none. */
+  readonly value: SettingValue;
+  /** Where the value comes from: in force, default, changed here. */
+  readonly origin?: string;
+  onChange(value: SettingValue): void;
+}
+
+export function SettingField({ setting, value, origin = "", onChange }: SettingFieldProps) {
+  const { name, meaning, unit, minimum, maximum, choices } = setting;
+  const angles = useAngles();
+  const label = labelWith(capital(meaning), unit, angles);
+  const entry = settingEntry(setting, angles);
+  if (typeof value === "boolean") {
+    return (
+      <SwitchField
+        name={name}
+        label={label}
+        description={origin}
+        entry={entry}
+        checked={value}
+        onChange={onChange}
+      />
+    );
+  }
+  if (choices && choices.length > 0) {
+    return (
+      <ChoiceField
+        name={name}
+        label={label}
+        description={origin}
+        entry={entry}
+        data={[...choices]}
+        value={String(value)}
+        onChange={onChange}
+      />
+    );
+  }
+  if (isNumeric(setting)) {
+    const bounds = minimum != null && maximum != null ? rangeText(minimum, maximum, unit, angles) : "";
+    return (
+      <NumberField
+        name={name}
+        label={label}
+        description={[bounds, origin].filter((part) => part !== "").join("; ")}
+        unit={unit}
+        entry={entry}
+        value={value}
+        onChange={onChange}
+      />
+    );
+  }
+  return <TextField name={name} label={label} entry={entry} value={String(value)} onChange={onChange} />;
+}
+
+/** Whether a setting takes a number. */
+export function isNumeric(setting: Setting): boolean {
+  return typeof setting.default === "number";
+}

@@ -1,0 +1,151 @@
+import { CloseButton } from "@mantine/core";
+import { useEffect, useMemo, useRef } from "react";
+import { Charts } from "../../charts/Charts";
+import { RecordedSource } from "../../charts/sources";
+import { useViewport } from "../../charts/viewport";
+import { Card } from "../../components/Card";
+import { plantWord } from "../../components/Header";
+import { Outcome, RunState } from "../../components/RunState";
+import { LocalizedText } from "../../components/values";
+import { duration } from "../../samples/format";
+import type { useDryRun } from "../../service/experiments";
+import { useStandardPanels } from "../../theme/usePanels";
+import { excerptOf } from "../../wire/curves";
+import type { DryRun, ExperimentKind } from "../../wire/types";
+import pageStyles from "../Page.module.css";
+import { DryRunProgress } from "./DryRunProgress";
+import { RunSummary } from "./ExperimentForm";
+import { Figures } from "./ExperimentRuns";
+
+/** What an experiment would give, as the simulator played it. */
+
+interface DryRunResultProps {
+  readonly dryRun: ReturnType<typeof useDryRun>;
+  readonly kinds: readonly ExperimentKind[];
+  /** The form that is open tells its own refusal; what another one had asked for is told here. */
+  readonly openForm: string | undefined;
+}
+
+export function DryRunResult({ dryRun, kinds, openForm }: DryRunResultProps) {
+  const { variables, error, isIdle } = dryRun;
+  if (variables === undefined || isIdle || (error !== null && variables.name === openForm)) return null;
+  return <ShownDryRun dryRun={dryRun} kinds={kinds} name={variables.name} />;
+}
+
+interface ShownProps extends Pick<DryRunResultProps, "dryRun" | "kinds"> {
+  readonly name: string;
+}
+
+function ShownDryRun({ dryRun, kinds, name }: ShownProps) {
+  const { data, error, reset } = dryRun;
+  const card = useRef<HTMLDivElement>(null);
+  // the button stands in another column: the result comes into sight by itself
+  useEffect(() => {
+    if (data !== undefined || error !== null) card.current?.scrollIntoView?.({ block: "nearest" });
+  }, [data, error]);
+  const title = kinds.find((kind) => kind.name === name)?.title ?? name;
+  return (
+    <div ref={card}>
+      <Card
+        title="Dry run"
+        aside={!dryRun.isPending && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
+      >
+        {data !== undefined && <Played name={name} title={title} result={data} />}
+        {error !== null && (
+          <p className={pageStyles.empty}>
+            {title}: not played. <LocalizedText text={error.message} />
+          </p>
+        )}
+        {dryRun.isPending && (
+          <>
+            <p className={pageStyles.empty}>
+              {title}: being played on a simulator of its own; nothing moves.
+            </p>
+            <DryRunProgress onCancel={dryRun.cancel} />
+          </>
+        )}
+      </Card>
+    </div>
+  );
+}
+
+interface PlayedProps {
+  readonly name: string;
+  readonly title: string;
+  readonly result: DryRun;
+}
+
+function Played({ name, title, result }: PlayedProps) {
+  return (
+    <div className={pageStyles.fields}>
+      <span>
+        {title}, {duration(result.duration_s)} simulated; nothing moved and nothing was stored.{" "}
+        <RunState state={result.status} /> <LocalizedText text={result.message} />
+      </span>
+      <Outcome of={result} />
+      <RunSummary name={name} settings={result.settings} />
+      <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
+      {result.samples && (
+        <DryRunCurves samples={result.samples} duration_s={result.duration_s} name="sinew-dry-run" />
+      )}
+    </div>
+  );
+}
+
+interface CurvesProps {
+  readonly samples: NonNullable<DryRun["samples"]>;
+  readonly duration_s: number;
+  /** Of the pictures and files that are saved. */
+  readonly name: string;
+}
+
+/** With a time axis of their own for each length: a view that was zoomed into a shorter one hides the rest. */
+export function DryRunCurves(props: CurvesProps) {
+  return <CurvesOfOneLength key={props.duration_s} {...props} />;
+}
+
+function CurvesOfOneLength({ samples, duration_s, name }: CurvesProps) {
+  const source = useMemo(() => {
+    const recorded = new RecordedSource(duration_s);
+    recorded.setOverview(excerptOf(samples));
+    return recorded;
+  }, [samples, duration_s]);
+  const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
+  return (
+    <div className={pageStyles.charts}>
+      <Charts
+        panels={useStandardPanels()}
+        source={source}
+        control={useViewport(home)}
+        home={home}
+        longest_s={duration_s}
+        limits={NO_LIMITS}
+        marks={NO_MARKS}
+        stale={false}
+        fixed
+        origin={DRY_RUN}
+        name={name}
+      />
+    </div>
+  );
+}
+
+const DRY_RUN = { of: "dry run, nothing stored", plant: plantWord("simulator"), bank: "" };
+const NO_LIMITS: readonly never[] = [];
+const NO_MARKS: readonly never[] = [];
+
+/** What an experiment that was made of a run does not repeat. */
+
+export function LeftOut({ of }: { of: readonly string[] }) {
+  if (of.length === 0) return null;
+  return (
+    <div className={pageStyles.dim}>
+      Left out of the run:
+      <ul aria-label="Left out of the run" style={{ margin: 0, paddingLeft: 20 }}>
+        {of.map((text) => (
+          <li key={text}>{text}</li>
+        ))}
+      </ul>
+    </div>
+  );
+}
