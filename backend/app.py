@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter
 
-from backend.analysis.evaluation import evaluate
-from backend.api.dependencies import Service, signed_in
-from backend.auth.authentication import PART as TOKENS
+from backend.analysis.evaluation import evaluate_finished_run
+from backend.api.dependencies import Service, require_signed_in
+from backend.auth.authentication import AUTHENTICATION_PART as TOKENS
 from backend.auth.authentication import Authentication
-from backend.auth.control_lease import PART as CONTROL
+from backend.auth.control_lease import CONTROL_LEASE_PART as CONTROL
 from backend.auth.control_lease import ControlLease
-from backend.auth.handover import PART as HAND_OVER
+from backend.auth.handover import HANDOVER_PART as HAND_OVER
 from backend.auth.handover import ControlHandover
 from backend.commissioning.session import KeptHands
-from backend.commissioning.status import brought_up_of
-from backend.data_folder import PART as FOLDER
+from backend.commissioning.status import find_completed_commissioning
+from backend.data_folder import DATA_FOLDER_PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
 from backend.execution.runner import ExperimentRig
 from backend.faults import Fault
@@ -28,33 +28,39 @@ from backend.models.document import UnreadableDocumentError
 from backend.realtime.ipc import Setup
 from backend.realtime.launching import LoopProcess
 from backend.realtime.supervisor import Supervisor
-from backend.recording.flight import PART as FLIGHTS
+from backend.recording.flight import FLIGHT_RECORDER_PART as FLIGHTS
 from backend.recording.flight import FlightRecorder, Quota
 from backend.recording.recorder import Recorder
 from backend.recording.retention import RetentionRule
-from backend.recording.trigger import PART as TRIGGER
+from backend.recording.trigger import TRIGGER_PART as TRIGGER
 from backend.recording.trigger import Heard, Trigger
-from backend.scene.model import PART as SCENE
+from backend.scene.model import SCENE_PART as SCENE
 from backend.scene.model import SceneMirror
-from backend.scene.proxy import router as scene_router
+from backend.scene.proxy import create_scene_router as scene_router
 from backend.schemas.state import EventMessage, MarkKind, StateMessage
 from backend.services.actuator import ActuatorService, SafeStop, SessionRuns
 from backend.services.background_work import ChartSheets, TextWork
 from backend.services.banks import StoredBanks
 from backend.services.commissioning import BringUp
 from backend.services.downloads import Downloads
-from backend.services.event_log import PART as JOURNAL
+from backend.services.event_log import EVENT_LOG_PART as JOURNAL
 from backend.services.event_log import EventLog, Refusals
 from backend.services.identifications import StoredIdentifications
 from backend.services.jobs import JobManager
 from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
 from backend.services.lineage import History
-from backend.services.live_stream import PART as LIVE
+from backend.services.live_stream import LIVE_STREAM_PART as LIVE
 from backend.services.live_stream import LiveStream
-from backend.services.maintenance import PART as RETENTION
+from backend.services.maintenance import MAINTENANCE_PART as RETENTION
 from backend.services.maintenance import Maintenance, Retention, Soundness
-from backend.services.parameters import Applied, AppliedVersion, last_applied_by, parameter_versions, sections_of
-from backend.services.player import played_recording
+from backend.services.parameters import (
+    Applied,
+    AppliedVersion,
+    changed_sections,
+    find_last_applicant,
+    list_parameter_versions,
+)
+from backend.services.player import describe_recording
 from backend.services.queue import DryRuns
 from backend.services.runs import Evaluations, ReplayView, StoredRuns, StoredTimeline
 from backend.services.signals import Formulas, RecordedFigures
@@ -66,7 +72,7 @@ from backend.services.tuning_state import ActiveTuning, KeptFigures, TuningStore
 from backend.settings import Settings
 from backend.storage import runs
 from backend.storage.claims import HeldClaim
-from backend.storage.database import Database, database_file, open_database, recover
+from backend.storage.database import Database, find_database_file, open_database, recover_database
 from backend.storage.events import EventKind
 from backend.storage.stations import HeldStation
 from backend.supervision import KeptThread, Part, Supervision
@@ -118,8 +124,8 @@ def bootstrap(
     Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
     """
     base = load_parameters(settings.params)
-    file = database_file(settings.data, settings.database_url)
-    for sentence in [] if file is None else recover(file):
+    file = find_database_file(settings.data, settings.database_url)
+    for sentence in [] if file is None else recover_database(file):
         _log.warning("%s", sentence)
     database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     stack.callback(database.close)
@@ -138,9 +144,9 @@ def bootstrap(
     parameters, applied = version.parameters, version.applied
     tuning, said = kept.restore(parameters)
     said = "; ".join(part for part in (version_said, said) if part)
-    brought_up = brought_up_of(database, settings.plant_choice)
+    brought_up = find_completed_commissioning(database, settings.plant_choice)
     hands = KeptHands(database, settings.plant_choice)
-    identified = {} if applied is None else sections_of(applied)
+    identified = {} if applied is None else changed_sections(applied)
     drives_off = hands.left is not None
     setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
     supervisor = Supervisor(setup, supervision, launched)
@@ -153,8 +159,8 @@ def in_force(database: Database, base: PlantParameters) -> tuple[AppliedVersion,
     It is the file where what was applied is for another one, or cannot be had.
     """
     try:
-        version = parameter_versions(database, base)[0]
-        last = last_applied_by(database)
+        version = list_parameter_versions(database, base)[0]
+        last = find_last_applicant(database)
     except (UnreadableDocumentError, ParameterError) as error:
         _log.exception("what was applied to the parameters cannot be had any more")
         return AppliedVersion(0, base), f"the parameters are those of the file: {error}"
@@ -242,7 +248,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     safe_stop = SafeStop(supervisor, present, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
     choice = settings.plant_choice
-    recording = played_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
+    recording = describe_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
     actuator = ActuatorService(
         supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording
     )
@@ -292,7 +298,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     def prepare() -> None:
         """Load what evaluation and report need while the program still plays."""
-        processes.computing.prepare(evaluate, *SCIENCE)
+        processes.computing.prepare(evaluate_finished_run, *SCIENCE)
         downloads.prepare()
 
     experiments = OwnExperiments(database)
@@ -321,7 +327,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     def draw() -> None:
         drawing.extend(supervision.keep_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
 
-    scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
+    scenes = [scene_router(require_signed_in, mirror, path) for path, mirror in mirrors.items()]
     bring_up = BringUp(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
     studies = StudyScheduler(

@@ -9,7 +9,7 @@ import backend.cli.server
 import backend.main
 import backend.server.server
 from backend.realtime import heartbeat
-from backend.services.tuning_state import KeptFigures, by_default
+from backend.services.tuning_state import KeptFigures, default_tuning
 from plant.parameters import load_parameters
 
 PARAMETERS = "lab"
@@ -21,7 +21,7 @@ def compile_ahead() -> None:
     """Go through what the service and a tuning compile, and keep what they compute."""
     figures = KeptFigures()
     figures.restore()
-    by_default(load_parameters(PARAMETERS))
+    default_tuning(load_parameters(PARAMETERS))
     figures.keep()
     heartbeat.prepare()
 

@@ -21,7 +21,7 @@ from plant.errors import ErrorCode, SinewError
 # Data folder ---------------------------------------------------------------------------------------
 
 
-PART = Part("The look at the data folder", "Nothing tells meanwhile whether it was deleted or replaced.")
+DATA_FOLDER_PART = Part("The look at the data folder", "Nothing tells meanwhile whether it was deleted or replaced.")
 LOCK = "service.lock"
 COMMANDS = "commands.lock"
 LOOK_S = 0.5

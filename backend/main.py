@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from backend import logs, workers
 from backend.auth.sessions import TokenFiles, Tokens
 from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
-from backend.realtime.launching import launch
+from backend.realtime.launching import launch_loop
 from backend.server.descriptors import raise_limit
-from backend.server.listening import Ending, address_on, listening_on
+from backend.server.listening import Ending, browser_address, listening_socket
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
 from backend.workers import refuse_forks
@@ -49,7 +49,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     logs.begin(settings.log_level)
     raise_limit()
     refuse_forks()
-    with only_service_on(settings.data) as folder, listening_on(settings.host, settings.port) as listening:
+    with only_service_on(settings.data) as folder, listening_socket(settings.host, settings.port) as listening:
         make_private(settings.data)
         _ask_for_priority()
         sys.setswitchinterval(SWITCH_S)
@@ -69,7 +69,7 @@ async def _serve(
 
     try:
         files = TokenFiles(settings.data) if settings.require_token else None
-        launched = await launch(settings.params)
+        launched = await launch_loop(settings.params)
         parts.push_async_callback(launched.discard)
         supervision = Supervision()
         parts.push_async_callback(supervision.close)
@@ -84,7 +84,7 @@ async def _serve(
         from backend.app import build_services
         from backend.auth.authentication import Authentication
         from backend.auth.sessions import Sessions
-        from backend.server.server import Server, put_routes_together
+        from backend.server.server import Server, prepare_routes
         from backend.storage.events import EventKind
 
         authentication = Authentication(files, Sessions(settings.data))
@@ -93,7 +93,7 @@ async def _serve(
         # The service's own commands ask at the address that it listens on.
         app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
         app.state.service, app.state.authentication = assembled.service, authentication
-        await put_routes_together(app)
+        await prepare_routes(app)
         _leave_what_was_made()
         parts.callback(lambda: assembled.journal.record(EventKind.NOTE, ending.cause))
         await _join_loop(starting, foundation.supervisor, assembled.recorder, ending, supervision, parts)
@@ -101,7 +101,7 @@ async def _serve(
     except BaseException:
         await parts.aclose()
         raise
-    address = address_on(settings.host, listening.getsockname()[1])
+    address = browser_address(settings.host, listening.getsockname()[1])
 
     def load_the_rest() -> None:
         workers.load(*workers.SCIENCE)
@@ -145,7 +145,7 @@ async def _join_loop(
     stack: AsyncExitStack,
 ) -> None:
     """Wait until the loop ticks and record it; both end before the other parts do."""
-    from backend.recording.recorder import PART as RECORDER
+    from backend.recording.recorder import RECORDER_PART as RECORDER
 
     await starting
     recorder.follow(supervisor.ring)

@@ -41,7 +41,7 @@ class ForkRefusedError(SinewError):
     """Something tried to fork the process."""
 
 
-def import_nothing_from_here() -> None:
+def exclude_working_directory() -> None:
     """Let no Python process that this one starts import from the working directory; for good, and for theirs too.
 
     multiprocessing has no option for its processes and its tracker of resources: they take it from the environment.
@@ -51,7 +51,7 @@ def import_nothing_from_here() -> None:
 
 def spawning() -> SpawnContext:
     """Return the context whose processes are programs started anew, which import nothing from here."""
-    import_nothing_from_here()
+    exclude_working_directory()
     return multiprocessing.get_context("spawn")
 
 
@@ -61,7 +61,7 @@ def refuse_forks() -> None:
     New programs can still be started, as all descriptors of ours close on exec: subprocesses, and processes of
     ``multiprocessing``, which are spawned unless they ask for a fork by name.
     """
-    import_nothing_from_here()
+    exclude_working_directory()
     multiprocessing.set_start_method("spawn", force=True)
     sys.addaudithook(_refuse)
 

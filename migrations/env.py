@@ -3,7 +3,7 @@
 from alembic import context
 from sqlalchemy import Connection
 
-from backend.storage.database import connect
+from backend.storage.database import connect_database
 from backend.storage.orm import FormulaRow, QueuedRow, RunIndexRow, StudyRow
 
 # Each module of tables has to be loaded for them to be known.
@@ -24,5 +24,5 @@ else:
     url = context.config.get_main_option("sqlalchemy.url")
     if url is None:
         raise RuntimeError("alembic.ini names no sqlalchemy.url")
-    with connect(url).begin() as opened:
+    with connect_database(url).begin() as opened:
         _migrate(opened)

@@ -33,19 +33,19 @@ class BroughtUp:
 NOT_BROUGHT_UP = BroughtUp()
 
 
-def fingerprint(wiring: Wiring) -> str:
+def wiring_fingerprint(wiring: Wiring) -> str:
     """Return what tells a wiring from any other: all of its entries, whatever it is called and its sources say."""
     entries = asdict(wiring)
     del entries["sources"], entries["title"]
     return hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
 
 
-def found_with(wired: str, brought_up: BroughtUp) -> BroughtUp:
+def select_calibration(wired: str, brought_up: BroughtUp) -> BroughtUp:
     """Return what is known with the wiring of this fingerprint: nothing, where it was found with another."""
     return brought_up if brought_up.wired == wired else BroughtUp(wired=wired)
 
 
-def calibrated(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wiring:
+def apply_calibration(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wiring:
     """Return the wiring with calibrations in the place of its own, and where they come from."""
     for found in calibrations:
         section = f"load_cell_{found.tendon}"
@@ -55,7 +55,7 @@ def calibrated(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wir
     return wiring
 
 
-def linear(wiring: Wiring, tendon: str) -> tuple[float, float] | None:
+def load_cell_line(wiring: Wiring, tendon: str) -> tuple[float, float] | None:
     """Return slope [N/V] and offset [V] of a load cell; None where a table stands for them."""
     cell = wiring.load_cell_A if tendon == "A" else wiring.load_cell_B
     return None if math.isnan(cell.slope) else (cell.slope, cell.offset)

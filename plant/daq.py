@@ -44,7 +44,7 @@ _FAILED: Final = (DaqError, RpcError, DaqNotFoundError, DaqNotSupportedError, Da
 _EXPIRED: Final = (DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, DAQmxErrors.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED)
 
 
-def driver() -> str:
+def read_driver_version() -> str:
     """Return name and version of NI's driver on this machine, and the cards it knows. Raises PlantError."""
     try:
         system = System.local()

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.interface import NO_LOAD, PlantError, ShaftLoad
 
 # Friction ------------------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: f
 # than most runs.
 
 
-def root(function: Callable[[float], float], low: float, high: float) -> float:
+def find_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Root of a function that rises between low and high, by bisection to the last bit."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
@@ -218,41 +218,41 @@ def _curve(k: tuple[float, ...], pieces: NDArray[np.float64] | None, x: float, o
 
 
 @compiled
-def polynomial(spring: Spring, x: float) -> float:
+def spring_polynomial(spring: Spring, x: float) -> float:
     """Force [N] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
     return _curve(spring.k, spring.pieces, x, 0)
 
 
 @compiled
-def slope(spring: Spring, x: float) -> float:
+def spring_slope(spring: Spring, x: float) -> float:
     """F'(x) [N/m] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
     return _curve(spring.k, spring.pieces, x, 1)
 
 
 @compiled
-def curvature(spring: Spring, x: float) -> float:
+def spring_curvature(spring: Spring, x: float) -> float:
     """F''(x) [N/m²] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
     return _curve(spring.k, spring.pieces, x, 2)
 
 
 @compiled
-def tension(spring: Spring, x: float) -> float:
+def tendon_tension(spring: Spring, x: float) -> float:
     """Force in the tendon [N] at elongation x [m]: never pushes, steep once the spring is solid."""
     if x <= spring.x_slack:
         return 0.0
     if x > spring.x_solid:
         return spring.F_solid + spring.k_solid * (x - spring.x_solid)
-    return polynomial(spring, x)
+    return spring_polynomial(spring, x)
 
 
 @compiled
-def tension_slope(spring: Spring, x: float) -> float:
+def tendon_tension_slope(spring: Spring, x: float) -> float:
     """dF/dx [N/m] of ``tension``: zero while slack, ``k_solid`` when solid."""
     if x <= spring.x_slack:
         return 0.0
     if x > spring.x_solid:
         return spring.k_solid
-    return slope(spring, x)
+    return spring_slope(spring, x)
 
 
 def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: float) -> Spring:
@@ -266,7 +266,7 @@ def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: 
     if negative.size == 0 or negative[-1] == x.size - 1:
         raise ValueError(f"the spring polynomial has no zero-force root below x_solid = {x_solid:g} m")
     below = int(negative[-1])
-    x_slack = root(lambda value: float(curve(value)), float(x[below]), float(x[below + 1]))
+    x_slack = find_root(lambda value: float(curve(value)), float(x[below]), float(x[below + 1]))
     falling = np.flatnonzero(curve.deriv()(x[below + 1 :]) <= 0.0)
     if falling.size:
         at = x[below + 1 + int(falling[0])]
@@ -278,7 +278,7 @@ def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: 
 def require_stiffening(spring: Spring) -> None:
     """Raise ValueError unless F' rises all the way from slack to solid: else stiffness could not be set by tension."""
     x = np.linspace(spring.x_slack, spring.x_solid, 2001)[1:-1]
-    slopes = np.array([slope(spring, value) for value in x])
+    slopes = np.array([spring_slope(spring, value) for value in x])
     flat = np.flatnonzero(np.diff(slopes) <= 1e-9 * slopes[-1])
     if flat.size:
         raise ValueError(
@@ -287,13 +287,13 @@ def require_stiffening(spring: Spring) -> None:
         )
 
 
-def elongation(spring: Spring, F: float) -> float:
+def spring_elongation(spring: Spring, F: float) -> float:
     """Elongation [m] at which the taut spring carries F [N], 0 < F <= force at ``x_solid``; else ValueError."""
     if not 0.0 < F <= spring.F_solid:
         raise ValueError(
             f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor solid"
         )
-    return root(lambda x: polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
+    return find_root(lambda x: spring_polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
 
 
 # Joint ---------------------------------------------------------------------------------------------
@@ -331,7 +331,7 @@ def joint_acceleration(joint: Joint, q_dot: float, F_A: float, F_B: float, tau_e
 @compiled
 def joint_stiffness(joint: Joint, spring_A: Spring, spring_B: Spring, x_A: float, x_B: float) -> float:
     """S = −∂φ/∂q = r_j² (F_A'(x_A) + F_B'(x_B)) [N·m/rad] (equation 14; exact off equilibrium too, erratum E4)."""
-    return joint.r_j**2 * (tension_slope(spring_A, x_A) + tension_slope(spring_B, x_B))
+    return joint.r_j**2 * (tendon_tension_slope(spring_A, x_A) + tendon_tension_slope(spring_B, x_B))
 
 
 # Obstacle ------------------------------------------------------------------------------------------
@@ -394,7 +394,7 @@ def beside(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, tau_ext: fl
     return tau_ext + joint.r_j * contact_force(obstacle, joint, q, q_dot)
 
 
-def stiffest(joint: Joint, step_s: float) -> float:
+def largest_wall_stiffness(joint: Joint, step_s: float) -> float:
     """Stiffness [N/m] of the wall at which the joint alone turns its phase by STEP_ANGLE in a step of the integration.
 
     With m = J_j/r_j² it oscillates at √(k/m); the Runge-Kutta steps are stable up to an angle of 2.8 and off by less
@@ -403,16 +403,16 @@ def stiffest(joint: Joint, step_s: float) -> float:
     return joint.J_j / joint.r_j**2 * (STEP_ANGLE / step_s) ** 2
 
 
-def most_damped(joint: Joint, F_max: float, step_s: float) -> float:
+def largest_wall_damping(joint: Joint, F_max: float, step_s: float) -> float:
     """Damping [s/m] that brakes the joint, pressed by F_max [N], with a time constant of one step: c F = m/h."""
     return joint.J_j / (joint.r_j**2 * step_s * F_max)
 
 
-def require_possible(obstacle: Obstacle, joint: Joint, F_max: float, q_max: float, step_s: float) -> None:
+def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max: float, step_s: float) -> None:
     """Raise PlantError for a wall that cannot be, or that steps of ``step_s`` [s] do not resolve on this joint."""
     if obstacle.side not in (-1.0, 1.0):
         raise PlantError(f"side of the wall: {obstacle.side:g} is neither 1 (above q_wall) nor -1 (below it)")
-    k_max, c_max = stiffest(joint, step_s), most_damped(joint, F_max, step_s)
+    k_max, c_max = largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, F_max, step_s)
     for words, value, low, high, unit, remedy in (
         ("angle of the wall", obstacle.q_wall, -q_max, q_max, "rad", "the safety module stops the joint there"),
         (
@@ -476,7 +476,7 @@ class PlantState(NamedTuple):
     z_B: float = 0.0
 
 
-def smoothed(plant: Dynamics) -> Dynamics:
+def smooth_friction(plant: Dynamics) -> Dynamics:
     """Return the plant with Coulomb friction that is smoothed where its own sticks."""
     A, B = (motor._replace(friction=motor.friction._replace(lugre=None)) for motor in (plant.motor_A, plant.motor_B))
     return plant._replace(motor_A=A, motor_B=B)
@@ -486,7 +486,7 @@ AT_REST = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
-def derivative(
+def state_derivative(
     plant: Dynamics,
     x: PlantState,
     u_A: float,
@@ -497,8 +497,8 @@ def derivative(
 ) -> PlantState:
     """dx/dt under motor voltages [V], external joint torque [N·m], shaft loads [N·m] and a wall (equations 1-13)."""
     r_m = plant.joint.r_m
-    F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
-    F_B = tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
+    F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
+    F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     load_A, load_B = r_m * F_A + load.load_A, r_m * F_B + load.load_B
     return PlantState(
         x.q_dot,
@@ -533,8 +533,8 @@ def _axpy(h: float, d: PlantState, x: PlantState) -> PlantState:
 @compiled
 def _loads(plant: Dynamics, x: PlantState, load: ShaftLoad) -> tuple[float, float]:
     """Load torques [N·m] at both outlets."""
-    F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
-    F_B = tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
+    F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
+    F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     return plant.joint.r_m * F_A + load.load_A, plant.joint.r_m * F_B + load.load_B
 
 
@@ -570,7 +570,7 @@ def _flush(value: float) -> float:
 
 
 @compiled
-def advance(
+def advance_state(
     plant: Dynamics,
     x: PlantState,
     u_A: float,
@@ -584,13 +584,13 @@ def advance(
     """State after ``duration_s`` under held inputs, by ``substeps`` classical Runge-Kutta steps."""
     h = duration_s / substeps
     for _ in range(substeps):
-        d1 = derivative(plant, x, u_A, u_B, tau_ext, load, obstacle)
+        d1 = state_derivative(plant, x, u_A, u_B, tau_ext, load, obstacle)
         x2 = _bent(plant, x, _axpy(0.5 * h, d1, x), 0.5 * h, load)
-        d2 = derivative(plant, x2, u_A, u_B, tau_ext, load, obstacle)
+        d2 = state_derivative(plant, x2, u_A, u_B, tau_ext, load, obstacle)
         x3 = _bent(plant, x, _axpy(0.5 * h, d2, x), 0.5 * h, load)
-        d3 = derivative(plant, x3, u_A, u_B, tau_ext, load, obstacle)
+        d3 = state_derivative(plant, x3, u_A, u_B, tau_ext, load, obstacle)
         x4 = _bent(plant, x, _axpy(h, d3, x), h, load)
-        d4 = derivative(plant, x4, u_A, u_B, tau_ext, load, obstacle)
+        d4 = state_derivative(plant, x4, u_A, u_B, tau_ext, load, obstacle)
         end = _axpy(h / 6.0, d1, _axpy(h / 3.0, d2, _axpy(h / 3.0, d3, _axpy(h / 6.0, d4, x))))
         x = _bent(plant, x, end, h, load)
     return PlantState(
@@ -645,7 +645,7 @@ def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spri
     )
     no_polynomial = (0.0,)
     spring = Spring(no_polynomial, pieces, float(x[0]), x_solid, 0.0, k_solid)
-    return spring._replace(F_solid=polynomial(spring, x_solid))
+    return spring._replace(F_solid=spring_polynomial(spring, x_solid))
 
 
 def _monotone_slopes(h: Array, secant: Array) -> Array:

@@ -5,10 +5,10 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, cast
 
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint, found_with
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, apply_calibration, select_calibration, wiring_fingerprint
 from plant.interface import NAME_MAX, Plant, PlantChoice, PlantError, PlantKind
 from plant.parameters import PlantParameters
-from plant.replay import Replay, load_recording, look_over
+from plant.replay import Replay, load_replay, look_over
 from plant.safety_card import Card
 from plant.simulator import Simulator
 from plant.wiring import Wiring, WiringError, load_wiring
@@ -146,7 +146,7 @@ def make_plant(
         case PlantKind.VIRTUAL_CARD:
             return _virtual_rig(choice, parameters, seed, card, brought_up, drives_off)
         case PlantKind.REPLAY:
-            return Replay(load_recording(choice.recording))
+            return Replay(load_replay(choice.recording))
         case PlantKind.PACKAGE:
             return plant_of_package(choice.package, parameters, seed)
 
@@ -158,9 +158,11 @@ def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_o
     from plant.daq import Daq
     from plant.rig import Rig
 
-    said = wiring_of_choice(choice)
-    known = found_with(fingerprint(said), brought_up)  # the file may have been edited since that was looked up
-    wiring = calibrated(said, known.calibrations)
+    said = load_wiring_choice(choice)
+    known = select_calibration(
+        wiring_fingerprint(said), brought_up
+    )  # the file may have been edited since that was looked up
+    wiring = apply_calibration(said, known.calibrations)
     daq = Daq(wiring)
     if choice.address:
         from plant.device_server import DeviceServer
@@ -188,9 +190,9 @@ def _virtual_rig(
 ) -> Plant:
     from plant.virtual_daq import VirtualRig
 
-    true = wiring_of_choice(choice)
-    known = found_with(fingerprint(true), brought_up)
-    wiring = calibrated(true, known.calibrations)
+    true = load_wiring_choice(choice)
+    known = select_calibration(wiring_fingerprint(true), brought_up)
+    wiring = apply_calibration(true, known.calibrations)
     return VirtualRig(
         wiring,
         Simulator(parameters, seed),
@@ -203,7 +205,7 @@ def _virtual_rig(
     )
 
 
-def wiring_of_choice(choice: PlantChoice) -> Wiring:
+def load_wiring_choice(choice: PlantChoice) -> Wiring:
     """Return the wiring of a rig as its file says it. Raises PlantError."""
     try:
         return load_wiring(choice.wiring)

@@ -341,7 +341,7 @@ class PlantParameters:
         if not sections:
             return self
         kept = {name: entries for name, entries in self.document().items() if not name.startswith("identified")}
-        return parameters_of(self.name, kept | sections)
+        return parse_parameters(self.name, kept | sections)
 
     def dynamics(self) -> Dynamics:
         """Constants of the simulated plant, asymmetry included. Source: method section 1."""
@@ -408,10 +408,10 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
             f"the name of the file {path.stem[:40]}... has {len(path.stem)} characters, {FILE_NAME_MAX} are the most: "
             "rename the file"
         )
-    return parameters_of(path.stem, document, path.name)
+    return parse_parameters(path.stem, document, path.name)
 
 
-def parameters_of(name: str, document: dict[str, Any], file: str = "") -> PlantParameters:
+def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> PlantParameters:
     """Build the set called ``name`` from a document as ``PlantParameters.document`` gives it and TOML files hold it.
 
     Raises ParameterError naming the entry, its bound and unit, and the ``file``.

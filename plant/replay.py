@@ -66,7 +66,7 @@ def look_over(path: str | Path) -> None:
     _looked_over[path] = _stamp(path), _read(path)
 
 
-def load_recording(path: str | Path) -> RecordedSamples:
+def load_replay(path: str | Path) -> RecordedSamples:
     """Read a recording. Raises PlantError that says what is wrong with the file, where, and what it has to hold."""
     path = Path(path)
     stamp, recording = _looked_over.pop(path, (None, None))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import PrecompiledCall, StateBlock, compiled, keep
+from plant.compilation import PrecompiledCall, StateBlock, compiled, keep_compiled
 from plant.dynamics import (
     AT_REST,
     NO_OBSTACLE,
@@ -15,14 +15,14 @@ from plant.dynamics import (
     Dynamics,
     Obstacle,
     PlantState,
-    advance,
+    advance_state,
     contact_force,
     elongation_A,
     elongation_B,
     joint_stiffness,
     require_free,
-    require_possible,
-    tension,
+    require_possible_wall,
+    tendon_tension,
 )
 from plant.interface import (
     NO_LOAD,
@@ -140,10 +140,10 @@ class SafetyBounds(NamedTuple):
 
 
 @compiled
-def exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> bool:
+def is_limit_exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> bool:
     """Tell whether a tendon force or the joint position is beyond its bound, by the module's own sensors."""
-    F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
-    F_B = tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
+    F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
+    F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     return bounds.F_max < F_A or bounds.F_max < F_B or abs(x.q) > bounds.q_max
 
 
@@ -191,7 +191,7 @@ def delayed(line: NDArray[np.float64], tick: int, delay_ticks: int, F_A: float, 
 
 
 @compiled
-def sense(
+def sense_state(
     plant: Dynamics,
     sensors: SensorModel,
     x: PlantState,
@@ -206,7 +206,9 @@ def sense(
     """Measurement of the true state x; ``noise_A``, ``noise_B`` [N] are this tick's load cell errors."""
     x_A = elongation_A(plant.joint, x.theta_A, x.q)
     x_B = elongation_B(plant.joint, x.theta_B, x.q)
-    F_A, F_B = delayed(line, tick, sensors.delay_ticks, tension(plant.spring_A, x_A), tension(plant.spring_B, x_B))
+    F_A, F_B = delayed(
+        line, tick, sensors.delay_ticks, tendon_tension(plant.spring_A, x_A), tendon_tension(plant.spring_B, x_B)
+    )
     return Measurement(
         quantise(x.q, sensors.joint_step),
         quantise(x.theta_A, sensors.motor_step),
@@ -241,7 +243,7 @@ _NOISE_BLOCK = 4096
 
 
 @compiled
-def actuate(
+def actuate_plant(
     plant: Dynamics,
     sensors: SensorModel,
     u_max: float,
@@ -254,7 +256,7 @@ def actuate(
     """State one period later, under the command as the converter puts it out, a push [N] at r_j, a load, a wall."""
     u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
     u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
-    return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load, obstacle)
+    return advance_state(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load, obstacle)
 
 
 class Simulated(NamedTuple):
@@ -279,13 +281,13 @@ class Simulated(NamedTuple):
 
 
 @compiled
-def period(simulated: StateBlock[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
+def simulate_period(simulated: StateBlock[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
     """Advance by a period under voltages [V]; return what is measured in ``tick``, its end."""
     s = simulated.value
-    x = actuate(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load, s.obstacle)
-    tripped = s.tripped or exceeded(s.plant, s.bounds, x)
-    keep(simulated.x, x)
-    keep(simulated.tripped, tripped)
+    x = actuate_plant(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load, s.obstacle)
+    tripped = s.tripped or is_limit_exceeded(s.plant, s.bounds, x)
+    keep_compiled(simulated.x, x)
+    keep_compiled(simulated.tripped, tripped)
     return _measured(simulated, tick)
 
 
@@ -294,14 +296,14 @@ def _measured(simulated: StateBlock[Simulated], tick: int) -> Measurement:
     s = simulated.value
     row = tick % s.noise.shape[0]
     trip = 1.0 if s.tripped else 0.0
-    m = sense(s.plant, s.sensors, s.x, s.line, tick, s.noise[row, 0], s.noise[row, 1], s.F_push, trip, s.obstacle)
-    keep(simulated.m, m)
+    m = sense_state(s.plant, s.sensors, s.x, s.line, tick, s.noise[row, 0], s.noise[row, 1], s.F_push, trip, s.obstacle)
+    keep_compiled(simulated.m, m)
     return m
 
 
 @compiled
 def _exceeds(simulated: StateBlock[Simulated]) -> bool:
-    return exceeded(simulated.plant.value, simulated.bounds.value, simulated.x.value)
+    return is_limit_exceeded(simulated.plant.value, simulated.bounds.value, simulated.x.value)
 
 
 class Simulator:
@@ -350,7 +352,7 @@ class Simulator:
                 NOT_MEASURED,
             )
         )
-        self._period = PrecompiledCall(period, simulated, 0.0, 0.0, 0)
+        self._period = PrecompiledCall(simulate_period, simulated, 0.0, 0.0, 0)
         self._sense = PrecompiledCall(_measured, simulated, 0)
         self._exceeds = PrecompiledCall(_exceeds, simulated)
         self._x, self._pushed, self._trip = (simulated.field(name) for name in ("x", "F_push", "tripped"))
@@ -453,7 +455,7 @@ class Simulator:
         """
         if obstacle is not None:
             joint, bounds = self.simulated.field("plant").field("joint").get(), self.simulated.field("bounds").get()
-            require_possible(obstacle, joint, self._F_max, bounds.q_max, T_s / SUBSTEPS)
+            require_possible_wall(obstacle, joint, self._F_max, bounds.q_max, T_s / SUBSTEPS)
             require_free(obstacle, self.x.q)
         self.simulated.field("obstacle").put(NO_OBSTACLE if obstacle is None else Obstacle(*map(float, obstacle)))
         self._m = None

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.interface import Measurement
 from plant.wiring import EncoderWiring, LoadCellWiring, Wiring
 

@@ -21,7 +21,7 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 from nidaqmx.constants import AcquisitionType, Level, WDTTaskAction
 from nidaqmx.error_codes import DAQmxErrors
 
-from plant.compiled import PrecompiledCall
+from plant.compilation import PrecompiledCall
 from plant.daq import Daq
 from plant.dynamics import Obstacle
 from plant.interface import (

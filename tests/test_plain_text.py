@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from backend.banks.builder import BankError, read_file, require_name
+from backend.banks.builder import BankError, parse_bank_file, require_name
 from backend.errors import RequestRejectedError
 from backend.experiments import parser
 from backend.experiments.parser import ExperimentError
@@ -30,7 +30,7 @@ from backend.schemas.identification import SpringTableRequest
 from backend.schemas.preferences import ChartLayout
 from backend.schemas.session import NameRequest, SignIn
 from backend.schemas.tuning import BankFile, BankRequest
-from backend.server.security import require_writable
+from backend.server.security import require_valid_body
 from backend.storage.identifications import UnfitDocumentError, require_lines
 from backend.studies.design import STUDY
 
@@ -56,7 +56,7 @@ def as_yaml(title: str = "", description: str = "") -> str:
 PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a text": (PlainTextError, require_plain),
     "a key": (PlainTextError, lambda words: require_plain_texts([{"a": {words: 1}}])),
-    "a request": (RequestRejectedError, lambda words: require_writable(json.dumps({"note": words}).encode())),
+    "a request": (RequestRejectedError, lambda words: require_valid_body(json.dumps({"note": words}).encode())),
     "YAML": (ExperimentError, lambda words: parser.read(as_yaml(description=words))),
     "JSON as a text": (ExperimentError, lambda words: parser.read(json.dumps(described(f"x{words}y")))),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),
@@ -64,7 +64,7 @@ PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
         ValueError,
         lambda words: read_strict(json.dumps({"plan": {"experiment": json.dumps(experiment(words))}})),
     ),
-    "a bank file": (BankError, lambda words: read_file(json.dumps({"name": words}))),
+    "a bank file": (BankError, lambda words: parse_bank_file(json.dumps({"name": words}))),
 }
 LINES_REFUSED = (*REFUSED, "\t", "\n", "\r", "\u2028", "\u202e", "\u2066", "\u200f", "\u200b", "\ufeff", "\u00ad")
 LINES_TAKEN = ("λ_q′", "漢字", "x😀y", "1\u202f000", "می\u200cخواهم", "👩\u200d🔧", "❤\ufe0f")
@@ -148,14 +148,14 @@ def test_names_of_any_language_are_taken(path: str, words: str) -> None:
 @pytest.mark.parametrize("words", [*LINES_REFUSED, " "], ids=ascii)
 def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) -> None:
     title = f"x{words}y" if words.strip() else words
-    read = parser.of_canonical(json.dumps(experiment(title)))
+    read = parser.parse_canonical(json.dumps(experiment(title)))
     assert read.title == as_line(title)
     assert read.title.isprintable()
     assert parser.read(json.dumps(experiment(title)), stored=True)[0].title == as_line(title)
     assert STUDY.validate_json(
         json.dumps({"format": 1, "name": "a", "title": as_line(title)}), context=STORED
     ).title == as_line(title)
-    assert parser.of_canonical(parser.canonical(read)) == read
+    assert parser.parse_canonical(parser.canonical(read)) == read
 
 
 def test_a_terminal_is_given_escapes() -> None:

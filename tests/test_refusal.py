@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.errors import ErrorCode, InvalidValueError, OutOfRangeError, RequestRejectedError, bound_text, check_range
-from backend.experiments.library import ready_plan
+from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedError, bound_text, check_range
+from backend.experiments.library import build_ready_plan
 from backend.experiments.parser import ExperimentError
 from backend.experiments.plans import SequencePlan
 from backend.models.settings import SettingError
 from backend.units import AngleUnit
+from plant.errors import ErrorCode
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
@@ -37,10 +38,10 @@ def test_a_segment_is_named_as_the_editor_numbers_it() -> None:
 
 def test_a_setting_is_named_as_its_form_labels_it() -> None:
     with pytest.raises(OutOfRangeError) as refused:
-        ready_plan("tracking", **{"q_amplitude": 2.0})
+        build_ready_plan("tracking", **{"q_amplitude": 2.0})
     assert said(refused.value).startswith("joint position steps between ±q_max: 114.592° is outside 0.573 to 80.2°")
     with pytest.raises(SettingError) as odd:
-        ready_plan("tracking", **{"q_amplitude": "wide"})
+        build_ready_plan("tracking", **{"q_amplitude": "wide"})
     assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: it needs a number in °"
     assert said(odd.value, RAD).endswith("it needs a number in rad")
 

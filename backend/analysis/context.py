@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.analysis.step_metrics import timed
-from backend.banks.builder import BankError, HasEntries, points_of
+from backend.banks.builder import BankError, HasEntries, entry_points
 from backend.banks.tuning_settings import NAMES, TuningSettings
 from backend.control import cascade
 from backend.experiments.plans import ExperimentPlan
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import StoredLoopSettings, with_motion
-from backend.realtime.program import Law, left_at
-from backend.tuning.gains import PointModel, TuningError, cascade_tuning
+from backend.models.run import StoredLoopSettings, complete_motion
+from backend.realtime.program import Law, final_references
+from backend.tuning.gains import PointModel, TuningError, make_cascade_tuning
 from plant.errors import SinewError
 from plant.parameters import PlantParameters
 
@@ -21,16 +21,16 @@ class NotPredictedError(SinewError, ValueError):
     """There is nothing to compare a measurement with; says why."""
 
 
-def kept_tuning(loop: StoredLoopSettings) -> TuningSettings:
+def load_initial_tuning(loop: StoredLoopSettings) -> TuningSettings:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
     known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
-    return TuningSettings(**with_motion(known))
+    return TuningSettings(**complete_motion(known))
 
 
-def points_in(bank: HasEntries | None) -> tuple[PointModel, ...]:
+def load_bank_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
     """Return the models of a bank; of one that cannot be read none, so that all but the prediction is told."""
     try:
-        return points_of(bank)
+        return entry_points(bank)
     except (BankError, UnreadableDocumentError):
         return ()
 
@@ -64,7 +64,7 @@ class EvaluationContext:
         for _, end, segment in timed(self.plan.program()):
             if end > sample:
                 break
-            q, S = left_at(segment, q, S)
+            q, S = final_references(segment, q, S)
         return q, S
 
     def gains_at(self, sample: int) -> cascade.CascadeTuning:
@@ -77,7 +77,7 @@ class EvaluationContext:
         if choice.bank and not self.points:
             raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
         try:
-            return cascade_tuning(
+            return make_cascade_tuning(
                 self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.budget, choice.k_ext
             )
         except TuningError as error:

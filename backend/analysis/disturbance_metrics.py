@@ -17,7 +17,7 @@ from backend.analysis.step_metrics import (
     NoSamplesError,
     Whole,
     figure,
-    pushes,
+    find_pushes,
     rms,
     timed,
     undisturbed_from,
@@ -25,7 +25,7 @@ from backend.analysis.step_metrics import (
 )
 from backend.faults import Limit
 from backend.realtime.program import Program, Shape
-from backend.tuning.simulation import INPUTS, OUTPUTS, answered, sampled_loop
+from backend.tuning.simulation import INPUTS, OUTPUTS, disturbance_response, make_sampled_loop
 from plant.interface import T_s
 from plant.parameters import SIDES, PlantParameters, Side
 
@@ -175,7 +175,7 @@ def disturbance_figures(columns: Columns, program: Program) -> DisturbanceFigure
 
     Raises NoSamplesError when the run ended before the last push was over.
     """
-    pushed = pushes(program)
+    pushed = find_pushes(program)
     if not pushed or columns["q"].size < pushed[-1].stop:
         raise NoSamplesError("the run ended before the pushes were over" if pushed else "nothing pushes the joint")
     off_q, off_S = (np.abs(columns[name] - columns[f"{name}_ref"]) for name in ("q", "S"))
@@ -266,7 +266,7 @@ def hold_figures(columns: Columns, program: Program, parameters: PlantParameters
 
     Raises NoSamplesError when no stretch was held to its end.
     """
-    found = holds_seen(columns, program, parameters)
+    found = measure_holds(columns, program, parameters)
     if not found:
         raise NoSamplesError("nothing was held to its end")
     worst = {
@@ -298,7 +298,7 @@ def hold_windows(program: Program) -> tuple[slice, ...]:
     return tuple(one for one in found if (one.stop - one.start) * T_s >= LEAST_S)
 
 
-def holds_seen(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[HoldWindow, ...]:
+def measure_holds(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[HoldWindow, ...]:
     """Measure each stretch that was held to its end."""
     size = columns["q"].size
     return tuple(_seen_hold(columns, one, parameters) for one in hold_windows(program) if one.stop <= size)
@@ -405,7 +405,7 @@ class ImpactFigures(Whole):
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def hits_of(columns: Columns, program: Program | None = None) -> tuple[Hit, ...]:
+def find_hits(columns: Columns, program: Program | None = None) -> tuple[Hit, ...]:
     """Return the hits of a run, in order; none where nothing was hit or no force of a wall was recorded.
 
     ``program`` says from what force on a hit was to be given way to; without one, none was.
@@ -472,12 +472,12 @@ def impact_figures(columns: Columns, program: Program | None = None) -> ImpactFi
 
     And F_ext_hat and limits, where ``program`` gives way to contacts. Raises NoSamplesError where no wall was hit.
     """
-    hits = hits_of(columns, program)
+    hits = find_hits(columns, program)
     if not hits:
         raise NoSamplesError("no wall was hit")
     plain, reacting = [hit for hit in hits if not hit.reacts], [hit for hit in hits if hit.reacts]
     pairs, reason = _pairs(plain or hits)
-    beside, why = beside_each_other(hits)
+    beside, why = pair_hits(hits)
     unfelt = "" if reacting else _NOT_GIVEN_WAY
     missed = sum(not math.isfinite(hit.gave_way_s) for hit in reacting)
     if missed:
@@ -505,7 +505,7 @@ def impact_figures(columns: Columns, program: Program | None = None) -> ImpactFi
 _NOT_GIVEN_WAY = "no hit was to be given way to"
 
 
-def beside_each_other(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
+def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
     """Return hits without and with reaction, of one stiffness and equally fast, in turn; or why there are none."""
     left, pairs = [hit for hit in hits if not hit.reacts], []
     for hit in (hit for hit in hits if hit.reacts):
@@ -625,7 +625,7 @@ def push_figures(columns: Columns, program: Program, in_force: EvaluationContext
 
     Raises NoSamplesError when the run ended before the first push was over.
     """
-    found = pushes_seen(columns, program, in_force)
+    found = measure_pushes(columns, program, in_force)
     if not found:
         raise NoSamplesError(
             "the run ended before the pushes were over" if push_windows(program) else "nothing pushes the joint"
@@ -674,7 +674,7 @@ def _window(program: Program, pushed: slice, shapes: set[Shape]) -> Window:
     return Window(pushed, shape, max(undisturbed_from(program, pushed.stop), pushed.stop))
 
 
-def pushes_seen(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[MeasuredPush, ...]:
+def measure_pushes(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[MeasuredPush, ...]:
     """Measure each push that was over before the run was."""
     size = columns["q"].size
     answers: dict[tuple[object, ...], Array] = {}
@@ -729,7 +729,7 @@ def _expected(
     choice = in_force.choice_at(start)
     acts = [tau]
     if choice.k_ext > 0.0 and in_force.position_loop:
-        acts += answered(in_force.gains_at(start).rejection, tau, S)
+        acts += disturbance_response(in_force.gains_at(start).rejection, tau, S)
     known = answers.get((choice, S))
     if known is None or known.shape[1] < tau.size:
         known = answers[(choice, S)] = _impulse_responses(in_force, start, S, tau.size, len(acts))
@@ -738,7 +738,9 @@ def _expected(
 
 def _impulse_responses(in_force: EvaluationContext, start: int, S: float, size: int, count: int) -> Array:
     """Return what q becomes (count, size) of an impulse of the torque, and of what a rejection adds."""
-    closed = sampled_loop(in_force.parameters, in_force.gains_at(start), S, position_loop=in_force.position_loop).closed
+    closed = make_sampled_loop(
+        in_force.parameters, in_force.gains_at(start), S, position_loop=in_force.position_loop
+    ).closed
     found = np.empty((count, size))
     for place, act in enumerate((INPUTS.tau_ext, INPUTS.q_e, INPUTS.q_off)[:count]):
         w = np.zeros((size, len(INPUTS)))

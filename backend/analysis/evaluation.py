@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from backend import __version__
-from backend.analysis.context import EvaluationContext, kept_tuning, points_in
+from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
 from backend.analysis.disturbance_metrics import (
     ComplianceColumns,
     ComplianceFigures,
@@ -43,22 +43,22 @@ from backend.analysis.step_metrics import (
     StepMetrics,
     TrackingMetrics,
     ended_early,
+    find_pushes,
     judge,
     load_steps,
-    pushes,
     tracking_metrics,
     unseen,
 )
 from backend.banks.tuning_settings import DECLARED, NAMES
 from backend.errors import Path
-from backend.experiments.library import stored_plan
+from backend.experiments.library import parse_stored_plan
 from backend.experiments.parser import (
     OF_THE_PLANT,
     ExperimentError,
     ExpressionError,
     Lines,
-    line_of,
-    number_of,
+    evaluate_number,
+    find_line,
     require_known,
 )
 from backend.experiments.plans import (
@@ -75,7 +75,7 @@ from backend.identification.fitting import Method
 from backend.models.run import DeclaredValue, MeasuredFigure, Metrics, Phase, RunCriterion, StepFigures, Value
 from backend.realtime.program import IDENTIFYING, Law
 from backend.recording.reader import Columns as ReaderColumns
-from backend.recording.reader import recorded_columns
+from backend.recording.reader import read_recorded_columns
 from backend.storage import banks, identifications, results, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
@@ -85,7 +85,7 @@ from backend.tuning.gains import PointModel, TuningParameters
 from backend.tuning.preview import least_reach_time
 from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
-from plant.parameters import PlantParameters, parameters_of
+from plant.parameters import PlantParameters, parse_parameters
 
 # Document ------------------------------------------------------------------------------------------
 #
@@ -189,13 +189,13 @@ def require_measurable(experiment: Experiment, values: Mapping[str, Value], line
         if bound.figure not in legal:
             given = ", ".join(experiment.measures)
             why = f"{bound.figure!r} is no figure of what is measured ({given}); there are {', '.join(legal)}"
-            raise ExperimentError(why, (*path, "figure"), line_of((*path, "figure"), lines))
+            raise ExperimentError(why, (*path, "figure"), find_line((*path, "figure"), lines))
         if (bound.below is None) is (bound.above is None):
-            raise ExperimentError("it needs a bound, either below or above", path, line_of(path, lines))
+            raise ExperimentError("it needs a bound, either below or above", path, find_line(path, lines))
         try:
             require_known(limit_of(bound), known)
         except ExpressionError as error:
-            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+            raise ExperimentError(str(error), path, find_line(path, lines)) from None
 
 
 def limit_of(bound: Bound) -> float | str:
@@ -211,7 +211,7 @@ def limit_of(bound: Bound) -> float | str:
 # Pure.
 
 
-def composed_result(
+def evaluate_experiment(
     columns: ComplianceColumns, in_force: EvaluationContext, outline: Metrics, missed: int
 ) -> tuple[Metrics, tuple[RunCriterion, ...]]:
     """Measure and judge a run of what was ``in_force``; ``outline`` tells how long it was.
@@ -244,7 +244,7 @@ def _measured(measure: Measure, columns: ComplianceColumns, in_force: Evaluation
             tracked = tracking_metrics(columns, program, plan.phases(), bound, parameters.sensors.joint_step)
             return tracking_document(tracked, plan.phases())
         case Measure.COMPLIANCE:
-            pushed = pushes(program)
+            pushed = find_pushes(program)
             if not pushed:
                 raise NoSamplesError("nothing pushes the joint")
             figures = compliance_figures(columns, parameters.geometry.r_j, pushed[0].start * T_s)
@@ -297,7 +297,7 @@ def criteria_of(
         relation = "<" if bound.below is not None else ">"
         value, why = found.value, found.reason or reason
         try:
-            limit = number_of(limit_of(bound), known)
+            limit = evaluate_number(limit_of(bound), known)
         except ExpressionError as error:  # a bound without a value is one that nothing passes
             limit, value, why = 0.0, None, f"its bound could not be had: {error}"
         title = bound.title or found.label
@@ -319,11 +319,11 @@ class Evaluation:
     problem: str
 
 
-def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
+def evaluate_finished_run(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
     """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
-    columns, missed = recorded_columns(database, run.id)
+    columns, missed = read_recorded_columns(database, run.id)
     try:
-        new, estimate = computed(columns, missed, parameters, plan, run, _points(database, run))
+        new, estimate = compute_result(columns, missed, parameters, plan, run, _points(database, run))
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
@@ -335,7 +335,7 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
     return Evaluation(result, stored, new.metrics.problem)
 
 
-def computed(
+def compute_result(
     columns: ReaderColumns,
     missed: int,
     parameters: PlantParameters,
@@ -359,8 +359,8 @@ def computed(
             outline = _outline(columns, plan, run)
             if columns["t"].size == 0:
                 raise NoSamplesError("the run holds no samples of its program")
-            in_force = EvaluationContext(parameters, plan, kept_tuning(run.set_to.loop), points)
-            metrics, criteria = composed_result(columns, in_force, outline, missed)
+            in_force = EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), points)
+            metrics, criteria = evaluate_experiment(columns, in_force, outline, missed)
         case SequencePlan():
             metrics = _followed(columns, parameters, plan)
     metrics = replace(metrics, missing_samples=missed, problem=problem)
@@ -377,7 +377,7 @@ def _points(database: Database, run: Run) -> tuple[PointModel, ...]:
     if run.bank_id is None:
         return ()
     with database.reading() as session:
-        return points_in(banks.get(session, run.bank_id))
+        return load_bank_points(banks.get(session, run.bank_id))
 
 
 def _identified(
@@ -437,7 +437,7 @@ class NotEvaluableError(SinewError, ValueError):
     category = ErrorCode.NOT_NOW
 
 
-def evaluate_again(database: Database, run_id: int) -> Evaluation:
+def reevaluate_run(database: Database, run_id: int) -> Evaluation:
     """Compute the result as at the run's end, with its own settings and parameters, and store it beside earlier ones.
 
     Raises UnknownRecordError, NotEvaluableError; SettingError or OutOfRangeError for settings that have no meaning any
@@ -446,11 +446,11 @@ def evaluate_again(database: Database, run_id: int) -> Evaluation:
     with database.reading() as session:
         run = runs.get(session, run_id)
     require_evaluable(run)
-    plan = stored_plan(run.kind, run.set_to.plan or {})
-    return evaluate(database, parameters_of(run.parameters_name, run.parameters), plan, run)
+    plan = parse_stored_plan(run.kind, run.set_to.plan or {})
+    return evaluate_finished_run(database, parse_parameters(run.parameters_name, run.parameters), plan, run)
 
 
-def left_behind(database: Database, run_ids: Sequence[int]) -> list[int]:
+def find_pending_runs(database: Database, run_ids: Sequence[int]) -> list[int]:
     """Return which of these runs ended with what played them, before their result could be computed.
 
     Raises UnknownRecordError.
@@ -461,14 +461,14 @@ def left_behind(database: Database, run_ids: Sequence[int]) -> list[int]:
         return [number for number in due if number not in evaluated]
 
 
-def catch_up(database: Database, run_ids: Sequence[int]) -> None:
+def evaluate_pending_runs(database: Database, run_ids: Sequence[int]) -> None:
     """Evaluate those of these runs that were left behind; why one has no result is kept with it.
 
     Raises UnknownRecordError.
     """
-    for run_id in left_behind(database, run_ids):
+    for run_id in find_pending_runs(database, run_ids):
         try:
-            evaluate_again(database, run_id)
+            reevaluate_run(database, run_id)
         except Exception as error:
             _LOG.info("run %d has no result: %s", run_id, error)
             with database.session() as session:
@@ -510,7 +510,7 @@ USED: dict[Law, tuple[str, ...]] = {
 """Parts of the tuning that each law uses; an open position loop rejects no push and has no λ_q."""
 
 
-def law_of(run: Run) -> Law:
+def find_control_law(run: Run) -> Law:
     """Return the control law that a run was played under; the cascade for a session."""
     plan = run.set_to.plan or {}
     if "experiment" in plan:
@@ -519,7 +519,7 @@ def law_of(run: Run) -> Law:
     return _OF_KIND.get(RunKind(run.kind)) or Law(run.set_to.law)
 
 
-def used_settings(run: Run) -> Sequence[DeclaredValue]:
+def select_used_settings(run: Run) -> Sequence[DeclaredValue]:
     """Return the settings of a run in order, without the parts of the tuning that its law does not use.
 
     Programs store them declared; a session has a tuning only.
@@ -532,7 +532,7 @@ def used_settings(run: Run) -> Sequence[DeclaredValue]:
             for setting in DECLARED
             if setting.name in tuning
         ]
-    unused = set(NAMES) - set(USED[law_of(run)])
+    unused = set(NAMES) - set(USED[find_control_law(run)])
     if stored.loop.budget == 0.0:
         unused.add("u_plan")
     return [item for item in stored.declared if item.name not in unused]

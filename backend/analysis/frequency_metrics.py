@@ -12,8 +12,8 @@ from backend.analysis.step_metrics import NO_NUMBER, Columns, Excited, NoSamples
 from backend.control import cascade
 from backend.faults import Limit
 from backend.realtime.program import Program
-from backend.tuning.robustness import decoupling
-from backend.tuning.simulation import INPUTS, OUTPUTS, planned_response, sampled_loop
+from backend.tuning.robustness import decoupling_matrix
+from backend.tuning.simulation import INPUTS, OUTPUTS, make_sampled_loop, planned_response
 from plant.interface import T_s
 
 # Response ------------------------------------------------------------------------------------------
@@ -78,7 +78,7 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
 
     Raises NoSamplesError when no excitation was played to its end.
     """
-    found = responses(columns, program)
+    found = compute_responses(columns, program)
     if not found:
         raise NoSamplesError("no excitation of one reference alone was played to its end")
     values: dict[str, Any] = {}
@@ -114,7 +114,7 @@ def why_not(response: Response) -> str:
     return ""
 
 
-def responses(columns: Columns, program: Program) -> tuple[Response, ...]:
+def compute_responses(columns: Columns, program: Program) -> tuple[Response, ...]:
     """Return the response to each excitation that was played to its end; of one signal the first comes first."""
     size = columns["q"].size
     return tuple(_response(columns, one) for one in excitations(program) if one.window.stop <= size)
@@ -213,7 +213,7 @@ class PredictedResponse:
         if self.tuning.following.budget > 0.0:
             H = planned_response(parameters, self.tuning, self.S, f, position_loop=closed)
         else:
-            H = sampled_loop(parameters, self.tuning, self.S, position_loop=closed).closed.response(f)
+            H = make_sampled_loop(parameters, self.tuning, self.S, position_loop=closed).closed.response(f)
         output, to = (OUTPUTS.q, INPUTS.q_ref) if self.signal == "q" else (OUTPUTS.S, INPUTS.S_ref)
         return np.asarray(H[:, output, to])
 
@@ -241,7 +241,7 @@ def predicted(in_force: EvaluationContext, excited: Excited, references: Array) 
 def asked_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
     """Largest |u_d| + |u_c| [V] with which the axes of a plan keep up with references (n, 2): (T θ'' + θ')/K."""
     model = tuning.following.model
-    theta = (references - references[0]) @ decoupling(tuning.decoupler, S).T
+    theta = (references - references[0]) @ decoupling_matrix(tuning.decoupler, S).T
     axes = np.column_stack([theta[:, 0] - theta[:, 1], theta[:, 0] + theta[:, 1]]) / 2.0
     rate = np.gradient(axes, T_s, axis=0)
     turning = np.gradient(rate, T_s, axis=0)
@@ -351,7 +351,7 @@ def bode_figures(columns: Columns, program: Program, in_force: EvaluationContext
 
     Raises NoSamplesError when no excitation was played to its end.
     """
-    found = bode_lines(columns, program, in_force)
+    found = build_bode_lines(columns, program, in_force)
     if not found:
         raise NoSamplesError("no excitation of one reference alone was played to its end")
     values: dict[str, Any] = {}
@@ -425,7 +425,7 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     return values, missing
 
 
-def bode_lines(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[Lines, ...]:
+def build_bode_lines(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[Lines, ...]:
     """Return the response to each excitation that was played to its end; of one signal the first comes first."""
     size = columns["q"].size
     return tuple(_lines(columns, one, in_force) for one in excitations(program) if one.window.stop <= size)

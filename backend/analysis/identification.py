@@ -9,35 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis.step_metrics import NoSamplesError, figure
-from backend.control.decoupler import bounds_for, decoupler_for, stiffness_slope
-from backend.experiments.library import stored_plan
+from backend.control.decoupler import build_decoupler, compute_bounds, stiffness_slope
+from backend.experiments.library import parse_stored_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification
 from backend.identification.actuator import identify_actuator as estimate_actuator
 from backend.identification.estimation import (
     Candidates,
     ModelComparison,
+    count_fitted_samples,
     fit_percent,
-    held_out,
-    last_part,
-    predict,
-    seen_samples,
+    split_last_part,
+    validate_held_out,
+    validate_on_record,
 )
-from backend.identification.fitting import Method, fit
+from backend.identification.fitting import Method, fit_parameters
 from backend.identification.friction import COLUMNS, LoadFrictionResult, TensionRun, estimate_load_friction
-from backend.identification.models import CorrelationTest, Estimate, Grade, Model, joint_method, structure
+from backend.identification.models import CorrelationTest, Estimate, Grade, Model, find_structure, joint_method_name
 from backend.identification.motor import (
     MotorIdentification,
     VoltageStepRecord,
     identify_motor,
     steady_speed,
-    step_beside,
     turn_from_rest,
+    validate_motor_step,
 )
 from backend.identification.records import DataFileError, FileFault, IdentificationError, Record, RecordError
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
 from backend.identification.tables import DecimalMark
-from backend.identification.validation import RESIDUAL_LEVEL, judged
+from backend.identification.validation import RESIDUAL_LEVEL, read_whiteness_test
 from backend.models.document import Document, UnreadableDocumentError
 from backend.models.identification import (
     CHANNELS,
@@ -80,16 +80,16 @@ from backend.models.identification import (
 )
 from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.realtime.program import Excitation
-from backend.recording.reader import Columns, missing_between, recorded_columns
+from backend.recording.reader import Columns, count_missing_ticks, read_recorded_columns
 from backend.storage import identifications, runs
 from backend.storage.database import Database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.runs import EndState, Run, RunKind
-from backend.tuning.gains import PointModel, TuningError, motor_loops
-from backend.tuning.robustness import one_motor_point
+from backend.tuning.gains import PointModel, TuningError, make_motor_loops
+from backend.tuning.robustness import linearize_one_motor
 from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
-from plant.parameters import SIDES, ParameterError, PlantParameters, Side, parameters_of
+from plant.parameters import SIDES, ParameterError, PlantParameters, Side, parse_parameters
 
 # Actuator identification ---------------------------------------------------------------------------
 #
@@ -132,7 +132,7 @@ def identify_actuator(
     """Estimate G_q and G_S from theta_A_ref, q and S of a completed run. Raises NoSamplesError, ValueError."""
     geometry, sensors = parameters.geometry, parameters.sensors
     q_counts, theta_counts = _COUNTS_WHERE_EXACT
-    slope = stiffness_slope(decoupler_for(parameters), float(np.mean(columns["S"])))
+    slope = stiffness_slope(build_decoupler(parameters), float(np.mean(columns["S"])))
     known = ActuatorGeometry(
         geometry.r_m,
         geometry.r_j,
@@ -173,7 +173,7 @@ def to_store_actuator(
         kind="actuator",
         run_id=run.id,
         data={**signals, "first_sample": start, "samples": columns["t"].size - start, "period_s": T_s},
-        method=joint_method({name: channel.method for name, channel in channels.items()}),
+        method=joint_method_name({name: channel.method for name, channel in channels.items()}),
         options={**asdict(plan), "structures": {name: channel.model.structure for name, channel in channels.items()}},
         model=MODEL.write(
             ActuatorModel(
@@ -270,7 +270,7 @@ OMEGA = np.geomspace(0.1, 60.0, 160)
 _STEP_POINTS = 200
 
 
-def curves_of(found: Identification) -> Document:
+def build_curves(found: Identification) -> Document:
     """Return the curves of one identification by kind: ``channels``, ``motors``, ``springs``."""
     curves: Document = {"channels": [], "motors": [], "springs": []}
     match found.kind:
@@ -326,7 +326,7 @@ def _measured(frequency: FrequencyEstimate | None) -> Document | None:
 
 
 def _correlation(test: ResidualTest | CorrelationTest) -> Document:
-    found = judged(test)
+    found = read_whiteness_test(test)
     outcome = {"bound": list(found.bound), "statistic": found.statistic, "critical": found.critical}
     return {
         "lags_s": list(test.lags_s),
@@ -648,7 +648,7 @@ def to_store_springs(
     )
 
 
-def from_table(
+def fit_spring_table(
     name: str,
     text: str,
     who: str,
@@ -824,7 +824,7 @@ class _Stretch:
     beside: ModelComparison
 
 
-def unseen_of(database: Database, run_id: int, of: int) -> Document:
+def validate_on_run(database: Database, run_id: int, of: int) -> Document:
     """Set the newest estimate of a run beside the record of the run ``of``.
 
     Raises UnknownRecordError, NotComparableError.
@@ -837,8 +837,8 @@ def unseen_of(database: Database, run_id: int, of: int) -> Document:
             f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a model is compared "
             "with the record of an actuator or motor identification of its own kind"
         )
-    columns, _ = recorded_columns(database, of)
-    parameters = parameters_of(source.parameters_name, source.parameters)
+    columns, _ = read_recorded_columns(database, of)
+    parameters = parse_parameters(source.parameters_name, source.parameters)
     own = run_id == of
     outputs = _channels(estimate, source, columns, own=own) if kind == "actuator" else None
     listed = list(outputs or _motors(estimate, columns, parameters, own=own))
@@ -846,7 +846,7 @@ def unseen_of(database: Database, run_id: int, of: int) -> Document:
 
 
 def _channels(estimate: Identification, source: Run, columns: Columns, *, own: bool) -> Iterator[Document]:
-    plan = stored_plan(source.kind, source.set_to.plan or {})
+    plan = parse_stored_plan(source.kind, source.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
         raise NotComparableError(f"run {source.id} has no excitation")
     for name in CHANNELS:
@@ -856,7 +856,7 @@ def _channels(estimate: Identification, source: Run, columns: Columns, *, own: b
             record = Record(T_s, columns["theta_A_ref"][start:], columns[signal][start:])
             method = Method(estimate.actuator_options.estimator or Method.DEFAULT)
             shown = _of_channel(estimate.actuator.channel(name).model, record, method, own=own)
-            first = start + seen_samples(record) + shown.first
+            first = start + count_fitted_samples(record) + shown.first
             yield _output(name, signal, unit, [_Stretch("", columns["t"][first : first + shown.measured.size], shown)])
         except (IdentificationError, NoSamplesError, np.linalg.LinAlgError) as error:
             yield _nothing(name, signal, unit, str(error))
@@ -864,8 +864,8 @@ def _channels(estimate: Identification, source: Run, columns: Columns, *, own: b
 
 def _of_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> ModelComparison:
     if own:
-        return held_out(fit(record, structure(model.structure), method))
-    return predict(Model(model.structure, model.parameters), last_part(record))
+        return validate_held_out(fit_parameters(record, find_structure(model.structure), method))
+    return validate_on_record(Model(model.structure, model.parameters), split_last_part(record))
 
 
 def _motors(
@@ -892,7 +892,7 @@ def _of_step(
         if kept.K_m is None or kept.T_m is None or kept.u_c is None:
             raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
         known = kept.K_m, kept.T_m, kept.u_c
-    shown = step_beside(step, *known)
+    shown = validate_motor_step(step, *known)
     return _Stretch(f"{step.voltage:.3g} V", np.asarray(np.arange(shown.measured.size) * T_s), shown)
 
 
@@ -934,7 +934,7 @@ def _nothing(name: str, signal: str, unit: str, problem: str) -> Document:
 MOTOR_B = "motor B is held still in this experiment, so its friction is not measured"
 
 
-def load_friction_of(played: Sequence[tuple[Run, Columns]]) -> LoadFrictionResult:
+def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFrictionResult:
     """Return c0 and c1 of motor A from runs with their samples; others than actuator identifications do not count.
 
     All have to be of the plant, station and parameters of the newest one: other motors have other friction.
@@ -964,10 +964,10 @@ def load_friction_of_newest(database: Database, made: Sequence[Run]) -> LoadFric
         if run.end_state == EndState.COMPLETED:
             newest.setdefault((run.set_to.plan or {}).get("tension_N"), run)
     chosen = sorted(newest.values(), key=lambda run: run.id)
-    return load_friction_of([(run, recorded_columns(database, run.id)[0]) for run in chosen])
+    return estimate_run_friction([(run, read_recorded_columns(database, run.id)[0]) for run in chosen])
 
 
-def document_of(found: LoadFrictionResult) -> Document:
+def build_identification_document(found: LoadFrictionResult) -> Document:
     """Return the result as plain data, SI units, with the sentence that people read."""
     return {
         "estimate": None if found.estimate is None else asdict(found.estimate),
@@ -982,13 +982,13 @@ def _rig(run: Run) -> tuple[str, str, Document]:
 
 
 def _excited(run: Run, columns: Columns) -> TensionRun:
-    plan = stored_plan(run.kind, run.set_to.plan or {})
+    plan = parse_stored_plan(run.kind, run.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
         raise NoSamplesError("it has no excitation")
     if run.end_state != EndState.COMPLETED:
         raise NoSamplesError(f"it ended as {run.end_state}")
     start = excitation_start(columns, plan.excitation())
-    if missing_between({"t": columns["t"][start:]}):
+    if count_missing_ticks({"t": columns["t"][start:]}):
         raise NoSamplesError("samples of its excitation are missing")
     return TensionRun(run.id, T_s, {name: columns[name][start:] for name in COLUMNS if name in columns})
 
@@ -1002,7 +1002,7 @@ def _excited(run: Run, columns: Columns) -> TensionRun:
 _STIFFNESS_CURVE_POINTS = 13
 
 
-def trend_of(database: Database, parameters: PlantParameters, lam_motor: float) -> Document:
+def compute_trend(database: Database, parameters: PlantParameters, lam_motor: float) -> Document:
     """Return the newest estimate of each actuator identification by stiffness, and the curves of what is in force."""
     with database.reading() as session:
         newest: dict[int, Identification] = {}
@@ -1017,19 +1017,19 @@ def trend_of(database: Database, parameters: PlantParameters, lam_motor: float) 
             rows.append(_row(found, run))
         except (UnreadableDocumentError, ParameterError, TuningError, ValueError) as error:
             left_out.append(f"run {run.id}: {error}")
-    bounds = bounds_for(parameters)
+    bounds = compute_bounds(parameters)
     S = np.linspace(bounds.S_min, bounds.S_max, _STIFFNESS_CURVE_POINTS)
     return {
         "rows": sorted(rows, key=lambda row: float(row["S"])),
         "predicted": _curves(S.tolist(), [predicted(parameters, lam_motor, at) for at in S.tolist()]),
         "left_out": left_out,
-        "friction": document_of(friction),
+        "friction": build_identification_document(friction),
     }
 
 
 def predicted(parameters: PlantParameters, lam_motor: float, S: float) -> PointModel:
     """Return gains and sums of lags from one motor reference that are to be expected at stiffness S [N·m/rad]."""
-    return one_motor_point(parameters, motor_loops(parameters, lam_motor), S)
+    return linearize_one_motor(parameters, make_motor_loops(parameters, lam_motor), S)
 
 
 def _row(found: Identification, run: Run) -> Document:
@@ -1037,7 +1037,7 @@ def _row(found: Identification, run: Run) -> Document:
     if lam_motor is None:
         raise ValueError("λ of the motor loops was not kept with it, so that no lag can be predicted")
     S = found.actuator.model.S_nominal
-    point = predicted(parameters_of(run.parameters_name, run.parameters), lam_motor, S)
+    point = predicted(parse_parameters(run.parameters_name, run.parameters), lam_motor, S)
     return {
         "run": run.id,
         "S": S,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.models.run import Phase, RunCriterion
-from backend.realtime.program import Program, Segment, Shape, left_at
+from backend.realtime.program import Program, Segment, Shape, final_references
 from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import SIDES, Side
@@ -539,7 +539,7 @@ def load_steps(program: Program) -> tuple[LoadStep, ...]:
     return tuple(LoadStep(side, slice(start, ends[start]), on) for side, start, on in found)
 
 
-def pushes(program: Program) -> tuple[slice, ...]:
+def find_pushes(program: Program) -> tuple[slice, ...]:
     """Return the stretches over which the joint is pushed."""
     found: list[slice] = []
     for start, end, segment in timed(program):
@@ -558,7 +558,7 @@ def excitations(program: Program) -> tuple[Excited, ...]:
     q, S = 0.0, 0.0
     for start, end, segment in timed(program):
         if segment.shape not in (Shape.SWEEP, Shape.PRBS, Shape.MULTISINE):
-            q, S = left_at(segment, q, S)
+            q, S = final_references(segment, q, S)
             continue
         moved = [name for name, by in (("q", segment.q_ref - q), ("S", segment.S_ref - S)) if abs(by) > _STILL]
         if len(moved) == 1:
@@ -571,7 +571,7 @@ def undisturbed_from(program: Program, at: int) -> int:
     held, until = (0.0, 0.0), at
     for _, end, segment in timed(program):
         if end <= at:
-            held = left_at(segment, *held)
+            held = final_references(segment, *held)
             continue
         acts = segment.F_push or segment.load_A or segment.load_B or segment.shape is not Shape.STEP
         if acts or (segment.q_ref, segment.S_ref) != held:

@@ -15,10 +15,10 @@ from starlette.requests import HTTPConnection
 from backend.auth.authentication import BEARER, OPEN, User
 from backend.auth.control_lease import HEADER, ControlLease, read_stamp
 from backend.auth.handover import ControlHandover
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.session import Role
 from backend.schemas.state import Ping, Pong
-from backend.server.security import COOKIE, SHEETS, authentication_of, shown_by
+from backend.server.security import COOKIE, SHEETS, find_authentication, read_credentials
 from backend.services.actuator import ActuatorService
 from backend.services.background_work import ChartSheets, TextWork, WorkPlaces
 from backend.services.banks import StoredBanks
@@ -41,6 +41,7 @@ from backend.services.tuning import SavedTunings
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
 from backend.units import AngleUnit
+from plant.errors import ErrorCode
 
 # Auth ----------------------------------------------------------------------------------------------
 #
@@ -48,14 +49,14 @@ from backend.units import AngleUnit
 # STOP.
 
 
-__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "SignedIn", "User", "may_stop", "signed_in"]
+__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "SignedIn", "User", "may_stop", "require_signed_in"]
 
 _SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
 
 
-def signed_in(connection: HTTPConnection) -> User:
+def require_signed_in(connection: HTTPConnection) -> User:
     """Return the signed-in person. Raises RequestRejectedError for anybody else."""
-    person = authentication_of(connection).recognise(shown_by(connection))
+    person = find_authentication(connection).recognise(read_credentials(connection))
     if person is None:
         raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
     return person
@@ -63,7 +64,7 @@ def signed_in(connection: HTTPConnection) -> User:
 
 def may_stop(connection: HTTPConnection) -> User:
     """Return who presses STOP: also somebody whose session is not live any more. Raises RequestRejectedError."""
-    person = authentication_of(connection).recognise_for_stop(shown_by(connection))
+    person = find_authentication(connection).recognise_for_stop(read_credentials(connection))
     if person is None:
         raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
     return person
@@ -81,7 +82,7 @@ _cookie = APIKeyCookie(
 async def _signed_in(
     request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
 ) -> User:
-    return signed_in(request)
+    return require_signed_in(request)
 
 
 SignedIn = Annotated[User, Depends(_signed_in)]
@@ -293,7 +294,7 @@ ANGLES_PATIENCE_S = 1.0
 
 async def angles_of(connection: HTTPConnection) -> AngleUnit:
     """Return what the signed-in person prefers; degrees for who is not signed in, or is not known just now."""
-    person = authentication_of(connection).recognise(shown_by(connection))
+    person = find_authentication(connection).recognise(read_credentials(connection))
     if person is None:
         return AngleUnit.DEGREES
     try:

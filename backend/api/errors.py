@@ -11,19 +11,19 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.base import (
     ErrorDetail,
     ErrorResponse,
-    plain,
-    printable,
-    problem_of,
-    problem_of_form,
+    error_message,
+    form_error_body,
+    printable_refused_value,
+    replace_unsendable,
 )
-from backend.server.deployment import no_such_page
-from backend.server.security import message_page, wants_page
+from backend.server.deployment import missing_page_message
+from backend.server.security import is_page_request, render_message_page
 from backend.units import AngleUnit
-from plant.errors import SinewError
+from plant.errors import ErrorCode, SinewError
 
 _log = logging.getLogger(__name__)
 
@@ -85,7 +85,7 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
     async def refused(request: Request, error: SinewError) -> JSONResponse:
         if error.category is None:
             return await unexpected(request, error)
-        return await answer(request, STATUS[error.category], partial(problem_of, error), _headers(error))
+        return await answer(request, STATUS[error.category], partial(error_message, error), _headers(error))
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -94,8 +94,12 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
     @app.exception_handler(HTTPException)
     async def http(request: Request, error: HTTPException) -> Response:
         path = request.url.path
-        if error.status_code == 404 and not path.startswith("/api/") and wants_page(request.headers, request.method):
-            return message_page(404, no_such_page(path))
+        if (
+            error.status_code == 404
+            and not path.startswith("/api/")
+            and is_page_request(request.headers, request.method)
+        ):
+            return render_message_page(404, missing_page_message(path))
         problem = ErrorDetail(code=_CODES.get(error.status_code, "error"), message=str(error.detail))
         return _answer(error.status_code, problem, error.headers)
 
@@ -109,7 +113,7 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
 
 def answer_to(error: RequestRejectedError) -> JSONResponse:
     """Return the answer that a refusal is."""
-    return _answer(STATUS[error.category], problem_of(error), _headers(error))
+    return _answer(STATUS[error.category], error_message(error), _headers(error))
 
 
 def _headers(error: SinewError) -> dict[str, str]:
@@ -119,10 +123,10 @@ def _headers(error: SinewError) -> dict[str, str]:
 
 def _form_problem(request: Request, error: Mapping[str, Any], angles: AngleUnit) -> ErrorDetail:
     wanted = getattr(request.scope.get("route"), "body_field", None) if error["loc"][:1] == ("body",) else None
-    problem = problem_of_form(error, None if wanted is None else wanted.field_info.annotation, angles)
-    return problem.model_copy(update={"value": plain(problem.value)})
+    problem = form_error_body(error, None if wanted is None else wanted.field_info.annotation, angles)
+    return problem.model_copy(update={"value": printable_refused_value(problem.value)})
 
 
 def _answer(status: int, problem: ErrorDetail, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    body = printable(ErrorResponse(error=problem).model_dump(exclude_none=True))
+    body = replace_unsendable(ErrorResponse(error=problem).model_dump(exclude_none=True))
     return JSONResponse(body, status_code=status, headers=dict(headers or {}))

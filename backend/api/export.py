@@ -13,9 +13,9 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from backend.api.app import create_app
-from backend.glossary.glossary import glossary_typescript
+from backend.glossary.glossary import render_glossary_typescript
 from backend.schemas.state import LiveMessage, Ping
-from backend.schemas.typescript import sample_typescript
+from backend.schemas.typescript import render_sample_typescript
 
 
 def openapi() -> dict[str, Any]:
@@ -34,7 +34,7 @@ def openapi() -> dict[str, Any]:
 
 def files() -> dict[str, str]:
     """Return the content of each generated file that is committed, by its name."""
-    return {"sample.gen.ts": sample_typescript(), "glossary.gen.ts": glossary_typescript()}
+    return {"sample.gen.ts": render_sample_typescript(), "glossary.gen.ts": render_glossary_typescript()}
 
 
 def main() -> None:

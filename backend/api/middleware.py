@@ -8,10 +8,10 @@ from contextlib import ExitStack
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from backend.api.dependencies import Service, service_of, signed_in
+from backend.api.dependencies import Service, require_signed_in, service_of
 from backend.api.errors import answer_to
 from backend.auth.authentication import User
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.base import UNITS
 from backend.server.connections import (
     ALL_PLACES,
@@ -23,15 +23,16 @@ from backend.server.connections import (
     ConnectionSlot,
 )
 from backend.server.security import (
-    authentication_of,
+    body_limit,
+    find_authentication,
     has_body,
-    most_bytes,
-    once_more,
-    read_whole,
-    require_writable,
-    shown_by,
+    read_body,
+    read_credentials,
+    replay_body,
+    require_valid_body,
 )
 from backend.units import in_digits
+from plant.errors import ErrorCode
 
 # Admission -----------------------------------------------------------------------------------------
 #
@@ -49,7 +50,7 @@ class AuthenticationMiddleware:
     """ASGI middleware before the routes: nobody who is not signed in has a body or a websocket taken.
 
     Whoever is signed in gets a place; costly work has to find one of its own before its body is read. A body is read
-    here: refused are more than ``most_bytes`` whatever its head said, JSON of too many parts, and JSON that holds what
+    here: refused are more than ``body_limit`` whatever its head said, JSON of too many parts, and JSON that holds what
     cannot be written down again, half a character or the one of code 0.
     """
 
@@ -71,9 +72,9 @@ class AuthenticationMiddleware:
                     await self._wait_for_turn(person)
                 _take_place(connection, person, stack)
                 if has_body(connection):
-                    body = await read_whole(receive, most_bytes(scope["path"]))
+                    body = await read_body(receive, body_limit(scope["path"]))
                     await self._look_over(body, scope["path"])
-                    receive = once_more(body, receive)
+                    receive = replay_body(body, receive)
             except RequestRejectedError as error:
                 await answer_to(error)(scope, receive, send)
             except ClientDisconnect:
@@ -93,11 +94,11 @@ class AuthenticationMiddleware:
     async def _look_over(self, body: bytes, path: str) -> None:
         """Look over one body in each round of the event loop: a dozen of them would make STOP wait for all."""
         if path == PASSES_BY:
-            require_writable(body)
+            require_valid_body(body)
             return
         async with self._looking:
             try:
-                require_writable(body)
+                require_valid_body(body)
             finally:
                 await asyncio.sleep(0)
 
@@ -125,10 +126,10 @@ def _show_in(connection: HTTPConnection) -> User | None:
     is_socket = scope["type"] == "websocket"
     if not is_socket and (scope["path"] in OPEN or not scope["path"].startswith(CLOSED)):
         return None
-    person = authentication_of(connection).recognise(shown_by(connection))
+    person = find_authentication(connection).recognise(read_credentials(connection))
     if person is None:
         if is_socket or has_body(connection):
-            signed_in(connection)  # says what is to be done
+            require_signed_in(connection)  # says what is to be done
         return None  # a route may still let in somebody whose session is over, to press STOP
     state = scope.get("state", {})
     place: ConnectionSlot | None = state.get(PLACE)

@@ -13,9 +13,10 @@ from datetime import UTC, datetime
 from itsdangerous import BadData, URLSafeSerializer
 
 from backend.auth.sessions import Sessions, TokenFiles, Tokens
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.session import PersonView, Role
 from backend.supervision import Part
+from plant.errors import ErrorCode
 
 # Attempts ------------------------------------------------------------------------------------------
 #
@@ -202,7 +203,7 @@ def printable(name: str) -> str:
 # Tells who asks: by a token, then by the cookie that was given for it; knows whose session is over.
 
 
-PART = Part(
+AUTHENTICATION_PART = Part(
     "The watch over the token files", "Tokens that are changed by the command line come into force at the next start."
 )
 

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from backend.auth.authentication import BEARER, OPEN, User
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.state import HolderView, Lease
 from backend.supervision import Part
+from plant.errors import ErrorCode
 
 # Command turns -------------------------------------------------------------------------------------
 #
@@ -111,7 +112,7 @@ def _now_s() -> float:
 
 HEADER = "Sinew-Control"
 
-PART = Part(
+CONTROL_LEASE_PART = Part(
     "The watch over lost pages", "What moved was stopped softly: look into the service's log, take control, then reset."
 )
 

@@ -14,12 +14,15 @@ from dataclasses import dataclass
 
 from backend.auth.authentication import ActiveUsers, User
 from backend.auth.control_lease import CommandToken, ControlLease, LeaseHolder
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.session import Role
 from backend.schemas.state import OPEN_WISHES, HandoverAnswer, HandoverStatus, WishView
 from backend.supervision import Part
+from plant.errors import ErrorCode
 
-PART = Part("The watch over who asks for control", "Requests that were under way are answered or asked once more.")
+HANDOVER_PART = Part(
+    "The watch over who asks for control", "Requests that were under way are answered or asked once more."
+)
 
 ANSWER_S = 120.0
 """So long [s] a request waits for the holder's answer, and an offer for whoever is to take it."""

@@ -193,7 +193,7 @@ class TokenFiles:
 
     def rotate(self, roles: Iterable[Role]) -> None:
         """Write new tokens for ``roles``; ``refresh`` puts them in force. Raises OSError."""
-        rotate(self._data, roles)
+        replace_tokens(self._data, roles)
 
     def _read(self, role: Role) -> str | None:
         try:
@@ -214,7 +214,7 @@ def load_tokens(data: Path) -> Tokens:
     return Tokens(*(_read_or_create(data / FILES[role]) for role in (Role.OPERATOR, Role.VIEWER)))
 
 
-def rotate(data: Path, roles: Iterable[Role]) -> None:
+def replace_tokens(data: Path, roles: Iterable[Role]) -> None:
     """Give the folder new tokens for ``roles``; a service that runs on it notices within a second. Raises OSError."""
     for role in roles:
         write_private(data / FILES[role], secrets.token_urlsafe(32) + "\n")

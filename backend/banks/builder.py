@@ -9,17 +9,24 @@ from typing import Any, Protocol
 
 from backend.banks.tuning_settings import TuningSettings, default_lam_motor
 from backend.control import pid
-from backend.control.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import build_decoupler, stiffness_slope
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
 from backend.models.run import ENTRY, PLANT_NUMBERS, EntryModel, StoredPlantNumber
 from backend.plain_text import PlainTextError, as_line, require_line, require_plain_texts
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.program import SetTuning
 from backend.storage import banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry, entry_name
 from backend.storage.database import Database, Session
 from backend.storage.identifications import Identification
-from backend.tuning.gains import PointModel, TuningError, TuningParameters, motor_loops, position_gains, stiffness_gains
+from backend.tuning.gains import (
+    PointModel,
+    TuningError,
+    TuningParameters,
+    make_motor_loops,
+    position_gains,
+    stiffness_gains,
+)
 from backend.tuning.preview import TuningPreviewer
 from backend.tuning.robustness import OuterProcess, decoupled_model
 from plant.errors import ErrorCode, SinewError
@@ -52,10 +59,10 @@ class NamedEntry:
     @property
     def point(self) -> PointModel:
         """The models of the entry."""
-        return point_of(self.entry)
+        return entry_point(self.entry)
 
 
-def point_of(entry: BankEntry) -> PointModel:
+def entry_point(entry: BankEntry) -> PointModel:
     """Return the models of an entry."""
     known = {name: getattr(entry.known, name) for name in MODEL_NAMES}
     if missing := [name for name, value in known.items() if value is None]:
@@ -122,7 +129,7 @@ def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> 
     g, point = parameters.geometry, item.point
     expected = {
         "K_q": (point.K_q, g.r_m / (2.0 * g.r_j)),
-        "K_S": (point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal)),
+        "K_S": (point.K_S, stiffness_slope(build_decoupler(parameters), point.S_nominal)),
     }
     for name, (value, geometric) in expected.items():
         error = 100.0 * (value / geometric - 1.0)
@@ -160,7 +167,7 @@ def name_of(identification: Identification) -> str:
     return f"identification {identification.run_id}"
 
 
-def entry_of(identification: Identification) -> BankEntry:
+def build_entry(identification: Identification) -> BankEntry:
     """Return the bank entry that an actuator identification gives. Raises BankError."""
     if identification.kind != "actuator":
         raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
@@ -200,21 +207,21 @@ def require_name(name: str) -> None:
         raise BankError(f"name of a bank: {error}") from None
 
 
-def points_of(bank: HasEntries | None) -> tuple[PointModel, ...]:
+def entry_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
     """Return the models of a bank's entries; none without a bank."""
-    return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
+    return tuple(entry_point(entry) for entry in (bank.entries if bank else ()))
 
 
-def tuning_command(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None) -> SetTuning:
+def build_tuning_command(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None) -> SetTuning:
     """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
-    return tuning_for(
-        parameters, choice.lambdas, points_of(bank), None, choice.interpolate, choice.budget, choice.k_ext
+    return make_tuning_command(
+        parameters, choice.lambdas, entry_points(bank), None, choice.interpolate, choice.budget, choice.k_ext
     )
 
 
 def _named_in_bank(session: Session, parameters: PlantParameters, run_id: int) -> NamedEntry:
     found = identifications.of_run(session, run_id)
-    entry, name = entry_of(found), name_of(found)
+    entry, name = build_entry(found), name_of(found)
     require_same_parameters(parameters, name, runs.get(session, run_id).parameters)
     return NamedEntry(name, entry)
 
@@ -264,8 +271,8 @@ class BankEntryChange:
 
 def figures_of(parameters: PlantParameters, lambdas: TuningParameters, entry: BankEntry) -> BankEntryFigures:
     """Return models, gains and M_s of one entry. Raises TuningError for λ without gains."""
-    point = point_of(entry)
-    model = decoupled_model(parameters, motor_loops(parameters, lambdas.lam_motor), point.S_nominal)
+    point = entry_point(entry)
+    model = decoupled_model(parameters, make_motor_loops(parameters, lambdas.lam_motor), point.S_nominal)
     q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
     return BankEntryFigures(
         S_nominal=point.S_nominal,
@@ -276,14 +283,14 @@ def figures_of(parameters: PlantParameters, lambdas: TuningParameters, entry: Ba
     )
 
 
-def figures_of_all(
+def compute_entry_figures(
     parameters: PlantParameters, lambdas: TuningParameters, entries: Sequence[BankEntry]
 ) -> tuple[BankEntryFigures, ...]:
     """Return models, gains and M_s of every entry. Raises TuningError for λ without gains."""
     return tuple(figures_of(parameters, lambdas, entry) for entry in entries)
 
 
-def difference(
+def compare_entries(
     parameters: PlantParameters, lambdas: TuningParameters, before: Sequence[BankEntry], after: Sequence[BankEntry]
 ) -> tuple[BankEntryChange, ...]:
     """Return what changes from one set of entries to another, in order of stiffness."""
@@ -300,7 +307,7 @@ def difference(
     return tuple(sorted(pairs, key=_stiffness))
 
 
-def with_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[BankEntry, ...]:
+def merge_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[BankEntry, ...]:
     """Return the entries of a bank after identifying some of its points again: nearest entries are replaced."""
     kept = [entry for entry in bank if all(abs(entry.S_nominal - item.S_nominal) >= SAME_POINT for item in new)]
     return tuple(sorted([*kept, *new], key=lambda entry: entry.S_nominal))
@@ -338,7 +345,7 @@ _UNITS = {
 }
 
 
-def to_document(bank: Bank) -> dict[str, Any]:
+def build_bank_document(bank: Bank) -> dict[str, Any]:
     """Return a bank as the file says it; lineage stays behind, it is of the data folder the bank came from."""
     made = f"{bank.created_at:%FT%TZ}"
     entries = [{"S_nominal": entry.S_nominal, **_known(entry.model)} for entry in bank.entries]
@@ -352,7 +359,7 @@ def to_document(bank: Bank) -> dict[str, Any]:
     }
 
 
-def read_file(text: str) -> dict[str, Any]:
+def parse_bank_file(text: str) -> dict[str, Any]:
     """Return the document of a file's text. Raises BankError."""
     if len(text.encode()) > MAX_BYTES:
         raise BankError(f"the file is larger than {MAX_BYTES} bytes: that is no bank")

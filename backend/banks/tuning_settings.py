@@ -8,14 +8,21 @@ from math import ceil, floor
 from typing import Any, Self
 
 from backend.models.document import DocumentCodec
-from backend.models.run import LAMBDA, MOTIONS, PLANT_NUMBERS, TIME_OPTIMAL, StoredLoopSettings, Value, with_motion
-from backend.models.settings import boolean, choice, describe, from_values, integer, number
+from backend.models.run import LAMBDA, MOTIONS, PLANT_NUMBERS, TIME_OPTIMAL, StoredLoopSettings, Value, complete_motion
+from backend.models.settings import (
+    boolean_setting,
+    build_plan,
+    choice_setting,
+    describe_settings,
+    integer_setting,
+    number_setting,
+)
 from backend.storage import settings
 from backend.storage.database import Database, Session
 from backend.storage.settings import StoredSetting
 from backend.tuning.gains import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, PointModel, TuningParameters, motor_model
 from backend.tuning.preview import TuningPreviewer, usual_budget
-from backend.tuning.robustness import LAM_MOTOR_MAX, LAM_MOTOR_MIN, common_range
+from backend.tuning.robustness import LAM_MOTOR_MAX, LAM_MOTOR_MIN, common_lambda_range
 from plant.parameters import SIDES, PlantParameters
 
 # Kept tuning ---------------------------------------------------------------------------------------
@@ -49,7 +56,7 @@ def _bank_by_number(document: Any) -> Any:
     return document
 
 
-def saved_for(bank: int | None) -> str:
+def saved_tuning_key(bank: int | None) -> str:
     """Return the name of the setting that a bank's saved tuning is kept under; None is gains from geometry."""
     return f"tuning/{'geometry' if bank is None else bank}"
 
@@ -78,25 +85,27 @@ class TuningSettings:
     ``bank`` 0 stands for gains from geometry.
     """
 
-    lam_q: float = number(LAM_Q, _LAM_LEAST, LAM_MAX, "s", "λ_q", "tuning parameter of the position loop")
-    lam_S: float = number(LAM_S, _LAM_LEAST, LAM_MAX, "s", "λ_S", "tuning parameter of the stiffness loop")
-    lam_motor: float = number(
+    lam_q: float = number_setting(LAM_Q, _LAM_LEAST, LAM_MAX, "s", "λ_q", "tuning parameter of the position loop")
+    lam_S: float = number_setting(LAM_S, _LAM_LEAST, LAM_MAX, "s", "λ_S", "tuning parameter of the stiffness loop")
+    lam_motor: float = number_setting(
         LAM_MOTOR, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s", "λ_motor", "tuning parameter of the motor loops"
     )
-    b: float = number(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
-    bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
-    interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
-    motion: str = choice(
+    b: float = number_setting(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
+    bank: int = integer_setting(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
+    interpolate: bool = boolean_setting(
+        False, "interpolate", "gain scheduling between bank entries instead of switching"
+    )
+    motion: str = choice_setting(
         LAMBDA,
         MOTIONS,
         "motion",
         "how references are followed: lambda, by the paper's law, so that λ sets the speed; time-optimal, by a "
         "trajectory with feed-forward within U_plan, so that λ sets robustness and the reaction to disturbances only",
     )
-    u_plan: float = number(
+    u_plan: float = number_setting(
         8.5, 0.02, 9.0, "V", "U_plan", "voltage limit of time-optimal motion: 20 % to 90 % of the motors' limit"
     )
-    k_ext: float = number(
+    k_ext: float = number_setting(
         0.0, 0.0, 1.0, "1", "k_ext", "share of the estimated outside force that is fed forward against it, 0 for none"
     )
 
@@ -105,16 +114,16 @@ class TuningSettings:
         """Return the choice that a stored document or another choice's values hold; what else it holds is left out.
 
         What it lacks is at its default, as it was when nothing said otherwise: documents from before b was kept, and
-        an empty ``bank``. A voltage limit without a motion means what ``with_motion`` says.
+        an empty ``bank``. A voltage limit without a motion means what ``complete_motion`` says.
         Raises SettingError, OutOfRangeError.
         """
-        known = {setting.name for setting in describe(cls)}
+        known = {setting.name for setting in describe_settings(cls)}
         given = {name: value for name, value in values.items() if name in known and value is not None}
-        return from_values(cls, with_motion(given))
+        return build_plan(cls, complete_motion(given))
 
     def with_parts(self, parts: Mapping[str, Any]) -> "TuningSettings":
         """Return the tuning with other values of some of its parts."""
-        return TuningSettings(**{**self.document(), **with_motion(parts)})
+        return TuningSettings(**{**self.document(), **complete_motion(parts)})
 
     @property
     def budget(self) -> float:
@@ -160,11 +169,11 @@ class TuningSettings:
         ]
 
 
-DECLARED = describe(TuningSettings)
+DECLARED = describe_settings(TuningSettings)
 NAMES = tuple(setting.name for setting in DECLARED)
 
 
-def changes_told(text: str) -> dict[str, Value] | None:
+def parse_changes(text: str) -> dict[str, Value] | None:
     """Return the new values in a text of ``TuningSettings.differences``; None for any other text.
 
     The values are joined by commas, with words before a colon.
@@ -231,7 +240,7 @@ class DefaultTuning:
     previewer: TuningPreviewer
 
 
-def default_choice(
+def default_tuning_choice(
     parameters: PlantParameters, points: Sequence[PointModel] = (), known: TuningPreviewer | None = None
 ) -> DefaultTuning:
     """Return the defaults on the models ``points``, of geometry where there are none.
@@ -258,7 +267,7 @@ def default_choice(
 
 def default_lam_motor(parameters: PlantParameters) -> float:
     """Return λ_motor [s] where nobody has chosen one. Raises TuningError where none would do."""
-    offered = common_range([motor_model(parameters, side) for side in SIDES])
+    offered = common_lambda_range([motor_model(parameters, side) for side in SIDES])
     return _into(TuningSettings().lam_motor, *offered, _STEP_OF_MOTOR)
 
 

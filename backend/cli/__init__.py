@@ -10,9 +10,16 @@ import typer
 from pydantic import ValidationError
 
 from backend.cli import bank, experiments, identify, report, rig, runs, server, study
-from backend.cli.output import ANGLES, angles, fail, look_as_usual, print_what_can_be_printed, relax_garbage_collection
+from backend.cli.output import (
+    ANGLES,
+    angle_unit,
+    escape_unprintable_output,
+    fail,
+    relax_garbage_collection,
+    restore_garbage_collection,
+)
 from backend.errors import InvalidValueError
-from backend.workers import import_nothing_from_here
+from backend.workers import exclude_working_directory
 
 app = typer.Typer(
     name="sinew",
@@ -46,8 +53,8 @@ def main() -> None:
     """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
     from plant.wiring import WiringError
 
-    import_nothing_from_here()
-    print_what_can_be_printed()
+    exclude_working_directory()
+    escape_unprintable_output()
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         fail("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
     relax_garbage_collection()
@@ -62,9 +69,9 @@ def main() -> None:
             raise
         if isinstance(error.__cause__, WiringError):
             fail(*error.__cause__.sentences)
-        fail(error.sentence(angles()) if isinstance(error, InvalidValueError) else str(error))
+        fail(error.sentence(angle_unit()) if isinstance(error, InvalidValueError) else str(error))
     finally:
-        look_as_usual()
+        restore_garbage_collection()
 
 
 def _sentence(place: tuple[int | str, ...], message: str) -> str:

@@ -56,14 +56,14 @@ def show(
 ) -> None:
     """Show the entries of a bank and the identifications they came from."""
     from backend.storage import banks, identifications
-    from backend.storage.banks import fits_in
+    from backend.storage.banks import load_bank_fits
 
     with (
         database_of(load_settings(data=data, station=station), reading=True) as database,
         database.reading() as session,
     ):
         found = banks.get(session, bank)
-        _print(found, identifications.runs_of(session), fits_in(session, found), as_json=as_json)
+        _print(found, identifications.find_estimate_runs(session), load_bank_fits(session, found), as_json=as_json)
 
 
 @app.command()
@@ -77,8 +77,8 @@ def build(
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
     from backend.banks.builder import build_bank
-    from backend.storage.banks import fits_in
-    from backend.storage.identifications import runs_of
+    from backend.storage.banks import load_bank_fits
+    from backend.storage.identifications import find_estimate_runs
 
     settings = load_settings(data=data, station=station)
     with database_of(settings) as database:
@@ -86,7 +86,7 @@ def build(
         parameters = parameters_in_force(settings.model_copy(update={"params": named}), database)
         bank = build_bank(database, parameters, name, identifications, current_user())
         with database.reading() as session:
-            _print(bank, runs_of(session), fits_in(session, bank), as_json=as_json)
+            _print(bank, find_estimate_runs(session), load_bank_fits(session, bank), as_json=as_json)
 
 
 @app.command()
@@ -109,23 +109,23 @@ def diff(
 
     Settings: lam_q, lam_S, lam_motor [s].
     """
-    from backend.banks.builder import difference, entry_of, with_entries
+    from backend.banks.builder import build_entry, compare_entries, merge_entries
     from backend.experiments.plans import LoopSettings
-    from backend.models.settings import from_values
+    from backend.models.settings import build_plan
     from backend.storage import banks, identifications
 
     if (after is None) == (not again):
         fail("give either a second bank or --with identifications", status=2)
-    lambdas = from_values(LoopSettings, values_of(values or [])).lambdas
+    lambdas = build_plan(LoopSettings, values_of(values or [])).lambdas
     settings = load_settings(data=data, params=params, station=station)
     with database_of(settings, reading=True) as database, database.reading() as session:
         old = banks.get(session, before).entries
         if after is None:
-            new = with_entries(old, [entry_of(identifications.of_run(session, run_id)) for run_id in again or ()])
+            new = merge_entries(old, [build_entry(identifications.of_run(session, run_id)) for run_id in again or ()])
         else:
             new = banks.get(session, after).entries
         parameters = parameters_in_force(settings, database)
-    changes = difference(parameters, lambdas, old, new)
+    changes = compare_entries(parameters, lambdas, old, new)
     if as_json:
         print_json([asdict(change) for change in changes])
     else:
@@ -140,16 +140,16 @@ def export(
     station: StationName = None,
 ) -> None:
     """Write a bank to a file, to take it to another data folder."""
-    from backend.banks.builder import to_document
-    from backend.exports.formats import write_whole
+    from backend.banks.builder import build_bank_document
+    from backend.exports.formats import write_file_whole
     from backend.storage import banks
 
     with (
         database_of(load_settings(data=data, station=station), reading=True) as database,
         database.reading() as session,
     ):
-        document = to_document(banks.get(session, bank))
-    write_whole((json.dumps(document, indent=2, ensure_ascii=False).encode() + b"\n",), file)
+        document = build_bank_document(banks.get(session, bank))
+    write_file_whole((json.dumps(document, indent=2, ensure_ascii=False).encode() + b"\n",), file)
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 
@@ -163,10 +163,10 @@ def import_file(
     as_json: AsJson = False,
 ) -> None:
     """Store an exported bank as the next version of its name, after checking it."""
-    from backend.banks.builder import import_bank, read_file
+    from backend.banks.builder import import_bank, parse_bank_file
 
     settings = load_settings(data=data, params=params, station=station)
-    document = read_file(file.read_text(encoding="utf-8", errors="replace"))
+    document = parse_bank_file(file.read_text(encoding="utf-8", errors="replace"))
     with database_of(settings) as database:
         bank = import_bank(database, parameters_in_force(settings, database), document, current_user(), name)
         _print(bank, {}, {}, as_json=as_json)
@@ -205,7 +205,7 @@ def _change(old: float | str | None, new: float | str | None) -> str:
 
 def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
     from backend.models.identification import CHANNELS
-    from backend.storage.banks import name_of_entry
+    from backend.storage.banks import stored_entry_name
 
     if as_json:
         document = asdict(bank)
@@ -218,7 +218,7 @@ def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as
     columns = ("entry", "S [N·m/rad]", "K_q", "T_q [s]", "K_S [N·m/rad²]", "T_S [s]", "identification")
     rows = [
         (
-            name_of_entry(entry),
+            stored_entry_name(entry),
             entry.S_nominal,
             entry.known.K_q,
             entry.known.T_q,
@@ -232,4 +232,4 @@ def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as
     for entry in bank.entries:
         known = fits.get(entry.identification_id or 0, {})
         told = [f"{name} {known[name].in_words()}" for name in CHANNELS if name in known]
-        out.print(f"{name_of_entry(entry)}: {'; '.join(told) or 'imported, its fit is not known'}", highlight=False)
+        out.print(f"{stored_entry_name(entry)}: {'; '.join(told) or 'imported, its fit is not known'}", highlight=False)

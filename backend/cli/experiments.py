@@ -27,7 +27,7 @@ from backend.cli.options import (
     parameters_in_force,
     running_service,
 )
-from backend.cli.output import AsJson, angles, errors, fail, meter, out, print_json, print_table, show_run
+from backend.cli.output import AsJson, angle_unit, errors, fail, meter, out, print_json, print_table, show_run
 from backend.plain_text import as_line, as_lines
 from backend.settings import Settings
 from backend.units import counted
@@ -66,9 +66,9 @@ class _Played:
 
     def document(self) -> dict[str, Any]:
         """Return what a program wants to know of it."""
-        from backend.reports.build import metrics_document
+        from backend.reports.build import build_metrics_document
 
-        return {**metrics_document(self.source), "files": [str(path) for path in self.files]}
+        return {**build_metrics_document(self.source), "files": [str(path) for path in self.files]}
 
 
 class _Play(Protocol):
@@ -107,9 +107,9 @@ def ordered(
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
     from backend.experiments.plans import split_values
-    from backend.models.run import with_motion
+    from backend.models.run import complete_motion
 
-    values = with_motion(values)
+    values = complete_motion(values)
     chosen, loop = split_values(settings, make, {**standing.parts, **values})
     parts = [f"{text} ({'set' if name in values else standing.origin})" for name, text in loop.parts_in_words().items()]
     return chosen, loop, f"tuning: {', '.join(parts)}"
@@ -139,9 +139,9 @@ def in_force(settings: Settings) -> RunConfiguration:
 
 
 def _defaults(parameters: "PlantParameters") -> RunConfiguration:
-    from backend.banks.tuning_settings import default_choice
+    from backend.banks.tuning_settings import default_tuning_choice
 
-    default = default_choice(parameters)
+    default = default_tuning_choice(parameters)
     if default.moved:
         errors.print(default.moved, highlight=False, markup=False, soft_wrap=True)
     return RunConfiguration(default.choice.document(), "default")
@@ -207,13 +207,13 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.data_folder import playing_in
     from backend.execution.runner import run_experiment
-    from backend.execution.simulation import headless_station
+    from backend.execution.simulation import open_headless_station
     from backend.reports.run_data import load_source
 
     with (
         database_of(settings) as database,
         playing_in(settings.data),
-        headless_station(
+        open_headless_station(
             database, parameters_in_force(settings, database), first.loop_settings, settings.plant_choice
         ) as station,
     ):
@@ -224,9 +224,9 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
             written: tuple[Path, ...] = ()
             if into:
-                from backend.reports.build import write_files  # draws, for which most runs need not wait
+                from backend.reports.build import write_report_files  # draws, for which most runs need not wait
 
-                written = write_files(database, outcome.run.id, into, angles())
+                written = write_report_files(database, outcome.run.id, into, angle_unit())
             return _Played(outcome, load_source(database, outcome.run.id), written)
 
         yield play
@@ -338,9 +338,9 @@ def entry_of(name: str, settings: Settings) -> "ExperimentDefinition":
     from backend.services.library import OwnExperiments
 
     if Path(name).suffix in (".yaml", ".yml", ".json"):
-        return library.entry_of(*parser.read(text_in(Path(name))))
-    if name in library.experiments():
-        return library.experiment(name)
+        return library.build_library_entry(*parser.read(text_in(Path(name))))
+    if name in library.experiments_by_name():
+        return library.find_experiment(name)
     with database_of(settings, reading=True) as database:
         return OwnExperiments(database).entry(name)
 
@@ -447,7 +447,7 @@ def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
 @experiments_app.command()
 def schema() -> None:
     """Print the JSON schema of an experiment, for editors."""
-    from backend.experiments.schema import schema as schema_of
+    from backend.experiments.schema import build_json_schema as schema_of
 
     print_json(schema_of())
 
@@ -458,13 +458,13 @@ def _peaks(
     """Play an experiment on a simulator of its own, with its banks, and return its figures by name."""
     from tempfile import TemporaryDirectory
 
-    from backend.execution.runner import RunRequest, banks_of
+    from backend.execution.runner import RunRequest, list_plan_banks
     from backend.execution.simulation import dry_run
     from backend.experiments.plans import LoopSettings
     from backend.storage import banks
 
     plan = checked.plan
-    numbers = {tuning.bank, *banks_of(plan)}
+    numbers = {tuning.bank, *list_plan_banks(plan)}
     with database.reading() as session:
         used = [bank for bank in banks.find(session) if bank.id in numbers]
     order = RunRequest(plan, LoopSettings(**tuning.document()), current_user())

@@ -126,10 +126,10 @@ def data(
     A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
     a record that identifies nothing.
     """
-    from backend.identification.estimation import estimate
+    from backend.identification.estimation import estimate_model
     from backend.identification.importer import Selection, TimeChoice, import_record
     from backend.identification.records import IdentificationError
-    from backend.models.document import json_ready
+    from backend.models.document import replace_non_finite
 
     try:
         record, reading = import_record(
@@ -146,24 +146,24 @@ def data(
         if structure == MOTOR:
             _show_motor(record, reading, resolution, as_json=as_json)
             return
-        found = estimate(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
+        found = estimate_model(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
     except (IdentificationError, OSError) as error:
         fail(" ".join(str(error).split()), status=2)
     if as_json:
-        print_json(json_ready({"read": reading.to_json(), **found.summary()}))
+        print_json(replace_non_finite({"read": reading.to_json(), **found.summary()}))
     else:
         _show_reading(reading)
         _show(found)
 
 
 def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Columns":
-    from backend.identification.importer import decoded, read_mat, read_parquet
+    from backend.identification.importer import decode_text, read_mat, read_parquet
     from backend.identification.records import DataFileError, FileFault
     from backend.identification.tables import read_csv
 
     suffix = file.suffix.lower()
     if suffix in _TEXT_FILES:
-        return read_csv(decoded(file.read_bytes(), file.name), header=header, decimal=decimal)
+        return read_csv(decode_text(file.read_bytes(), file.name), header=header, decimal=decimal)
     if header is not None or decimal is not None:
         raise DataFileError(
             f"{file.name} is no table of text: --header and --decimal are for those",
@@ -283,11 +283,11 @@ def _steps(reading: "ImportSummary") -> str:
 
 def _show_motor(record: "Record", reading: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
     from backend.identification.motor import NAMES, identify_motor_record
-    from backend.models.document import json_ready
+    from backend.models.document import replace_non_finite
 
     found = identify_motor_record(record, resolution)
     if as_json:
-        print_json(json_ready({"read": reading.to_json(), **found.summary()}))
+        print_json(replace_non_finite({"read": reading.to_json(), **found.summary()}))
         return
     _show_reading(reading)
     units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s", "V"), strict=True))
@@ -335,9 +335,9 @@ def _tests(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -
 
 
 def _tested(test: "CorrelationTest", good: str, bad: str) -> str:
-    from backend.identification.validation import judged
+    from backend.identification.validation import read_whiteness_test
 
-    return f"{good if test.passed else bad}: {judged(test).sentence}"
+    return f"{good if test.passed else bad}: {read_whiteness_test(test).sentence}"
 
 
 def _friction(found: "Estimate") -> list[tuple[str, str]]:
@@ -498,10 +498,12 @@ def actuator(
 
 def _load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
     """Return the friction of motor A over the load from all runs of the command, or why it is not measured."""
-    from backend.analysis.identification import MOTOR_B, document_of, load_friction_of
+    from backend.analysis.identification import MOTOR_B, build_identification_document, estimate_run_friction
 
-    found = load_friction_of([(source.run, source.columns) for source in sources])
-    return {"load_friction": document_of(found)}, "; ".join((found.sentence, *found.left_out, MOTOR_B))
+    found = estimate_run_friction([(source.run, source.columns) for source in sources])
+    return {"load_friction": build_identification_document(found)}, "; ".join(
+        (found.sentence, *found.left_out, MOTOR_B)
+    )
 
 
 def _identify(
@@ -522,23 +524,23 @@ def _order(
     from functools import partial
 
     from backend.execution.runner import RunRequest
-    from backend.models.settings import describe, from_values
+    from backend.models.settings import build_plan, describe_settings
 
-    chosen, loop_settings, tuning = ordered(describe(plan), partial(from_values, plan), values, standing)
+    chosen, loop_settings, tuning = ordered(describe_settings(plan), partial(build_plan, plan), values, standing)
     return RunRequest(chosen, loop_settings, current_user()), tuning
 
 
 def _identify_table(table: Path, settings: Settings, header: int | None, decimal: str | None, *, as_json: bool) -> None:
     from backend import __version__
-    from backend.analysis.identification import from_table
-    from backend.identification.importer import decoded
+    from backend.analysis.identification import fit_spring_table
+    from backend.identification.importer import decode_text
     from backend.identification.records import IdentificationError
     from backend.storage import identifications
 
     try:
         mark = decimal_mark(decimal)
-        text = decoded(table.read_bytes(), table.name)
-        new = from_table(table.name, text, current_user(), __version__, header=header, decimal=mark)
+        text = decode_text(table.read_bytes(), table.name)
+        new = fit_spring_table(table.name, text, current_user(), __version__, header=header, decimal=mark)
     except (IdentificationError, OSError) as error:
         fail(f"{table}: {error}", status=2)
     with database_of(settings) as database, database.session() as session:

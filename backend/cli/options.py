@@ -64,7 +64,7 @@ def load_settings(**chosen: object) -> Settings:
     """Return the settings: what the command line leaves out comes from the environment or is the default."""
     environment = settings_of_environment().model_dump()
     settings = Settings.model_validate({**environment, **{k: v for k, v in chosen.items() if v is not None}})
-    os.environ[CACHE_FALLBACK] = str(settings.data.absolute())  # of plant.compiled, which takes long to import
+    os.environ[CACHE_FALLBACK] = str(settings.data.absolute())  # of plant.compilation, which takes long to import
     return settings
 
 
@@ -97,13 +97,13 @@ def _complete_restore(settings: Settings, *, held: bool) -> None:
     """Complete or take back a restore that was killed, unless somebody works in the folder; say so."""
     from backend.cli.output import errors
     from backend.data_folder import held_by_nobody
-    from backend.storage.database import database_file, is_cut_short, recover
+    from backend.storage.database import find_database_file, is_restore_incomplete, recover_database
 
-    file = database_file(settings.data, settings.database_url)
-    if file is None or not is_cut_short(file):
+    file = find_database_file(settings.data, settings.database_url)
+    if file is None or not is_restore_incomplete(file):
         return
     with nullcontext(True) if held else held_by_nobody(settings.data) as free:
-        for sentence in recover(file) if free else []:
+        for sentence in recover_database(file) if free else []:
             errors.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -125,18 +125,18 @@ def _migrated(settings: Settings, *, held: bool) -> "Database":
 
 def parameters_in_force(settings: Settings, database: "Database") -> "PlantParameters":
     """Return the parameter set with what was applied to it in this folder. Raises ParameterError."""
-    from backend.services.parameters import active_parameters
+    from backend.services.parameters import load_active_parameters
     from plant.parameters import load_parameters
 
-    return active_parameters(database, load_parameters(settings.params))
+    return load_active_parameters(database, load_parameters(settings.params))
 
 
 def has_database(settings: Settings) -> bool:
     """Whether there is, or was, something to read: to open it would make a folder that is not there."""
-    from backend.storage.database import FILE_NAME, is_cut_short, traces_of
+    from backend.storage.database import FILE_NAME, find_database_traces, is_restore_incomplete
 
     file = settings.data / FILE_NAME
-    was_there = is_cut_short(file) or bool(traces_of(file, settings.data / "backups"))
+    was_there = is_restore_incomplete(file) or bool(find_database_traces(file, settings.data / "backups"))
     return settings.database_url is not None or file.exists() or was_there
 
 
@@ -144,7 +144,7 @@ def _close_interrupted(settings: Settings, database: "Database") -> None:
     """Close the runs of commands and services that were killed; of a database server only a service can tell them."""
     from backend.data_folder import held_by_nobody
     from backend.storage import runs
-    from backend.storage.claims import claimed_by
+    from backend.storage.claims import describe_claim
     from backend.storage.orm import StorageError
 
     if settings.database_url is not None:
@@ -152,7 +152,7 @@ def _close_interrupted(settings: Settings, database: "Database") -> None:
     with suppress(StorageError):  # of a damaged file as much is done as can be
         with database.reading() as session:
             interrupted = runs.open_ones(session)
-        if interrupted and not claimed_by(database.engine):
+        if interrupted and not describe_claim(database.engine):
             with held_by_nobody(settings.data) as free:
                 if free:
                     with database.session() as session:

@@ -51,7 +51,7 @@ ANGLES = "SINEW_ANGLES"
 """Variable of the environment that says in which unit whoever types the commands reads angles."""
 
 
-def angles() -> AngleUnit:
+def angle_unit() -> AngleUnit:
     """Return the unit of angles in tables and refusals: degrees, unless the environment says rad."""
     return AngleUnit.RADIANS if os.environ.get(ANGLES) == AngleUnit.RADIANS else AngleUnit.DEGREES
 
@@ -60,7 +60,7 @@ def fail(*messages: str, status: int = 1) -> NoReturn:
     """Print a line for each message, whatever line breaks it has, and end with ``status``."""
     for message in messages:
         errors.print(
-            f"sinew: {format_angles(' '.join(message.split()), angles())}",
+            f"sinew: {format_angles(' '.join(message.split()), angle_unit())}",
             style="red",
             highlight=False,
             soft_wrap=True,
@@ -69,7 +69,7 @@ def fail(*messages: str, status: int = 1) -> NoReturn:
     sys.exit(status)
 
 
-def print_what_can_be_printed() -> None:
+def escape_unprintable_output() -> None:
     """Print as an escape what the terminal's encoding has no character for, such as λ in Latin-1."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -140,12 +140,12 @@ _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 
 def show_run(source: "RunData", files: Sequence[Path] = ()) -> None:
     """Print how a run ended and what came of it, and the files that were written."""
-    from backend.reports.provenance import verdict_of
+    from backend.reports.provenance import judge_stored_run
 
     run, result = source.run, source.result
     end = ": ".join(filter(None, (run.end_state, run.end_detail)))
     _say(f"run {run.id}, {run.kind}: {end}", style="bold")
-    sentence = verdict_of(result.metrics if result else None, result.criteria if result else ()).sentence
+    sentence = judge_stored_run(result.metrics if result else None, result.criteria if result else ()).sentence
     if result is not None:
         _figures(result.metrics.figures)
         _criteria(result.criteria, sentence)
@@ -159,15 +159,15 @@ def show_run(source: "RunData", files: Sequence[Path] = ()) -> None:
 
 def show_settings(source: "RunData") -> None:
     """Print what a run was set to."""
-    from backend.analysis.evaluation import used_settings
+    from backend.analysis.evaluation import select_used_settings
 
-    used = used_settings(source.run)
+    used = select_used_settings(source.run)
     rows = [
         (
             item.meaning,
             item.symbol,
             _setting(item.value, item.unit),
-            reading_of(item.unit, angles()).unit,
+            reading_of(item.unit, angle_unit()).unit,
         )
         for item in used
     ]
@@ -176,7 +176,7 @@ def show_settings(source: "RunData") -> None:
 
 
 def _setting(value: object, unit: str) -> object:
-    return read(value, unit, angles()) if isinstance(value, float) else value
+    return read(value, unit, angle_unit()) if isinstance(value, float) else value
 
 
 def _figures(figures: "Sequence[MeasuredFigure]") -> None:
@@ -184,8 +184,8 @@ def _figures(figures: "Sequence[MeasuredFigure]") -> None:
         (
             item.label,
             _figure(item.value, item.unit),
-            reading_of(item.unit, angles()).unit,
-            format_angles(item.reason or "measured", angles()),
+            reading_of(item.unit, angle_unit()).unit,
+            format_angles(item.reason or "measured", angle_unit()),
         )
         for item in figures
     ]
@@ -199,9 +199,9 @@ def _criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
         (
             item.title,
             _figure(item.figure, item.unit),
-            f"{item.relation} {read(item.bound, item.unit, angles()):g}",
-            reading_of(item.unit, angles()).unit,
-            format_angles(_judged(item), angles()),
+            f"{item.relation} {read(item.bound, item.unit, angle_unit()):g}",
+            reading_of(item.unit, angle_unit()).unit,
+            format_angles(_judged(item), angle_unit()),
         )
         for item in criteria
     ]
@@ -218,11 +218,11 @@ def _judged(item: "RunCriterion") -> str:
 
 
 def _figure(value: float | None, unit: str) -> float | str:
-    return "not measured" if value is None else read(value, unit, angles())
+    return "not measured" if value is None else read(value, unit, angle_unit())
 
 
 def _say(text: str, style: str = "") -> None:
-    out.print(format_angles(text, angles()), highlight=False, markup=False, style=style)
+    out.print(format_angles(text, angle_unit()), highlight=False, markup=False, style=style)
 
 
 # Garbage -------------------------------------------------------------------------------------------
@@ -240,6 +240,6 @@ def relax_garbage_collection() -> None:
     atexit.register(gc.freeze)
 
 
-def look_as_usual() -> None:
+def restore_garbage_collection() -> None:
     """Look for it as usual from here on: for what runs for days."""
     gc.set_threshold(*_USUAL)

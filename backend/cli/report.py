@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backend.cli.options import DataFolder, StationName, database_of, has_database, load_settings
-from backend.cli.output import AsJson, angles, errors, fail, out, print_json
+from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ def series(
     as_json: AsJson = False,
 ) -> None:
     """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
-    from backend.exports.formats import write_all
-    from backend.reports.rendering import render_series
+    from backend.exports.formats import write_files_whole
+    from backend.reports.rendering import render_series_report
     from backend.reports.series_source import load_series
 
     kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
@@ -41,8 +41,8 @@ def series(
     if unknown is not None:
         fail(f"{unknown}: a report is written as .html or .pdf")
     with database_of(load_settings(data=data), reading=True) as database:
-        sources = load_series(database, numbers, angles())
-    write_all({file: (render_series(sources, kinds[file.suffix]),) for file in files})
+        sources = load_series(database, numbers, angle_unit())
+    write_files_whole({file: (render_series_report(sources, kinds[file.suffix]),) for file in files})
     if as_json:
         print_json({"runs": [source.run.id for source in sources], "files": [str(file) for file in files]})
         return
@@ -55,11 +55,11 @@ def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = 
 
     The private half stays in the data folder. Give the line to whoever verifies your reports: it is for --key.
     """
-    from backend.reports.signing import SigningKeyError, load_or_make_signing_key, public_half
+    from backend.reports.signing import SigningKeyError, derive_public_key, load_or_make_signing_key
 
     settings = load_settings(data=data, station=station)
     try:
-        public = public_half(load_or_make_signing_key(settings.data))
+        public = derive_public_key(load_or_make_signing_key(settings.data))
     except (OSError, SigningKeyError) as error:
         fail(str(error))
     name = _name_of_installation(settings)
@@ -81,12 +81,12 @@ def sign(
     Only a page whose runs are stored here, and which holds by their samples, is signed. Ends with 1 where it differs, 2
     where it cannot be verified; the file is then left as it is.
     """
-    from backend.exports.formats import write_whole
+    from backend.exports.formats import write_file_whole
     from backend.reports.signing import (
         SigningKeyError,
         UnsignableError,
+        derive_public_key,
         load_or_make_signing_key,
-        public_half,
         read_signature,
         sign_page,
     )
@@ -109,10 +109,10 @@ def sign(
     try:
         private = load_or_make_signing_key(settings.data)
         name = _name_of_installation(settings)
-        write_whole((sign_page(page, private, name),), file)
+        write_file_whole((sign_page(page, private, name),), file)
     except (OSError, SigningKeyError, UnsignableError) as error:
         fail(f"{file} is not signed: {error}", status=2)
-    by = public_half(private)
+    by = derive_public_key(private)
     if as_json:
         print_json({"file": str(file), "public_key": by.text, "fingerprint": by.fingerprint, "name": name})
         return
@@ -140,7 +140,7 @@ def verify(
     with 0 where all hold, 1 where something differs, 2 where something could not be compared: then it is not verified
     ("holds": null). A broken signature differs; with --key so does a page that this key has not signed.
     """
-    from backend.reports.signing import SigningKeyError, find_public_key, read_signature, with_signature
+    from backend.reports.signing import SigningKeyError, apply_signature_check, find_public_key, read_signature
     from backend.reports.verification import Verified
 
     settings = load_settings(data=data)
@@ -157,7 +157,7 @@ def verify(
     except _unverifiable() as error:
         why = str(error)
         found, origin, checked = Verified((), (why,)), "", ()
-    found = with_signature(found, signed, given)
+    found = apply_signature_check(found, signed, given)
     if as_json:
         print_json(
             {
@@ -213,7 +213,7 @@ def _name_of_installation(settings: Settings) -> str:
 
 
 def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> None:
-    from backend.reports.signing import KeyOwner, own_public_key
+    from backend.reports.signing import KeyOwner, load_own_public_key
 
     if signed.problem:
         return  # told among the differences
@@ -225,20 +225,20 @@ def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: 
         KeyOwner.OWN: "the key of this installation",
         KeyOwner.UNKNOWN: "an unknown key: that proves nothing of where it comes from; --key names the one to expect",
     }
-    found = signed.whose(given, own_public_key(settings.data))
+    found = signed.whose(given, load_own_public_key(settings.data))
     name = f" ({signed.signature.name})" if signed.signature.name else ""
     words = f"signed by {signed.signature.key.fingerprint}{name}, {whose[found] if found else 'broken'}"
     out.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
 def _signature_document(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> dict[str, Any]:
-    from backend.reports.signing import own_public_key
+    from backend.reports.signing import load_own_public_key
 
     signature = signed.signature
     state = "broken" if signed.problem else "none" if signature is None else "valid"
     return {
         "state": state,
-        "key": None if state != "valid" else signed.whose(given, own_public_key(settings.data)),
+        "key": None if state != "valid" else signed.whose(given, load_own_public_key(settings.data)),
         "fingerprint": None if signature is None else signature.key.fingerprint,
         "name": None if signature is None else signature.name,
     }
@@ -267,16 +267,16 @@ def _page_of(file: Path) -> bytes:
 
 def _verified_here(page: str, settings: Settings) -> "Verified":
     """Compare a page with the runs that are stored here, and with nothing else. Raises EvidenceError."""
-    from backend.reports.evidence import EvidenceError, SeriesEvidence, read
-    from backend.reports.verification import verify, verify_series
+    from backend.reports.evidence import EvidenceError, SeriesEvidence, read_accounts
+    from backend.reports.verification import verify_report, verify_series_report
 
-    evidence = read(page)
+    evidence = read_accounts(page)
     if isinstance(evidence, SeriesEvidence):
-        return verify_series(page, evidence, lambda one: _stored(settings, one)[0])
+        return verify_series_report(page, evidence, lambda one: _stored(settings, one)[0])
     columns, _ = _stored(settings, evidence)
     if columns is None:
         raise EvidenceError("its run is not stored in this data folder: the installation that has it signs it")
-    return verify(page, columns)
+    return verify_report(page, columns)
 
 
 def _verified(
@@ -284,17 +284,17 @@ def _verified(
 ) -> "tuple[Verified, str, tuple[str, ...]]":
     """Return what was found, where the samples are from that it was computed from, and all that was checked."""
     from backend.reports import verification
-    from backend.reports.evidence import EvidenceError, SeriesEvidence, read
-    from backend.reports.verification import verify_series
+    from backend.reports.evidence import EvidenceError, SeriesEvidence, read_accounts
+    from backend.reports.verification import verify_series_report
 
     of_pdf = file.suffix == ".pdf"
     if samples is not None:
         _require_ordinary(samples)
-    evidence = read(page)
+    evidence = read_accounts(page)
     if isinstance(evidence, SeriesEvidence):
         if of_pdf or samples is not None:
             raise EvidenceError("a series is verified by its page, from the stored runs")
-        found = verify_series(page, evidence, lambda one: _stored(settings, one)[0])
+        found = verify_series_report(page, evidence, lambda one: _stored(settings, one)[0])
         return found, "its stored runs", ("its stored runs",)
     sources = _sources(file, samples, settings, evidence)
     metrics = file.with_name("metrics.json")
@@ -304,7 +304,7 @@ def _verified(
     if of_pdf:
         found = verification.verify_pdf(file.read_bytes(), page, columns, beside)
     else:
-        found = verification.verify(page, columns, beside)
+        found = verification.verify_report(page, columns, beside)
     checked = tuple(name for name in (sources.file, sources.stored_as, "" if told is None else str(metrics)) if name)
     left_out = (*found.left_out, *sources.left_out)
     whole = replace(found, differences=(*found.differences, *sources.problems), left_out=left_out)
@@ -353,9 +353,9 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Re
 
 
 def _stored(settings: Settings, evidence: "ReportManifest") -> "tuple[Columns | None, int | None]":
-    from backend.reports.verification import stored_samples
+    from backend.reports.verification import read_stored_samples
 
     if not has_database(settings):
         return None, None
     with database_of(settings, reading=True) as database:
-        return stored_samples(database, evidence)
+        return read_stored_samples(database, evidence)

@@ -26,7 +26,7 @@ from backend.cli.options import (
     database_of,
     load_settings,
 )
-from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
+from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json, print_table
 from backend.commissioning.steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, StepId
 from backend.plain_text import as_line
 from backend.settings import Settings
@@ -101,7 +101,7 @@ class Terminal:
 
 def say(words: str, style: str = "") -> None:
     """Print on standard error, angles as they are read."""
-    errors.print(format_angles(words, angles()), style=style, highlight=False, markup=False, soft_wrap=True)
+    errors.print(format_angles(words, angle_unit()), style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 # Rig check -----------------------------------------------------------------------------------------
@@ -144,14 +144,14 @@ def check(
 
 
 def _read_once(wiring: str) -> "Raw":
-    from plant.factory import require_available, wiring_of_choice
+    from plant.factory import load_wiring_choice, require_available
     from plant.interface import PlantChoice, PlantKind
 
     choice = PlantChoice(PlantKind.RIG, wiring=wiring)
     require_available(choice)
     from plant.daq import Daq
 
-    daq = Daq(wiring_of_choice(choice))
+    daq = Daq(load_wiring_choice(choice))
     try:
         daq.open()
         return daq.read()
@@ -196,9 +196,9 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     from datetime import UTC, datetime
 
     from backend.commissioning import status as standing
-    from plant.factory import wiring_of_choice
+    from plant.factory import load_wiring_choice
 
-    return standing.states(standing.kept(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
+    return standing.states(standing.kept(database), load_wiring_choice(settings.plant_choice), datetime.now(UTC))
 
 
 def not_done(settings: Settings) -> list[StepId]:
@@ -240,26 +240,26 @@ def play(settings: Settings, orders: Sequence[StepRequest], *, as_json: bool) ->
 
 def _require_free(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> None:
     """Refuse before any card is opened."""
-    from backend.commissioning.status import blocked_by
+    from backend.commissioning.status import find_blocking_steps
 
     first = STEP[orders[0].step]
-    blocked = blocked_by(first, _states_at_rest(settings, database))
+    blocked = find_blocking_steps(first, _states_at_rest(settings, database))
     if blocked:
         fail(f"{first.title}: {blocked}; sinew rig bring-up plays all that is to be done")
 
 
 async def _played(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> "_BringUp":
-    from backend.banks.builder import tuning_command
-    from backend.banks.tuning_settings import default_choice
-    from backend.commissioning.session import BlockedError, Prompt, session
-    from backend.commissioning.status import brought_up_of
+    from backend.banks.builder import build_tuning_command
+    from backend.banks.tuning_settings import default_tuning_choice
+    from backend.commissioning.session import BlockedError, Prompt, open_session
+    from backend.commissioning.status import find_completed_commissioning
     from backend.realtime.ipc import Setup
     from plant.parameters import load_parameters
 
     choice, parameters = settings.plant_choice, load_parameters(settings.params)
     # No law above the motor loops plays here; the tuning in force is the service's matter.
-    tuning = tuning_command(parameters, default_choice(parameters).choice, None)
-    setup = Setup(choice, settings.params, 0, tuning, brought_up_of(database, choice))
+    tuning = build_tuning_command(parameters, default_tuning_choice(parameters).choice, None)
+    setup = Setup(choice, settings.params, 0, tuning, find_completed_commissioning(database, choice))
     terminal = Terminal()
     person = Prompt(current_user(), terminal.confirmed, terminal.phase)
     say(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
@@ -270,7 +270,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ste
     except GivenUpError as why:
         fail(str(why))
     ended = ""
-    async with session(database, setup, parameters, person) as at_rig:
+    async with open_session(database, setup, parameters, person) as at_rig:
         for order in orders:
             try:
                 result = await _one(at_rig, terminal, order)
@@ -307,7 +307,7 @@ async def _one(at_rig: "Session", terminal: Terminal, order: StepRequest) -> "St
 
 async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
     """Ask for the numbers of a step until they are good."""
-    from backend.commissioning.session import values_of
+    from backend.commissioning.session import collect_values
     from backend.errors import InvalidValueError
 
     while True:
@@ -316,9 +316,9 @@ async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
                 wanted.name: await terminal.answer(f"{wanted.words} [{wanted.unit}]", f"Enter for {wanted.default:g}")
                 for wanted in STEP[step].inputs
             }
-            return values_of(step, {name: float(word) for name, word in typed.items() if word})
+            return collect_values(step, {name: float(word) for name, word in typed.items() if word})
         except InvalidValueError as refused:
-            say(f"  {refused.sentence(angles())}", style="red")
+            say(f"  {refused.sentence(angle_unit())}", style="red")
         except ValueError as wrong:
             say(f"  {wrong}: type a number", style="red")
 
@@ -368,7 +368,7 @@ def _standing_of(
             step.title,
             states[step.id].state,
             states[step.id].why,
-            standing.blocked_by(step, states),
+            standing.find_blocking_steps(step, states),
             _result(results.get(step.id)),
         )
         for step in STEPS
@@ -389,14 +389,14 @@ def _show_steps(bring_up: _BringUp, *, as_json: bool) -> None:
     for step in bring_up.steps:
         done = step.result
         who, at = (done.who, f"{done.at.astimezone():%Y-%m-%d %H:%M}") if done else ("", "")
-        rows.append((step.id, _STANDS[step.state], who, at, format_angles(step.why, angles())))
+        rows.append((step.id, _STANDS[step.state], who, at, format_angles(step.why, angle_unit())))
     print_table(("step", "stands", "by", "on", "because"), rows)
 
 
 def _read(value: float | None, unit: str) -> str:
     if value is None:
         return "not measured"
-    return with_unit(f"{read(value, unit, angles()):.4g}", reading_of(unit, angles()).unit)
+    return with_unit(f"{read(value, unit, angle_unit()):.4g}", reading_of(unit, angle_unit()).unit)
 
 
 # Rig bring up --------------------------------------------------------------------------------------
@@ -494,14 +494,14 @@ def calibrate(
 
     Calibration counts as done once both load cells have been calibrated with this wiring.
     """
-    from backend.commissioning.session import values_of
+    from backend.commissioning.session import collect_values
 
     most = 2 + len(MORE_WEIGHTS)
     if not 2 <= len(weight) <= most:
         fail(f"--weight: two known weights at least, and {most} at most; {len(weight)} given", status=2)
     lightest, *between, heaviest = sorted(weight)
     names = ["weight_1_N", "weight_2_N", *(more.name for more in MORE_WEIGHTS)]
-    values = values_of(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
+    values = collect_values(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
     settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,

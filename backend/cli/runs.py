@@ -7,7 +7,7 @@ import typer
 
 from backend.cli.experiments import current_user
 from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
-from backend.cli.output import AsJson, angles, fail, out, print_json, print_table, show_run, show_settings
+from backend.cli.output import AsJson, angle_unit, fail, out, print_json, print_table, show_run, show_settings
 from backend.units import format_angles, read, reading_of
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ def export(
     station: StationName = None,
 ) -> None:
     """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
-    from backend.exports.base import ExportError, of_run
-    from backend.exports.formats import DataFormat, write_file
+    from backend.exports.base import ExportError, export_run
+    from backend.exports.formats import DataFormat, write_export
     from backend.storage.orm import UnknownRecordError
 
     kind = file.suffix.removeprefix(".")
@@ -41,7 +41,7 @@ def export(
         fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         try:
-            write_file(of_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
+            write_export(export_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
     out.print(f"wrote {file}", highlight=False, markup=False)
@@ -50,9 +50,9 @@ def export(
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
     """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
     from backend.exports import mcap
-    from backend.exports.formats import write_whole
+    from backend.exports.formats import write_file_whole
 
-    write_whole((mcap.layout().encode(),), file)
+    write_file_whole((mcap.foxglove_layout().encode(),), file)
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 
@@ -64,7 +64,7 @@ def take_in(
 ) -> None:
     """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
     from backend.exports.base import ImportRefusedError
-    from backend.services.downloads import import_file as store
+    from backend.services.downloads import import_run_file as store
 
     settings = load_settings(data=data, station=station)
     with database_of(settings) as database:
@@ -91,14 +91,14 @@ def bundle(
 ) -> None:
     """Write a run with all that it came from to a file that another installation takes in."""
     from backend.exports.base import ExportError
-    from backend.exports.formats import write_whole
-    from backend.services.downloads import bundle_pieces
+    from backend.exports.formats import write_file_whole
+    from backend.services.downloads import stream_bundle
     from backend.storage.orm import UnknownRecordError
 
     settings = load_settings(data=data, station=station)
     with database_of(settings, reading=True) as database:
         try:
-            write_whole(bundle_pieces(database, run, settings.data), file)
+            write_file_whole(stream_bundle(database, run, settings.data), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
     out.print(f"wrote {file}", highlight=False, markup=False)
@@ -179,12 +179,12 @@ def compare(
         at = f" at {run.station}" if run.station else ""
         out.print(
             f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. "
-            f"{format_angles(run.verdict, angles())}",
+            f"{format_angles(run.verdict, angle_unit())}",
             highlight=False,
             markup=False,
         )
     rows = [
-        (item.label, *(_compared(value, item.unit) for value in item.values), reading_of(item.unit, angles()).unit)
+        (item.label, *(_compared(value, item.unit) for value in item.values), reading_of(item.unit, angle_unit()).unit)
         for item in found.metrics
     ]
     print_table(("metric", *(f"run {run.id}" for run in found.runs), "unit"), rows)
@@ -209,9 +209,9 @@ def history(
         return
     if found.metric is None:
         fail(f"no run of kind {kind} that fits has a result")
-    reading = reading_of(found.metric.unit, angles())
+    reading = reading_of(found.metric.unit, angle_unit())
     rows = [
-        (point.run, f"{point.at:%Y-%m-%d %H:%M}", read(point.value, found.metric.unit, angles()))
+        (point.run, f"{point.at:%Y-%m-%d %H:%M}", read(point.value, found.metric.unit, angle_unit()))
         for point in found.points
     ]
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
@@ -242,10 +242,10 @@ def lineage(
     rows = [
         (
             node.title,
-            format_angles(node.detail, angles()),
-            node.sha256[:_HASH_DIGITS] if node.sha256 else format_angles(node.no_sha256, angles()),
+            format_angles(node.detail, angle_unit()),
+            node.sha256[:_HASH_DIGITS] if node.sha256 else format_angles(node.no_sha256, angle_unit()),
             ", ".join(titles[origin] for origin in node.origins),
-            format_angles(node.out_of_date, angles()),
+            format_angles(node.out_of_date, angle_unit()),
         )
         for node in found.nodes
     ]
@@ -329,12 +329,12 @@ def _end(run: "RunView") -> str:
 
 def _compared(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
-        return f"not measured: {format_angles(value.reason, angles())}"
-    shown = f"{read(value.value, unit, angles()):.4g}"
+        return f"not measured: {format_angles(value.reason, angle_unit())}"
+    shown = f"{read(value.value, unit, angle_unit()):.4g}"
     if not value.difference:
         return shown
     percent = "" if value.percent is None else f", {value.percent:+.3g} %"
-    return f"{shown} ({read(value.difference, unit, angles()):+.4g}{percent})"
+    return f"{shown} ({read(value.difference, unit, angle_unit()):+.4g}{percent})"
 
 
 # Runs ----------------------------------------------------------------------------------------------
@@ -364,13 +364,13 @@ RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 @app.command()
 def show(run: RunNumber, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Show a run with its settings, metrics and criteria."""
-    from backend.reports.build import metrics_document
+    from backend.reports.build import build_metrics_document
     from backend.reports.run_data import load_source
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         source = load_source(database, run)
     if as_json:
-        print_json(metrics_document(source))
+        print_json(build_metrics_document(source))
         return
     show_settings(source)
     show_run(source)
@@ -379,10 +379,10 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
 @app.command()
 def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
-    from backend.analysis.evaluation import evaluate_again
+    from backend.analysis.evaluation import reevaluate_run
 
     with database_of(load_settings(data=data, station=station)) as database:
-        evaluation = evaluate_again(database, run)
+        evaluation = reevaluate_run(database, run)
     if evaluation.problem:
         fail(f"run {run}: {evaluation.problem}", status=2)
     out.print(f"run {run} is evaluated; see it with: sinew runs show {run}", highlight=False, markup=False)
@@ -396,8 +396,8 @@ def report(
     station: StationName = None,
 ) -> None:
     """Write the report of a run with its data."""
-    from backend.reports.build import write_files
+    from backend.reports.build import write_report_files
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
-        for path in write_files(database, run, folder, angles()):
+        for path in write_report_files(database, run, folder, angle_unit()):
             out.print(f"wrote {path}", highlight=False, markup=False)

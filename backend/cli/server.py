@@ -30,7 +30,7 @@ from backend.cli.options import (
     load_settings,
     running_service,
 )
-from backend.cli.output import AsJson, angles, fail, look_as_usual, out, print_json, print_table
+from backend.cli.output import AsJson, angle_unit, fail, out, print_json, print_table, restore_garbage_collection
 from backend.units import format_quantity, typed
 
 if TYPE_CHECKING:
@@ -119,9 +119,9 @@ def _card() -> DoctorFinding:
 
     try:
         require_available(PlantChoice(PlantKind.RIG))
-        from plant.daq import driver
+        from plant.daq import read_driver_version
 
-        return DoctorFinding("DAQ card", driver())
+        return DoctorFinding("DAQ card", read_driver_version())
     except PlantError as error:
         found, _, remedy = str(error).partition(": ")
         return DoctorFinding("DAQ card", f"none: {found}", f"the simulator needs none; for a rig {remedy}")
@@ -172,7 +172,7 @@ def foxglove(
     from backend.data_folder import address_of_service
 
     try:
-        from backend.foxglove.bridge import LiveSource, OtherVersionError, relay
+        from backend.foxglove.bridge import LiveSource, OtherVersionError, serve_foxglove
     except ModuleNotFoundError as error:
         if error.name != "foxglove":
             raise
@@ -196,7 +196,7 @@ def foxglove(
         print(words, flush=True)
 
     try:
-        asyncio.run(relay(look, lambda source: source.token or without_token, port, say))
+        asyncio.run(serve_foxglove(look, lambda source: source.token or without_token, port, say))
     except OSError as error:
         fail(f"port {port} of this machine cannot be listened on: {error.strerror}; choose another with --port")
     except OtherVersionError as error:
@@ -217,13 +217,17 @@ def recordings(
     as_json: AsJson = False,
 ) -> None:
     """Say how much recordings take, and list the runs whose samples may go. Deletes only runs named one by one."""
-    from backend.recording.retention import NotRemovableError, RetentionRule, overview, remove
+    from backend.recording.retention import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
 
     settings = load_settings(data=data)
     rule = RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
     with database_of(settings) as database:
         try:
-            found = remove(database, rule, delete, current_user()) if delete else overview(database, rule)
+            found = (
+                delete_recordings(database, rule, delete, current_user())
+                if delete
+                else summarise_retention(database, rule)
+            )
         except NotRemovableError as error:
             fail(str(error), status=2)
     if as_json:
@@ -264,10 +268,10 @@ database_app.command()(recordings)
 @database_app.command()
 def upgrade(data: DataFolder = None) -> None:
     """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
-    from backend.storage.database import revision
+    from backend.storage.database import read_revision
 
     with database_of(load_settings(data=data)) as database:
-        out.print(f"schema {revision(database.engine)}", highlight=False)
+        out.print(f"schema {read_revision(database.engine)}", highlight=False)
 
 
 @database_app.command()
@@ -278,11 +282,11 @@ def backup(
     """Copy the database while it may be in use; the log says so."""
     from backend.cli.experiments import current_user
     from backend.storage import events
-    from backend.storage.database import backup as copy
-    from backend.storage.database import next_copy
+    from backend.storage.database import backup_database as copy
+    from backend.storage.database import next_backup_path
 
     settings = load_settings(data=data)
-    wanted = file or next_copy(settings.data)
+    wanted = file or next_backup_path(settings.data)
     with database_of(settings) as database:
         copy(database.engine, wanted)
         with database.session() as session:
@@ -298,7 +302,7 @@ def restore(
     """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
     from backend.data_folder import only_service_on
     from backend.storage.database import FILE_NAME, BackupError
-    from backend.storage.database import restore as bring_back
+    from backend.storage.database import restore_database as bring_back
 
     settings = load_settings(data=data)
     if settings.database_url is not None:
@@ -313,13 +317,13 @@ def restore(
 
 def _claimed_by(settings: "Settings") -> str:
     """Say which service works on the database; "" where none does, or where the file cannot be read."""
-    from backend.storage.claims import claimed_by
-    from backend.storage.database import connect, sqlite_url
+    from backend.storage.claims import describe_claim
+    from backend.storage.database import connect_database, sqlite_url
     from backend.storage.orm import StorageError
 
-    engine = connect(sqlite_url(settings.data))
+    engine = connect_database(sqlite_url(settings.data))
     try:
-        return claimed_by(engine)
+        return describe_claim(engine)
     except StorageError:
         return ""
     finally:
@@ -335,7 +339,7 @@ def name_station(
     from backend.data_folder import only_service_on
     from backend.errors import require_station_name
     from backend.storage.claims import HeldClaim
-    from backend.storage.stations import HeldStation, give_all
+    from backend.storage.stations import HeldStation, assign_unowned_rows
 
     if not require_station_name(station):
         fail("say what the station is to be called", status=2)
@@ -345,7 +349,7 @@ def name_station(
         claim = HeldClaim(database.engine, "")
         try:
             with database.session() as session:
-                given = give_all(session, station)
+                given = assign_unowned_rows(session, station)
         finally:
             claim.let_go()
             held.let_go()
@@ -360,7 +364,7 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
     Every sample is read: it takes some seconds for an hour of recordings.
     """
     from backend.recording.verification import RecordingsCheck, check_recordings
-    from backend.storage.database import check as problems_of
+    from backend.storage.database import find_database_errors as problems_of
 
     with database_of(load_settings(data=data), reading=True) as database:
         problems = problems_of(database.engine)
@@ -423,7 +427,7 @@ def serve(
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
-    from backend.server.listening import served_by
+    from backend.server.listening import describe_served_addresses
     from plant.factory import require_available
 
     settings = load_settings(
@@ -456,10 +460,10 @@ def serve(
             print(f"Sinew answers at {answers}. The sign-in link: sinew link --data {settings.data}", flush=True)
         else:
             _print_links(addresses, tokens)
-        if served := served_by(settings.host):
+        if served := describe_served_addresses(settings.host):
             print(served, flush=True)
 
-    look_as_usual()
+    restore_garbage_collection()
     slow.start()
     try:
         run_service(settings, tell)
@@ -522,14 +526,14 @@ def rotate(
     data: DataFolder = None,
 ) -> None:
     """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
-    from backend.auth.sessions import FILES, rotate
+    from backend.auth.sessions import FILES, replace_tokens
     from backend.schemas.session import Role
 
     settings = load_settings(data=data)
     if not settings.data.is_dir():
         fail(f"there is no data folder {settings.data}: choose one with --data")
     roles = list(Role) if role is TokenOwner.BOTH else [Role(role)]
-    rotate(settings.data, roles)
+    replace_tokens(settings.data, roles)
     for one in roles:
         file = settings.data / FILES[one]
         print(f"{one}: /?token={file.read_text().strip()}  (kept in {file})")
@@ -657,4 +661,4 @@ def _order_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> Non
     elif stands is None:
         out.print("no wall stands in the joint's way")
     else:
-        out.print(f"a wall stands {stands.side} {format_quantity(stands.q_wall, 'rad', angles())}")
+        out.print(f"a wall stands {stands.side} {format_quantity(stands.q_wall, 'rad', angle_unit())}")

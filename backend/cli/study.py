@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from backend.cli.experiments import current_user, in_force, text_in
 from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
-from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
+from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json, print_table
 from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
@@ -142,14 +142,14 @@ def draw(
         fail(f"{to}: a picture ends in {', '.join(PICTURES)}", status=2)
     from dataclasses import asdict
 
-    from backend.experiments.parser import of_canonical
-    from backend.services.studies import Studies, symbol_of, unit_of
-    from backend.studies.maps import PICK_WORDS, SHARES, axis_labels, figure_names
+    from backend.experiments.parser import parse_canonical
+    from backend.services.studies import Studies, axis_symbol, axis_unit
+    from backend.studies.maps import PICK_WORDS, SHARES, format_axis_labels, list_figure_names
     from backend.studies.point import UNSTABLE
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found, design = Studies(database).map(study, figure, pick, over)
-    named = figure_names(of_canonical(design.base.experiment)) | SHARES
+    named = list_figure_names(parse_canonical(design.base.experiment)) | SHARES
     if figure not in named:
         fail(f"there is no figure {figure}; known are {', '.join(named)}", status=2)
     unit = named[figure].unit
@@ -157,11 +157,11 @@ def draw(
     with_number, computed = (sum(map(sum, table)) for table in (found.counts, found.runs))
     if with_number < computed:
         label += f", {computed - with_number} of {computed} runs without a number"
-    cells = [[None if value is None else read(value, unit, angles()) for value in row] for row in found.cells]
+    cells = [[None if value is None else read(value, unit, angle_unit()) for value in row] for row in found.cells]
     (x, at_x), (y, at_y) = (
         (
-            _with_unit(symbol_of(name, design), unit_of(name, design)),
-            axis_labels(values, unit_of(name, design), angles()),
+            _with_unit(axis_symbol(name, design), axis_unit(name, design)),
+            format_axis_labels(values, axis_unit(name, design), angle_unit()),
         )
         for name, values in ((found.x, found.x_values), (found.y, found.y_values))
     )
@@ -203,7 +203,7 @@ def _notes(found: "Map") -> list[list[str]]:
 
 
 def _with_unit(words: str, unit: str) -> str:
-    shown = reading_of(unit, angles()).unit
+    shown = reading_of(unit, angle_unit()).unit
     return words if shown in ("1", "") else f"{words} [{shown}]"
 
 
@@ -216,14 +216,14 @@ def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
 
 
 def _crew(jobs: int, scheduler: str | None) -> "Callable[[StudyBase], Crew]":
-    from backend.studies.crew import cores
-    from backend.studies.runner import local
+    from backend.studies.crew import count_cores
+    from backend.studies.runner import use_local_processes
 
     if scheduler is None:
-        return local(jobs or cores())
-    from backend.studies.cluster import on_cluster
+        return use_local_processes(jobs or count_cores())
+    from backend.studies.cluster import use_cluster
 
-    return on_cluster(scheduler)
+    return use_cluster(scheduler)
 
 
 @contextmanager
@@ -267,7 +267,7 @@ def _say(found: "StudyDetail", *, as_json: bool) -> None:
 
 def _mean(item: "StudyFigure") -> tuple[object, ...]:
     runs = f"{item.count} of {item.count + item.missing}"
-    unit = reading_of(item.unit, angles()).unit
+    unit = reading_of(item.unit, angle_unit()).unit
     return item.name, runs, _statistic(item, item.mean), _statistic(item, item.deviation), unit
 
 
@@ -281,7 +281,7 @@ def _statistic(item: "StudyFigure", value: float | None) -> float | str:
 
     if value is None:
         return UNSTABLE if item.unstable else "one run"
-    return read(value, item.unit, angles())
+    return read(value, item.unit, angle_unit())
 
 
 def _left(study: "StudyView") -> str:

@@ -23,13 +23,20 @@ from backend.control.motion_primitives import PRETENSION_N
 from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Event, Home, ModeChanged, Reset, SetMode, Stop, TryModule, TryMotor, Zero
-from backend.realtime.commissioning_motions import COAST_S, DRIVEN_S, HOMING_MAX_V, TIME_MAX_S, TRIAL_MAX_V, travel_to
+from backend.realtime.commissioning_motions import (
+    COAST_S,
+    DRIVEN_S,
+    HOMING_MAX_V,
+    TIME_MAX_S,
+    TRIAL_MAX_V,
+    compute_switch_travel,
+)
 from backend.realtime.commissioning_motions import TENSION_MAX_N as HOMING_TENSION_MAX_N
 from backend.realtime.modes import MODE_CODE, HomingEnd, Mode, Why
 from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
-from plant.calibration import CellCalibration, linear
-from plant.dynamics import elongation
+from plant.calibration import CellCalibration, load_cell_line
+from plant.dynamics import spring_elongation
 from plant.interface import T_s
 from plant.manual_input import ManualInput
 from plant.parameters import SIDES, Side
@@ -69,7 +76,7 @@ class Seen:
 async def direction(work: ProcedureContext) -> StepFinding:
     """Try both motors in turn and say what is wrong with the wiring, if anything."""
     r_m = work.parameters.geometry.r_m
-    theta_A, theta_B = (elongation(work.parameters.identified_spring(side), START_N) / r_m for side in SIDES)
+    theta_A, theta_B = (spring_elongation(work.parameters.identified_spring(side), START_N) / r_m for side in SIDES)
     low, high = START_RANGE_N
     await work.drives_off()
     await work.ask(
@@ -187,7 +194,7 @@ async def home(work: ProcedureContext) -> StepFinding:
     await work.ask(
         "Turn the joint by hand near to its middle, slacken the tendons, take your hands off, and confirm: the drives "
         f"come on, and with {HOMING_MAX_V:g} V at most the motors drive the joint to its end switch at "
-        f"{position:.4g} rad, by {travel_to(position):.4g} rad at most"
+        f"{position:.4g} rad, by {compute_switch_travel(position):.4g} rad at most"
     )
     await work.let_go()
     await work.drives_on()
@@ -261,7 +268,7 @@ async def tare(work: ProcedureContext) -> StepFinding:
     rows = await work.recorded(MEASURED_S)
     figures, calibrations = [], []
     for tendon in "AB":
-        known = linear(work.wiring, tendon)
+        known = load_cell_line(work.wiring, tendon)
         if known is None:
             continue  # a table has its zero in itself
         volts = _volts(rows, tendon)
@@ -307,7 +314,7 @@ async def calibrate(work: ProcedureContext) -> StepFinding:
             volts.append(_volts(await work.recorded(MEASURED_S), tendon))
         await work.let_go()
         means = np.array([column.mean() for column in volts])
-        known = linear(work.wiring, tendon)
+        known = load_cell_line(work.wiring, tendon)
         if not np.ptp(means) >= 1e-3:
             raise StepFailedError(
                 f"load cell {tendon} reads {1e3 * np.ptp(means):.2f} mV more under {weights[-1]:g} N than under "

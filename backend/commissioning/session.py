@@ -26,7 +26,7 @@ from backend.commissioning.procedures import (
     wiring_test,
     zero,
 )
-from backend.commissioning.status import StepStatus, blocked_by
+from backend.commissioning.status import StepStatus, find_blocking_steps
 from backend.commissioning.steps import MORE_WEIGHTS, STEP, StepId
 from backend.errors import check_range
 from backend.realtime.commands import Accepted, ProveDirections, Refused, SetMode, SimulateManualInput, SwitchDrives
@@ -39,9 +39,9 @@ from backend.storage.database import Database
 from backend.storage.orm import StorageError
 from backend.storage.settings import StoredSetting
 from backend.supervision import Supervision
-from plant.calibration import calibrated, fingerprint
+from plant.calibration import apply_calibration, wiring_fingerprint
 from plant.errors import ErrorCode, SinewError
-from plant.factory import wiring_of_choice
+from plant.factory import load_wiring_choice
 from plant.interface import PlantChoice, PlantKind
 from plant.manual_input import NO_HAND
 from plant.parameters import PlantParameters
@@ -64,7 +64,7 @@ _WORK: dict[StepId, Callable[[ProcedureContext], Awaitable[StepFinding]]] = {
 }
 
 
-def values_of(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
+def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
     """Return all numbers that a step asks for, and further weights that are given.
 
     Raises OutOfRangeError, ValueError for one it does not ask for.
@@ -236,10 +236,10 @@ class Session:
 
     def require_free(self, step: StepId) -> None:
         """Raise BlockedError where something has to come before, PlantError for a wiring file that is none any more."""
-        file = wiring_of_choice(self.supervisor.setup.plant)
-        if {fingerprint(file), fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
+        file = load_wiring_choice(self.supervisor.setup.plant)
+        if {wiring_fingerprint(file), wiring_fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
             raise BlockedError("the wiring file has changed since the loop was started: give the command again")
-        blocked = blocked_by(STEP[step], self.states())
+        blocked = find_blocking_steps(STEP[step], self.states())
         if blocked:
             raise BlockedError(f"{STEP[step].title}: {blocked}")
 
@@ -252,7 +252,7 @@ class Session:
         setup = self.supervisor.setup
         work = ProcedureContext(
             self.supervisor,
-            calibrated(self._wiring, setup.brought_up.calibrations),
+            apply_calibration(self._wiring, setup.brought_up.calibrations),
             self._parameters,
             dict(values),
             computed=setup.plant.simulated,
@@ -269,7 +269,7 @@ class Session:
         kept = status.keep(self._database, step, self._wiring, finding, self._person.name)
         anew = finding.passed and finding.calibrations
         if anew:
-            self._wiring = wiring_of_choice(setup.plant)  # what the new loop will read
+            self._wiring = load_wiring_choice(setup.plant)  # what the new loop will read
         self.supervisor.setup = replace(
             self.supervisor.setup, brought_up=status.in_effect(self._database, self._wiring)
         )
@@ -281,7 +281,7 @@ class Session:
 
 
 @asynccontextmanager
-async def session(
+async def open_session(
     database: Database, setup: Setup, parameters: PlantParameters, person: Prompt
 ) -> AsyncIterator[Session]:
     """Start a loop process; at the end of the block, however it comes, zero volts, and let go of the card.
@@ -289,7 +289,7 @@ async def session(
     Who starts it has said that no hand is at the rig.
     Raises LoopExitedError, PlantError.
     """
-    wiring = wiring_of_choice(setup.plant)
+    wiring = load_wiring_choice(setup.plant)
     setup = replace(setup, brought_up=status.in_effect(database, wiring))  # a person may have been asked meanwhile
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)

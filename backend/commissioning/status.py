@@ -13,8 +13,8 @@ from backend.storage import commissioning
 from backend.storage.commissioning import NewStepResult, StoredStepResult
 from backend.storage.database import Database
 from backend.units import counted
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
-from plant.factory import wiring_of_choice
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, wiring_fingerprint
+from plant.factory import load_wiring_choice
 from plant.interface import PlantChoice, PlantKind
 from plant.wiring import Wiring
 
@@ -70,7 +70,7 @@ def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[St
     calibration, and has its zero in itself. There is no homing without a position of the end switch, and where there
     is, it does for the zero by hand, and that for it.
     """
-    wired = "" if wiring is None else fingerprint(wiring)
+    wired = "" if wiring is None else wiring_fingerprint(wiring)
     found = {step.id: standing(step, kept.results.get(step.id), wired, loop_started) for step in STEPS}
     if found[StepId.DIRECTION].state is StepState.CURRENT and _contradicted(kept):
         found[StepId.DIRECTION] = StepStatus(StepState.OUT_OF_DATE, "a wiring test has failed since")
@@ -98,7 +98,7 @@ def _contradicted(kept: Kept) -> bool:
     return kept.results[StepId.DIRECTION].id < kept.test_failed
 
 
-def blocked_by(step: CommissioningStep, states: Mapping[StepId, StepStatus]) -> str:
+def find_blocking_steps(step: CommissioningStep, states: Mapping[StepId, StepStatus]) -> str:
     """Return what has to come before a step, and before that; empty where nothing has."""
     if step.id not in states:
         return "the wiring file says no end_switch.position: where the switch holds the joint has to be known"
@@ -128,7 +128,7 @@ def keep(database: Database, step: StepId, wiring: Wiring, finding: StepFinding,
     new = NewStepResult(
         step=step,
         wiring=wiring.title,
-        fingerprint=fingerprint(wiring),
+        fingerprint=wiring_fingerprint(wiring),
         passed=finding.passed,
         text=finding.text,
         who=who,
@@ -174,7 +174,7 @@ def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     Directions are proven while the direction step is current and no later wiring test has failed. A load cell is
     measured by a tare and a calibration, however old, or by the table of the wiring file.
     """
-    wired = fingerprint(wiring)
+    wired = wiring_fingerprint(wiring)
     with database.reading() as session:
         passed = commissioning.passed_with(session, wired)
     cells = {found["tendon"]: CellCalibration(**found) for result in passed for found in result.calibrations}
@@ -188,8 +188,8 @@ def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT, measured, wired)
 
 
-def brought_up_of(database: Database, plant: PlantChoice) -> BroughtUp:
+def find_completed_commissioning(database: Database, plant: PlantChoice) -> BroughtUp:
     """Return what takes effect of earlier bring-ups for what is to be driven. Raises PlantError."""
     if plant.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
         return NOT_BROUGHT_UP
-    return in_effect(database, wiring_of_choice(plant))
+    return in_effect(database, load_wiring_choice(plant))

@@ -6,20 +6,20 @@ from typing import NamedTuple
 from backend.control import cascade, decoupler, pid
 from backend.control.cascade import GovernorState, step_governor
 from backend.control.decoupler import Decoupler
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.dynamics import (
     SUBSTEPS,
     Dynamics,
     Motor,
     PlantState,
-    advance,
-    curvature,
+    advance_state,
     elongation_A,
     elongation_B,
     friction_torque,
     joint_acceleration,
-    slope,
-    tension,
+    spring_curvature,
+    spring_slope,
+    tendon_tension,
 )
 from plant.interface import Measurement, T_s
 
@@ -59,7 +59,7 @@ class FeedbackLinearizationGains(NamedTuple):
 class FeedbackLinearizationTuning(NamedTuple):
     """Model of the plant and all else the tick needs; ``omega_max`` [rad/s] bounds the governor, ``u_max`` [V].
 
-    The model's friction is smoothed (``plant.dynamics.smoothed``): of bristles the law knows nothing.
+    The model's friction is smoothed (``plant.dynamics.smooth_friction``): of bristles the law knows nothing.
     """
 
     gains: FeedbackLinearizationGains
@@ -146,9 +146,9 @@ def _chain(model: Dynamics, d: Decoupler, x: PlantState) -> _Chain:
     joint = model.joint
     x_A, x_B = elongation_A(joint, x.theta_A, x.q), elongation_B(joint, x.theta_B, x.q)
     rate_A, rate_B = elongation_A(joint, x.omega_A, x.q_dot), elongation_B(joint, x.omega_B, x.q_dot)
-    F_A, F_B = tension(model.spring_A, x_A), tension(model.spring_B, x_B)
-    slope_A, slope_B = slope(model.spring_A, x_A), slope(model.spring_B, x_B)
-    bend_A, bend_B = curvature(model.spring_A, x_A), curvature(model.spring_B, x_B)
+    F_A, F_B = tendon_tension(model.spring_A, x_A), tendon_tension(model.spring_B, x_B)
+    slope_A, slope_B = spring_slope(model.spring_A, x_A), spring_slope(model.spring_B, x_B)
+    bend_A, bend_B = spring_curvature(model.spring_A, x_A), spring_curvature(model.spring_B, x_B)
     q_2 = joint_acceleration(joint, x.q_dot, F_A, F_B, 0.0)
     q_3 = joint_acceleration(joint, q_2, slope_A * rate_A, slope_B * rate_B, 0.0)
     F_A_2 = bend_A * rate_A**2 - slope_A * joint.r_j * q_2
@@ -223,7 +223,7 @@ def step_feedback_linearization(
         reference,
         q_next,
         S_next,
-        advance(model, x, u_A, u_B, 0.0, T_s, SUBSTEPS),
+        advance_state(model, x, u_A, u_B, 0.0, T_s, SUBSTEPS),
         # Anti-windup: no integration while a voltage is clipped.
         state.integral_q + (0.0 if clipped else T_s * e_q),
         state.integral_S + (0.0 if clipped else T_s * e_S),

@@ -14,13 +14,13 @@ from backend.control.decoupler import (
     Envelope,
     EnvelopeState,
     Schedule,
-    gains_at,
+    interpolate_gains,
     motor_positions,
-    select,
+    select_entry,
     step_envelope,
 )
 from backend.control.trajectory import LoopReferences
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.interface import Measurement, T_s
 
 # Governor ------------------------------------------------------------------------------------------
@@ -299,8 +299,8 @@ def step(
     before, by_now = disturbance_observer.answer(state.rejection, S), disturbance_observer.answer(answered, S)
     answered = disturbance_observer.step_disturbance_feedforward(tuning.rejection, answered, tau_ext)
     pushed = disturbance_observer.answer(answered, S)
-    active = select(tuning.schedule, state.active, at.reference.S_ref)
-    gains_q, gains_S = gains_at(tuning.schedule, active)
+    active = select_entry(tuning.schedule, state.active, at.reference.S_ref)
+    gains_q, gains_S = interpolate_gains(tuning.schedule, active)
     position = pid.bumpless_i_p(state.position_gains, gains_q, state.position, r_q, y_q - before.q)
     position = pid.raised(position, before.q_e - by_now.q_e + gains_q.k_p * (before.q - by_now.q))
     stiffness = pid.bumpless_i_p(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
@@ -494,8 +494,8 @@ def initialize_bumpless(
     stands = _standing(speed_A, speed_B) == (0.0, 0.0)
     if stands:
         theta_A_ref, theta_B_ref = m.theta_A, m.theta_B
-    active = select(tuning.schedule, -1.0, S)
-    gains_q, gains_S = gains_at(tuning.schedule, active)
+    active = select_entry(tuning.schedule, -1.0, S)
+    gains_q, gains_S = interpolate_gains(tuning.schedule, active)
     return CascadeState(
         GovernorState(q_ref, S),
         pid.at_rest_i_p(gains_q, q_ref, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),

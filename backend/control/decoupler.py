@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import pid
-from plant.compiled import compiled
-from plant.dynamics import Spring, polynomial, slope
+from plant.compilation import compiled
+from plant.dynamics import Spring, spring_polynomial, spring_slope
 from plant.interface import T_s
 from plant.parameters import PlantParameters, SpringParameters
 
@@ -61,7 +61,7 @@ def equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float
 def _sampled(spring: Spring) -> tuple[Array, Array, Array]:
     """Elongation, force and slope from slack to solid."""
     x = np.linspace(spring.x_slack, spring.x_solid, _POINTS)
-    return x, np.array([polynomial(spring, v) for v in x]), np.array([slope(spring, v) for v in x])
+    return x, np.array([spring_polynomial(spring, v) for v in x]), np.array([spring_slope(spring, v) for v in x])
 
 
 # Decoupler -----------------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ def _between(table: NDArray[np.float64], low: int, share: float, column: int) ->
     return here + share * (there - here)
 
 
-def decoupler_for(parameters: PlantParameters) -> Decoupler:
+def build_decoupler(parameters: PlantParameters) -> Decoupler:
     """Decoupler of a parameter set's geometry and identified springs."""
     r_m, r_j = parameters.geometry.r_m, parameters.geometry.r_j
     A, B = parameters.identified_curve("A"), parameters.identified_curve("B")
@@ -329,7 +329,7 @@ CEILING_MARGIN_N = 2.0
 """How far below the trip the controller keeps each tendon [N]; the highest reference, 15 N·m/rad, takes 46.3 N."""
 
 
-def bounds_for(parameters: PlantParameters) -> Bounds:
+def compute_bounds(parameters: PlantParameters) -> Bounds:
     """Bounds of a parameter set."""
     q_trip, F_max = parameters.geometry.q_max, parameters.safety.F_max
     q_max = q_trip - REFERENCE_MARGIN_RAD
@@ -361,7 +361,7 @@ class Schedule(NamedTuple):
 
 
 @compiled
-def select(schedule: Schedule, active: float, S: float) -> float:
+def select_entry(schedule: Schedule, active: float, S: float) -> float:
     """Active entry for stiffness S [N·m/rad]: an index, fractional while interpolating; ``active`` < 0 to begin."""
     nominal = schedule.entries[:, 0]
     last = nominal.shape[0] - 1
@@ -380,7 +380,7 @@ def select(schedule: Schedule, active: float, S: float) -> float:
 
 
 @compiled
-def gains_at(schedule: Schedule, active: float) -> tuple[pid.IPGains, pid.IPGains]:
+def interpolate_gains(schedule: Schedule, active: float) -> tuple[pid.IPGains, pid.IPGains]:
     """Gains of the position and the stiffness loop at an entry, or between two."""
     lower = int(active)
     upper = min(lower + 1, schedule.entries.shape[0] - 1)

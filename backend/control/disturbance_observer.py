@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from backend.control.fault_detection import Tendons, tendons_for
 from backend.control.pid import beyond
-from plant.compiled import compiled
-from plant.dynamics import tension
+from plant.compilation import compiled
+from plant.dynamics import tendon_tension
 from plant.interface import Measurement, T_s
 from plant.parameters import PlantParameters
 
@@ -214,8 +214,8 @@ def _pull(tendons: Tendons, m: Measurement) -> float:
     """
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
-    F_A = min(tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)
-    F_B = min(tension(tendons.spring_B, x_B), tendons.spring_B.F_solid)
+    F_A = min(tendon_tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)
+    F_B = min(tendon_tension(tendons.spring_B, x_B), tendons.spring_B.F_solid)
     return tendons.r_j * (F_A - F_B) if math.isfinite(x_A + x_B) else math.nan
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control.decoupler import bounds_for
-from plant.compiled import compiled
-from plant.dynamics import Spring, tension, tension_slope
+from backend.control.decoupler import compute_bounds
+from plant.compilation import compiled
+from plant.dynamics import Spring, tendon_tension, tendon_tension_slope
 from plant.interface import Measurement, MotorCommand, T_s
 from plant.parameters import SIDES, PlantParameters, Side
 
@@ -104,8 +104,8 @@ def contradictions(tendons: Tendons, m: Measurement) -> tuple[float, float]:
     """
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
-    F_A = min(tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)
-    F_B = min(tension(tendons.spring_B, x_B), tendons.spring_B.F_solid)
+    F_A = min(tendon_tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)
+    F_B = min(tendon_tension(tendons.spring_B, x_B), tendons.spring_B.F_solid)
     return m.F_A - F_A, m.F_B - F_B
 
 
@@ -250,7 +250,9 @@ def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, 
     q_dot = geometry.r_j * parameters.safety.F_max / max(geometry.B_j, 1e-6)
     A, B = (_MOTOR_MARGIN * parameters.identified_of(side).K_m * u_max * T_s for side in SIDES)
     springs = (parameters.identified_spring(side) for side in SIDES)
-    F_A, F_B = (tension_slope(spring, spring.x_solid) * geometry.r_j * q_dot * T_s + _MARGIN_N for spring in springs)
+    F_A, F_B = (
+        tendon_tension_slope(spring, spring.x_solid) * geometry.r_j * q_dot * T_s + _MARGIN_N for spring in springs
+    )
     return 1.2 * q_dot * T_s, A, B, F_A, F_B
 
 
@@ -360,6 +362,6 @@ def check(
 
 def watched_for(parameters: PlantParameters, missed_max: int) -> Watched:
     """Return what the checks know of a parameter set."""
-    bounds = bounds_for(parameters)
+    bounds = compute_bounds(parameters)
     tendons = tendons_for(parameters)
     return Watched(limits_for(parameters), tendons, bounds.F_slack, bounds.F_max, bounds.q_trip, missed_max)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import cascade, pid
-from backend.control.motion_types import ControlOutput, MotorLoopState, Setpoint, clipped, driven, follow, walk
-from plant.compiled import compiled
+from backend.control.motion_types import ControlOutput, MotorLoopState, Setpoint, clipped, driven, track_motors, walk
+from plant.compilation import compiled
 from plant.interface import Measurement, T_s
 
 # Brake ---------------------------------------------------------------------------------------------
@@ -201,7 +201,7 @@ def step_tension_hold(
     trim, held = pid.step_force_hold(hold, state.F_ref, m.F_A, m.F_B)
     if arrived:
         hold = held
-    decision, carry = follow(tuning, carry, target, base_A + trim + offset, base_B, m, done)
+    decision, carry = track_motors(tuning, carry, target, base_A + trim + offset, base_B, m, done)
     return decision, carry, TensionHoldState(state.F_ref, state.goal_A, base_A, base_B, settle_ticks, chips, tick, hold)
 
 
@@ -244,7 +244,7 @@ def step_tension_sweep(
             done = leg + 1 == ticks.shape[0]
             if not done:
                 leg, elapsed = leg + 1, 0
-    decision, carry = follow(tuning, carry, target, theta_A, theta_B, m, done)
+    decision, carry = track_motors(tuning, carry, target, theta_A, theta_B, m, done)
     return decision, carry, TensionSweepState(goals, ticks, state.settle_ticks, leg, elapsed)
 
 
@@ -271,7 +271,7 @@ def step_travel(
     if theta_A_ref == theta_A and theta_B_ref == theta_B:
         settled_s += T_s
     done = settled_s >= STANDSTILL_S
-    decision, carry = follow(tuning, carry, target, theta_A_ref, theta_B_ref, m, done)
+    decision, carry = track_motors(tuning, carry, target, theta_A_ref, theta_B_ref, m, done)
     return decision, carry, TravelState(theta_A, theta_B, settled_s)
 
 
@@ -363,7 +363,7 @@ def step_voltage_steps(
             ticks = 0
         elif ticks >= settle_ticks:
             stage, ticks = stage + 1, 0
-        decision, carry = follow(tuning, carry, target, theta_A, theta_B, m, done)
+        decision, carry = track_motors(tuning, carry, target, theta_A, theta_B, m, done)
         return (
             decision,
             carry,
@@ -423,7 +423,7 @@ def step_winding(
     """One tick of winding."""
     wound = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
     done = wound.steady_s >= STANDSTILL_S
-    decision, carry = follow(tuning, carry, target, wound.theta_A_ref, wound.theta_B_ref, m, done)
+    decision, carry = track_motors(tuning, carry, target, wound.theta_A_ref, wound.theta_B_ref, m, done)
     return decision, carry, WindingState(wound)
 
 

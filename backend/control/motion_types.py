@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from backend.control import cascade, pid
 from backend.faults import Limit
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.interface import NO_LOAD, Measurement, ShaftLoad, T_s
 
 TRAVEL_SPEED = 3.0
@@ -67,7 +67,7 @@ AT_REST = ControlOutput(
 
 
 @compiled
-def follow(
+def track_motors(
     tuning: cascade.CascadeTuning,
     carry: MotorLoopState,
     target: Setpoint,

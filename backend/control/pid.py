@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.interface import T_s
 
 # Dead zone -----------------------------------------------------------------------------------------

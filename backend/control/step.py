@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, tracking
 from backend.control.motion_types import AT_REST, ControlOutput, MotorLoopState, Setpoint
 from backend.sample import INDEX
-from plant.compiled import STRICT, StateBlock, compiled, compiled_run, keep
+from plant.compilation import STRICT, StateBlock, compiled, compiled_run, keep_compiled
 from plant.interface import NO_LOAD, NO_RAW, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
-from plant.simulator import Simulated, period
+from plant.simulator import Simulated, simulate_period
 
 # Desk ----------------------------------------------------------------------------------------------
 
@@ -156,8 +156,8 @@ def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int)
     theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
     trip = raw.safety_trip
     m = Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
-    keep(desk.m, m)
-    keep(desk.velocity, motion_primitives.step_velocity(desk.velocity.value, raw.q))
+    keep_compiled(desk.m, m)
+    keep_compiled(desk.velocity, motion_primitives.step_velocity(desk.velocity.value, raw.q))
     if orders.deaf:
         trip = 1.0 if orders.tripped else 0.0
     q = raw.q - orders.middle
@@ -172,8 +172,8 @@ def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int)
         orders.taut_wanted,
         missed,
     )
-    keep(desk.checks, after)
-    keep(desk.found, found)
+    keep_compiled(desk.checks, after)
+    keep_compiled(desk.found, found)
     F_ext_hat = _feel(desk, m, orders.zeroed)
     if found.what != fault_detection.NOTHING:
         return FOUND
@@ -191,8 +191,8 @@ def _feel(desk: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float
     )
     S = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
     F_ext_hat = disturbance_observer.force(observer, state, bias, S)
-    keep(desk.touch, state)
-    keep(desk.F_ext_hat, F_ext_hat)
+    keep_compiled(desk.touch, state)
+    keep_compiled(desk.F_ext_hat, F_ext_hat)
     return F_ext_hat
 
 
@@ -204,8 +204,8 @@ def compute_control(desk: StateBlock[ControlState], moving: StateBlock[Moving]) 
     decision, carry, state = step(
         desk.tuning.value, was.carry, was.target, with_outside_torque(was.state, tau_ext), desk.m.value
     )
-    keep(moving, Moving(carry, decision.target, state))
-    keep(desk.decision, decision)
+    keep_compiled(moving, Moving(carry, decision.target, state))
+    keep_compiled(desk.decision, decision)
     came = DONE if decision.done and not orders.reached else QUIET
     target, load = decision.target, decision.target.load
     other_push = target.F_push != orders.F_push
@@ -244,7 +244,7 @@ def write_row(
 ) -> None:
     """Put the tick into its row (``backend.sample``); ``put`` is what was written last, and is kept as that."""
     orders, m, y = desk.orders.value, desk.m.value, desk.decision.value
-    keep(desk.command, put)
+    keep_compiled(desk.command, put)
     row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, orders.mode, orders.run
     row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, desk.velocity.q_dot.value
     row[_S] = math.nan
@@ -308,11 +308,11 @@ def run_batch(
             return made, came | DECIDED, u_A, u_B, m
         if came & PUSHES:
             target = desk.decision.target.value
-            keep(desk.orders.F_push, target.F_push)
-            keep(desk.orders.load, target.load)
-            keep(simulated.F_push, target.F_push)
-            keep(simulated.load, target.load)
-        m = period(simulated, u_A, u_B, stretch.period + made + 1)
+            keep_compiled(desk.orders.F_push, target.F_push)
+            keep_compiled(desk.orders.load, target.load)
+            keep_compiled(simulated.F_push, target.F_push)
+            keep_compiled(simulated.load, target.load)
+        m = simulate_period(simulated, u_A, u_B, stretch.period + made + 1)
         number = stretch.first + made
         write_row(desk, rows[number % rows.shape[0]], number, MotorCommand(u_A, u_B), NO_RAW, 0.0, stretch.overruns)
     return stretch.ticks, QUIET, 0.0, 0.0, m

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from backend.control import decoupler
 from backend.control.decoupler import Decoupler
-from plant.compiled import compiled
+from plant.compilation import compiled
 from plant.interface import T_s
 
 # Axis ----------------------------------------------------------------------------------------------

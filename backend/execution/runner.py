@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 
 from backend import __version__
-from backend.analysis.evaluation import Evaluation, evaluate, require_measurable
-from backend.banks.builder import points_of, tuning_command
+from backend.analysis.evaluation import Evaluation, evaluate_finished_run, require_measurable
+from backend.banks.builder import build_tuning_command, entry_points
 from backend.banks.tuning_settings import TuningSettings
 from backend.control.decoupler import STIFFNESS_RANGE
 from backend.errors import InvalidValueError, Path
 from backend.execution.progress import ProgressCallback, RunPhase
 from backend.experiments.compiler import require_reach
-from backend.experiments.forecast import forecast, start_from
-from backend.experiments.library import declared, kept_values
-from backend.experiments.parser import ExperimentError, line_of
+from backend.experiments.forecast import forecast_identifications, read_start
+from backend.experiments.library import declare_choice, plan_values
+from backend.experiments.parser import ExperimentError, find_line
 from backend.experiments.plans import ExperimentPlan, IdentificationPlan, LoopSettings, Plan
 from backend.faults import Fault
 from backend.models.run import SETTINGS, KeptGrant, RunSettings, StoredLoopSettings
-from backend.models.settings import declared_values
+from backend.models.settings import describe_values
 from backend.realtime.commands import (
     Accepted,
     Command,
@@ -39,7 +39,7 @@ from backend.realtime.commands import (
 )
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import LEGAL, MODES, Mode
-from backend.realtime.program import ConfigureContactDetection, Program, SetTuning, mode_of_law, starts_from
+from backend.realtime.program import ConfigureContactDetection, Program, SetTuning, may_start_from, program_mode
 from backend.realtime.supervisor import LoopClient, LoopExited, LoopExitedError
 from backend.sample import INDEX
 from backend.storage import banks, runs
@@ -63,7 +63,7 @@ BankOf = Callable[[int], Bank]
 """Returns the bank of a number. Raises UnknownRecordError."""
 
 
-def banks_in(database: Database) -> BankOf:
+def bank_lookup(database: Database) -> BankOf:
     """Return what looks banks up in a database."""
 
     def bank_of(number: int) -> Bank:
@@ -86,18 +86,18 @@ def compile_program(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tu
     require_reach(plan.laid, parameters, plan.lines)
     tunings = tuple(
         _command(bank_of, parameters, plan, choice, place)
-        for place, choice in zip(plan.laid.change_places, choices_of(plan, tuning), strict=True)
+        for place, choice in zip(plan.laid.change_places, list_plan_tunings(plan, tuning), strict=True)
     )
     return replace(program, tunings=tunings)
 
 
-def choices_of(plan: Plan, tuning: TuningSettings) -> list[TuningSettings]:
+def list_plan_tunings(plan: Plan, tuning: TuningSettings) -> list[TuningSettings]:
     """Return the tunings that a plan which begins with ``tuning`` puts into use, in their order."""
     changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
     return [tuning.with_parts(change) for change in changes]
 
 
-def banks_of(plan: Plan) -> set[int]:
+def list_plan_banks(plan: Plan) -> set[int]:
     """Return the numbers of the banks that a plan puts into use on its way."""
     changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
     return {int(change["bank"]) for change in changes if "bank" in change}
@@ -106,12 +106,12 @@ def banks_of(plan: Plan) -> set[int]:
 def _command(
     bank_of: BankOf, parameters: PlantParameters, plan: ExperimentPlan, choice: TuningSettings, path: Path
 ) -> SetTuning:
-    line = line_of(path, plan.lines)
+    line = find_line(path, plan.lines)
     try:
         bank = bank_of(choice.bank) if choice.bank else None
-        previewer = TuningPreviewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=choice.lam_motor, b=choice.b)
         previewer.require_safe(choice.lambdas, choice.budget)
-        return tuning_command(parameters, choice, bank)
+        return build_tuning_command(parameters, choice, bank)
     except InvalidValueError as error:
         raise ExperimentError(error, path, line) from None
     except (UnknownRecordError, TuningError) as error:
@@ -150,7 +150,7 @@ class NotReadyError(SinewError):
         return {"code": "not_ready", "legal": [str(mode) for mode in LEGAL[self.mode]]}
 
 
-def mode_of(loop: LoopClient) -> Mode:
+def current_mode(loop: LoopClient) -> Mode:
     """Return the mode of the newest sample; OFF before the first."""
     newest = loop.ring.newest()
     return Mode.OFF if newest is None else MODES[int(newest[INDEX["mode"]])]
@@ -158,7 +158,7 @@ def mode_of(loop: LoopClient) -> Mode:
 
 def require_ready(loop: LoopClient) -> None:
     """Raise NotReadyError unless a program could be started from the present mode."""
-    mode = mode_of(loop)
+    mode = current_mode(loop)
     if mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
         raise NotReadyError("another program is being played: wait for its end or stop it", mode)
     if mode in (Mode.STOPPING, Mode.TRIPPED):
@@ -184,8 +184,8 @@ async def execute_program(loop: LoopClient, program: Program, run: int, notify: 
 
 async def _start(loop: LoopClient, program: Program, run: int, notify: ProgressCallback) -> None:
     """Bring the loop to where the program can start, and start it. Raises NotPlayedError."""
-    mode = mode_of_law(program.law)
-    if not starts_from(program.law, mode_of(loop)):
+    mode = program_mode(program.law)
+    if not may_start_from(program.law, current_mode(loop)):
         answer = await loop.send(SetMode(Mode.PRETENSION))
         if isinstance(answer, Refused):
             raise NotPlayedError(answer.reason)
@@ -354,14 +354,14 @@ def create_run(station: ExperimentRig, order: RunRequest) -> Run:
     """
     require_ready(station.loop)
     if isinstance(order.plan, IdentificationPlan):
-        start = start_from(station.loop.ring.newest())
-        told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
+        start = read_start(station.loop.ring.newest())
+        told = forecast_identifications([order.plan], station.parameters, start, order.loop_settings.lam_motor)
         told.require_within_range(station.parameters)
-    compile_program(banks_in(station.database), station.parameters, order.plan, order.loop_settings.tuning)
+    compile_program(bank_lookup(station.database), station.parameters, order.plan, order.loop_settings.tuning)
     settings = RunSettings(
-        plan=kept_values(order.plan),
+        plan=plan_values(order.plan),
         loop=StoredLoopSettings(**asdict(order.loop_settings)),
-        declared=(*declared(order.plan), *declared_values(order.loop_settings)),
+        declared=(*declare_choice(order.plan), *describe_values(order.loop_settings)),
         versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
         granted=None if station.loop.granted is None else KeptGrant(**asdict(station.loop.granted)),
     )
@@ -391,13 +391,13 @@ async def play_and_evaluate(
     notify: ProgressCallback,
     over: Callable[[], Awaitable[None]] = _nothing,
 ) -> RunResult:
-    """Play an order as ``run`` and evaluate it: ``played``, then ``evaluated``."""
-    closed = await played(station, order, run, notify, over)
+    """Play an order as ``run`` and evaluate it: ``played``, then ``evaluate_closed_run``."""
+    closed = await play_run(station, order, run, notify, over)
     notify(RunPhase.EVALUATION, 0.0)
-    return RunResult(closed, await evaluated(station, order.plan, closed))
+    return RunResult(closed, await evaluate_closed_run(station, order.plan, closed))
 
 
-async def played(
+async def play_run(
     station: ExperimentRig,
     order: RunRequest,
     run: Run,
@@ -412,10 +412,10 @@ async def played(
     try:
         tuning = order.loop_settings.tuning
         program = await asyncio.to_thread(
-            compile_program, banks_in(station.database), station.parameters, order.plan, tuning
+            compile_program, bank_lookup(station.database), station.parameters, order.plan, tuning
         )
-        bank = banks_in(station.database)(tuning.bank) if tuning.bank else None
-        await learn_for(station.loop, program, tuning_command(station.parameters, tuning, bank))
+        bank = bank_lookup(station.database)(tuning.bank) if tuning.bank else None
+        await learn_for(station.loop, program, build_tuning_command(station.parameters, tuning, bank))
         await execute_program(station.loop, program, run.id, notify)
         closed = await _recorded(station, run.id)
     except (NotPlayedError, InvalidValueError) as refused:
@@ -456,13 +456,15 @@ async def _recorded(
     return _close(station, run_id, *or_else)
 
 
-async def evaluated(station: ExperimentRig, plan: Plan, run: Run) -> Evaluation:
+async def evaluate_closed_run(station: ExperimentRig, plan: Plan, run: Run) -> Evaluation:
     """Compute and store the result of a closed run; what ended early is evaluated as incomplete.
 
     A run is over whatever becomes of that: where it fails, outcome and run say why, and it goes on.
     """
     try:
-        evaluation: Evaluation = await station.compute(evaluate, station.database, station.parameters, plan, run)
+        evaluation: Evaluation = await station.compute(
+            evaluate_finished_run, station.database, station.parameters, plan, run
+        )
         return evaluation
     except Exception as error:
         _LOG.exception("run %s could not be evaluated", run.id)

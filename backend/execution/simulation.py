@@ -11,21 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis.context import EvaluationContext
-from backend.analysis.evaluation import composed_result
+from backend.analysis.evaluation import evaluate_experiment
 from backend.analysis.step_metrics import NoSamplesError
-from backend.banks.builder import points_of, tuning_command
+from backend.banks.builder import build_tuning_command, entry_points
 from backend.execution.progress import RunPhase
 from backend.execution.runner import (
     BankOf,
     ExperimentRig,
     RunRequest,
-    banks_in,
+    bank_lookup,
     compile_program,
     execute_program,
     learn_for,
     run_experiment,
 )
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.models.run import Metrics, RunCriterion
 from backend.realtime.commands import Event, RunEnded
@@ -34,7 +34,7 @@ from backend.realtime.program import Program, SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
 from backend.recording.reader import Columns, SampleEnvelope, read_envelope
-from backend.recording.recorder import Recorder, end_of
+from backend.recording.recorder import Recorder, describe_end
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import banks
 from backend.storage.banks import Bank
@@ -53,7 +53,7 @@ from plant.parameters import PlantParameters
 
 
 @contextmanager
-def headless_station(
+def open_headless_station(
     database: Database, parameters: PlantParameters, settings: LoopSettings, plant: PlantChoice = SIMULATOR
 ) -> Iterator[ExperimentRig]:
     """Give an actuator that is computed, with a recorder, set to ``settings``; let go of it at the end of the block.
@@ -61,7 +61,7 @@ def headless_station(
     Raises PlantError for a ``plant`` that moves by itself, UnknownRecordError for a bank that is not there,
     OutOfRangeError for λ that is not safe on its models.
     """
-    bank = banks_in(database)(settings.bank) if settings.bank else None
+    bank = bank_lookup(database)(settings.bank) if settings.bank else None
     recorders: list[Recorder] = []
 
     def record(_ring: Ring) -> None:
@@ -90,12 +90,12 @@ def headless_loop(
 
     Raises PlantError for a ``plant`` that moves by itself, OutOfRangeError for λ that is not safe.
     """
-    previewer = TuningPreviewer(parameters, points_of(bank), lam_motor=settings.lam_motor, b=settings.b)
+    previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=settings.lam_motor, b=settings.b)
     previewer.require_safe(settings.lambdas, settings.budget)
     made = make_plant(plant, parameters, settings.seed)
     if not made.stepped:
         raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
-    return SimulatedLoop(made, parameters, tuning_command(parameters, settings, bank), each_batch)
+    return SimulatedLoop(made, parameters, build_tuning_command(parameters, settings, bank), each_batch)
 
 
 # Dry run -------------------------------------------------------------------------------------------
@@ -120,10 +120,10 @@ class DryRun:
     curves: SampleEnvelope | None
 
 
-def get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
+def warm_up_dry_run(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Play the shortest tracking there is and keep nothing of it: what a dry run takes is loaded then."""
-    shortest = ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)
-    tuning = tuning_command(parameters, replace(settings, bank=0), None)
+    shortest = build_ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)
+    tuning = build_tuning_command(parameters, replace(settings, bank=0), None)
     with closing(SimulatedLoop(make_plant(SIMULATOR, parameters, 0), parameters, tuning)) as loop:
         asyncio.run(execute_program(loop, shortest.program(), 1, lambda _phase, _elapsed_s: None))
 
@@ -147,7 +147,7 @@ def dry_run(
             for bank in used:
                 entries = [replace(entry, identification_id=None) for entry in bank.entries]
                 banks.add(session, bank.name, entries, bank.who, number=bank.id)
-        with headless_station(database, parameters, order.loop_settings) as station:
+        with open_headless_station(database, parameters, order.loop_settings) as station:
             outcome = asyncio.run(run_experiment(station, order, _Progress(folder)))
         with database.reading() as session:
             stored = outcome.evaluation.result
@@ -172,7 +172,7 @@ class _Progress:
         os.replace(being_written, self._folder / _PROGRESS)
 
 
-def progress_in(folder: Path) -> tuple[RunPhase, float]:
+def read_progress(folder: Path) -> tuple[RunPhase, float]:
     """Return what a dry run does in this folder, and for how long [s of loop time]."""
     try:
         doing, elapsed_s = (folder / _PROGRESS).read_text(encoding="utf-8").split()
@@ -218,10 +218,10 @@ def play_in_memory(
     with closing(headless_loop(parameters, settings, bank, kept.drain)) as loop:
         program = compile_program(bank_of, parameters, plan, settings.tuning)
         loop.listen(kept.hear)
-        asyncio.run(_played(loop, program, tuning_command(parameters, settings, bank)))
+        asyncio.run(_played(loop, program, build_tuning_command(parameters, settings, bank)))
         kept.drain(loop.ring)
     assert kept.ended is not None  # else it would still be played
-    state, detail = end_of(kept.ended)
+    state, detail = describe_end(kept.ended)
     columns = _columns(kept.rows)
     outline = Metrics(
         complete=state == EndState.COMPLETED,
@@ -229,9 +229,9 @@ def play_in_memory(
         planned_s=plan.program().duration_s,
         phases=plan.phases(),
     )
-    in_force = EvaluationContext(parameters, plan, settings.tuning, points_of(bank))
+    in_force = EvaluationContext(parameters, plan, settings.tuning, entry_points(bank))
     try:
-        metrics, criteria = composed_result(columns, in_force, outline, 0)
+        metrics, criteria = evaluate_experiment(columns, in_force, outline, 0)
     except NoSamplesError as error:
         return SimulatedRun(state.value, f"{detail}: {error}" if detail else str(error), outline, (), columns)
     return SimulatedRun(state.value, detail, metrics, criteria, columns)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from backend.banks.tuning_settings import TuningSettings
-from backend.control.decoupler import bounds_for
+from backend.control.decoupler import compute_bounds
 from backend.control.setpoint_player import LEAST_BITS, MOST_BITS, MOST_LINES
 from backend.errors import Path, check_range
 from backend.experiments import schema
@@ -20,12 +20,12 @@ from backend.experiments.parser import (
     ExpressionError,
     Lines,
     Names,
-    at,
-    line_of,
-    number_of,
+    error_context,
+    evaluate_number,
+    find_line,
 )
-from backend.models.run import Phase, Value, with_motion
-from backend.models.settings import describe
+from backend.models.run import Phase, Value, complete_motion
+from backend.models.settings import describe_settings
 from backend.realtime.program import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
@@ -38,9 +38,9 @@ from backend.realtime.program import (
     ContactDetection,
     Segment,
     Shape,
-    left_at,
+    final_references,
 )
-from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, require_possible
+from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, require_possible_wall
 from plant.interface import PlantError, T_s
 from plant.parameters import PlantParameters
 
@@ -162,12 +162,12 @@ class Numbers:
     ) -> float:
         path = (*self._path, name)
         try:
-            number = number_of(expression, self._names)
+            number = evaluate_number(expression, self._names)
         except ExpressionError as error:
             raise self._refused(str(error), path) from None
         slack = 1e-9 * max(abs(least), abs(most))  # a bound that was computed from the same settings is one to be met
         clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
-        with at(path, self._lines):
+        with error_context(path, self._lines):
             check_range(name, clipped, least, most, unit, words=words, path=path)
         return clipped
 
@@ -186,7 +186,7 @@ class Numbers:
         return amplitude_q, self._number("S_amplitude", S, -room_S, room_S, "N·m/rad", words)
 
     def _refused(self, why: str, path: Path) -> ExperimentError:
-        return ExperimentError(why, path, line_of(path, self._lines))
+        return ExperimentError(why, path, find_line(path, self._lines))
 
 
 # Reach ---------------------------------------------------------------------------------------------
@@ -200,24 +200,24 @@ def require_reach(laid: CompiledExperiment, parameters: PlantParameters, lines: 
 
     And for a wall that cannot stand in this plant's way.
     """
-    bounds = bounds_for(parameters)
+    bounds = compute_bounds(parameters)
     q, S = 0.0, 0.0
     for segment, place in zip(laid.segments, laid.places, strict=True):
         asked = [(segment.q_ref, segment.S_ref)]
         if segment.shape in OSCILLATING:
             asked.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
         for q_ref, S_ref in asked:
-            with at(place, lines):
+            with error_context(place, lines):
                 check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
                 check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
-        q, S = left_at(segment, q, S)
+        q, S = final_references(segment, q, S)
     g, joint = parameters.geometry, parameters.dynamics().joint
     for wall, place in zip(laid.walls, laid.wall_places, strict=True):
         try:
             if wall is not None:
-                require_possible(wall, joint, parameters.safety.F_max, g.q_max, T_s / SUBSTEPS)
+                require_possible_wall(wall, joint, parameters.safety.F_max, g.q_max, T_s / SUBSTEPS)
         except PlantError as error:
-            raise ExperimentError(str(error), place, line_of(place, lines)) from None
+            raise ExperimentError(str(error), place, find_line(place, lines)) from None
 
 
 # Told ----------------------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ class PlayedPart:
     S_to: float
 
 
-def played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
+def list_played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
     """Return the parts that move or wait, in the order in which they first play."""
     found: dict[Path, PlayedPart] = {}
     at: tuple[float, float] | None = None
@@ -258,7 +258,7 @@ def played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
         )
         found[path] = replace(first, end_s=end_s, pieces=first.pieces + 1)
         clock_s = end_s
-        at = left_at(segment, *(at or (segment.q_ref, segment.S_ref)))
+        at = final_references(segment, *(at or (segment.q_ref, segment.S_ref)))
     return list(found.values())
 
 
@@ -341,7 +341,7 @@ _K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
 """Of any plant; its own bounds of a wall are looked at before a start."""
 _FASTEST_HZ = 50.0
 _MOST_PARTS = 4 * MAX_SEGMENTS
-_TUNED = {setting.name: setting for setting in describe(TuningSettings)}
+_TUNED = {setting.name: setting for setting in describe_settings(TuningSettings)}
 
 
 def laid(experiment: schema.Experiment, values: Names, lines: Lines) -> CompiledExperiment:
@@ -461,7 +461,7 @@ class _Layout(Numbers):
     def _multisine(self, part: schema.Multisine) -> None:
         period_s = round(self._number("period_s", part.period_s, 0.1, LONGEST_PART_S, "s"), 3)
         lines = self._whole("lines", part.lines, 1, MOST_LINES)
-        with at((*self._path, "lines"), self._lines):
+        with error_context((*self._path, "lines"), self._lines):
             fastest = f"{_FASTEST_HZ:g} Hz is the fastest: take fewer lines or a longer period"
             check_range("lines", lines / period_s, None, _FASTEST_HZ, "Hz", fastest, words="highest frequency")
         periods = self._whole("periods", part.periods, 1, 1000)
@@ -507,7 +507,7 @@ class _Layout(Numbers):
                 number = self._number(name, wanted, minimum, setting.maximum, setting.unit)
                 named[name] = int(number) if setting.kind == "integer" else number
         before = self._changes[-1] if self._changes else {}
-        self._changes.append({**before, **with_motion(named)})
+        self._changes.append({**before, **complete_motion(named)})
         self._change_places.append(self._path)
         self._unused_change = True
 
@@ -601,7 +601,7 @@ class _Layout(Numbers):
         if touch := self._touches.of_next():
             segment = replace(segment, touch=touch)
         self._duration_s += segment.duration_s
-        with at(self._path, self._lines):
+        with error_context(self._path, self._lines):
             words = "time of all parts up to here"
             check_range("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
         self._segments.append(segment)

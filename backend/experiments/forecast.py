@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import motion_primitives, pid
-from backend.control.decoupler import bounds_for, decoupler_for, equilibrium, stiffness
+from backend.control.decoupler import build_decoupler, compute_bounds, equilibrium, stiffness
 from backend.control.motion_primitives import PRETENSION_N, STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.control.motion_types import TRAVEL_SPEED
 from backend.errors import OutOfRangeError
 from backend.experiments.plans import IdentificationPlan, Plan
 from backend.realtime.modes import MODES, Mode
-from backend.realtime.program import IDENTIFYING, Law, Program, VoltageStep, starts_from
+from backend.realtime.program import IDENTIFYING, Law, Program, VoltageStep, may_start_from
 from backend.sample import INDEX
-from plant.dynamics import elongation, tension
+from plant.dynamics import spring_elongation, tendon_tension
 from plant.interface import T_s
 from plant.parameters import SIDES, PlantParameters, Side
 
@@ -87,7 +87,7 @@ class Start:
     references: JointAngles
 
 
-def start_from(row: NDArray[np.float64] | None) -> Start:
+def read_start(row: NDArray[np.float64] | None) -> Start:
     """Read a sample of the loop; without one, slack and at zero. A motor without a reference is where it is."""
     if row is None:
         return Start(Mode.OFF, 0.0, (0.0, 0.0), (0.0, 0.0))
@@ -135,7 +135,7 @@ class ReferenceTrajectory:
             self._wind_up()
             return
         on_the_way = self._mode is Mode.PRETENSION and self.at != self.wound(PRETENSION_N)
-        if on_the_way or not starts_from(law, self._mode):
+        if on_the_way or not may_start_from(law, self._mode):
             self.home()
 
     def home(self) -> None:
@@ -159,7 +159,7 @@ class ReferenceTrajectory:
     def wound(self, F: float) -> JointAngles:
         """Angles [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._parameters.geometry.r_m
-        return elongation(self._springs["A"], F) / r_m, elongation(self._springs["B"], F) / r_m
+        return spring_elongation(self._springs["A"], F) / r_m, spring_elongation(self._springs["B"], F) / r_m
 
     def _force_hold(self, program: Program) -> None:
         if program.excitation is None:
@@ -230,7 +230,10 @@ class ReferenceTrajectory:
         theta = list(self.at)
         ticks: list[JointAngles] = []
         while state.steady_s < motion_primitives.STANDSTILL_S and len(ticks) * T_s < _WINDING_MAX_S:
-            F = [max(tension(self._springs[side], r_m * angle), 0.0) for side, angle in zip(SIDES, theta, strict=True)]
+            F = [
+                max(tendon_tension(self._springs[side], r_m * angle), 0.0)
+                for side, angle in zip(SIDES, theta, strict=True)
+            ]
             state = motion_primitives.step_pretension(state, PRETENSION_N, *F)
             asked = state.theta_A_ref, state.theta_B_ref
             theta = [angle + behind * (to - angle) for angle, to in zip(theta, asked, strict=True)]
@@ -324,7 +327,7 @@ class Timetable:
         return titled(self.law, stretch.set_point)
 
 
-def timetable(
+def forecast_identification(
     plan: IdentificationPlan, parameters: PlantParameters, references: JointAngles | None = None
 ) -> Timetable:
     """Go through an identification that begins with motor references [rad]; without any, in pretension."""
@@ -342,7 +345,9 @@ def of_way(way: ReferenceTrajectory, program: Program, parameters: PlantParamete
     signals = {name: values[kept] for name, values in every.items()}
     if program.law is Law.TENSION_SWEEP:
         spring, r_m = parameters.identified_spring("A"), parameters.geometry.r_m
-        signals["F_A"] = np.array([tension(spring, r_m * angle) for angle in signals["theta_A_ref"]], dtype=np.float64)
+        signals["F_A"] = np.array(
+            [tendon_tension(spring, r_m * angle) for angle in signals["theta_A_ref"]], dtype=np.float64
+        )
     return Timetable(program.law, tuple(way.stretches), (kept + 1) * np.float64(T_s), signals)
 
 
@@ -433,7 +438,7 @@ class Forecast:
 
     def require_within_range(self, parameters: PlantParameters) -> None:
         """Raise OutOfRangeError where the joint or a tendon would leave its range."""
-        bounds = bounds_for(parameters)
+        bounds = compute_bounds(parameters)
         remedy = "take a lower tension or a smaller amplitude"
         # A start beyond the range is no reason to stay there: only what the run itself does is refused.
         reach = max(self.q_high, -self.q_low, key=abs)
@@ -446,7 +451,7 @@ class Forecast:
             raise OutOfRangeError("tension on the way", self.F_low, bounds.F_slack, None, "N", remedy)
 
 
-def forecast(
+def forecast_identifications(
     plans: Sequence[IdentificationPlan], parameters: PlantParameters, start: Start, lam_motor: float
 ) -> Forecast:
     """Follow ``plans`` in turn from ``start``, with motor loops of ``lam_motor`` [s]."""
@@ -464,11 +469,11 @@ def forecast(
         _through_four_lags(asked, at, lam_motor)[::STEP_TICKS]
         for asked, at in zip((asked_A, asked_B), start.theta, strict=True)
     )
-    d, g = decoupler_for(parameters), parameters.geometry
+    d, g = build_decoupler(parameters), parameters.geometry
     q = np.array([equilibrium(d, A, B) for A, B in zip(theta_A, theta_B, strict=True)])
     spring_A, spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
-    F_A = np.array([tension(spring_A, x) for x in g.r_m * theta_A - g.r_j * q])
-    F_B = np.array([tension(spring_B, x) for x in g.r_m * theta_B + g.r_j * q])
+    F_A = np.array([tendon_tension(spring_A, x) for x in g.r_m * theta_A - g.r_j * q])
+    F_B = np.array([tendon_tension(spring_B, x) for x in g.r_m * theta_B + g.r_j * q])
     taut = np.minimum(F_A, F_B) > 0.0
     held = slice(round(begins[0] / T_s) // STEP_TICKS, None)
     let_slack = any(plan.program().law is Law.MOTOR_STEPS for plan in plans)
@@ -497,7 +502,7 @@ def forecast(
 class Expected:
     """How long a run takes [s] from its order to where its program begins, and from there to its end.
 
-    An identification has its ``timetable``; the way there is as long as the actuator takes for it.
+    An identification has its ``forecast_identification``; the way there is as long as the actuator takes for it.
     """
 
     before_s: float
@@ -510,7 +515,7 @@ class Expected:
         return self.before_s + self.program_s
 
 
-def expected(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
+def forecast_duration(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
     """Tell how long a run takes from its order to its end, the way to where it can start included."""
     program = plan.program()
     way = ReferenceTrajectory(parameters, start)

@@ -26,7 +26,7 @@ from backend.experiments.plans import (
 )
 from backend.experiments.schema import Experiment
 from backend.models.run import DeclaredValue, Value
-from backend.models.settings import Setting, SettingError, declared_values, describe, from_values
+from backend.models.settings import Setting, SettingError, build_plan, describe_settings, describe_values
 from backend.realtime.program import MAX_SEGMENTS
 from plant.interface import T_s
 
@@ -109,7 +109,7 @@ class RecordedParts(NamedTuple):
     unpushed: list[tuple[int, int]]
 
 
-def commanded(q_ref: Column, S_ref: Column) -> tuple[int, int]:
+def find_commanded_range(q_ref: Column, S_ref: Column) -> tuple[int, int]:
     """Return the first tick with references and the end of them.
 
     Raises ExperimentError for no references, and for a gap in them.
@@ -123,7 +123,7 @@ def commanded(q_ref: Column, S_ref: Column) -> tuple[int, int]:
     return first, end
 
 
-def followed(
+def follow_columns(
     q: Column, S: Column, F_push: Column | None = None, changes: Sequence[ReferenceChange] = ()
 ) -> RecordedParts:
     """Return parts that bring references and push, tick by tick, to where these columns are.
@@ -312,7 +312,7 @@ OF_THE_PAPER = ("tracking", "compliance", "robustness")
 """Ready-made experiments whose runs are of a kind of their own, as they were before experiments were data."""
 
 
-def ready_plan(name: str, **values: Any) -> ExperimentPlan:
+def build_ready_plan(name: str, **values: Any) -> ExperimentPlan:
     """Return the plan of a ready-made experiment. Raises KeyError, SettingError, OutOfRangeError, ExperimentError."""
     experiment, lines = ready_made(name)
     return composed(experiment, values, name if name in OF_THE_PAPER else KIND, lines)
@@ -320,40 +320,40 @@ def ready_plan(name: str, **values: Any) -> ExperimentPlan:
 
 def settings_of(plan: Plan) -> tuple[Setting, ...]:
     """Return the settings that a plan declares."""
-    return plan.settings if isinstance(plan, ExperimentPlan) else describe(type(plan))
+    return plan.settings if isinstance(plan, ExperimentPlan) else describe_settings(type(plan))
 
 
-def values_of(plan: Plan) -> dict[str, Value]:
+def list_setting_values(plan: Plan) -> dict[str, Value]:
     """Return the settings of a plan by name."""
     return dict(plan.values) if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
-def kept_values(plan: Plan) -> dict[str, Value]:
+def plan_values(plan: Plan) -> dict[str, Value]:
     """Return what a run keeps of its plan."""
     return plan.stored() if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
-def declared(plan: Plan) -> tuple[DeclaredValue, ...]:
+def declare_choice(plan: Plan) -> tuple[DeclaredValue, ...]:
     """Return what was chosen with symbol, unit and meaning."""
     if not isinstance(plan, ExperimentPlan):
-        return declared_values(plan)
+        return describe_values(plan)
     return tuple(
         DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, plan.values[setting.name])
         for setting in plan.settings
     )
 
 
-def stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
+def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
     """Return the plan of a stored run. One from before experiments were data keeps its settings alone.
 
     Raises SettingError, OutOfRangeError, ExperimentError for settings that have no meaning any more.
     """
     if kind in KINDS:
-        plan: Plan = from_values(KINDS[kind], kept)
+        plan: Plan = build_plan(KINDS[kind], kept)
         return plan
     if "experiment" not in kept:
-        return ready_plan(kind, **kept)
-    experiment = parser.of_canonical(str(kept["experiment"]))
+        return build_ready_plan(kind, **kept)
+    experiment = parser.parse_canonical(str(kept["experiment"]))
     return composed(experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind)
 
 
@@ -383,7 +383,7 @@ class ExperimentDefinition:
         return self.make({})
 
 
-def entry_of(
+def build_library_entry(
     experiment: Experiment, lines: Lines | None = None, *, name: str = "", run_kind: str = KIND
 ) -> ExperimentDefinition:
     """Return the entry of an experiment that is data. Raises ExperimentError for one that cannot be played."""
@@ -402,15 +402,17 @@ def entry_of(
 
 
 @cache
-def experiments() -> Mapping[str, ExperimentDefinition]:
+def experiments_by_name() -> Mapping[str, ExperimentDefinition]:
     """Return the experiments that come with Sinew, by name."""
-    ready = {name: entry_of(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES}
+    ready = {
+        name: build_library_entry(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES
+    }
     sequence = ExperimentDefinition(
         SequencePlan.kind,
         "Own sequence",
         "Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
-        describe(SequencePlan),
-        lambda values: from_values(SequencePlan, values),
+        describe_settings(SequencePlan),
+        lambda values: build_plan(SequencePlan, values),
         SequencePlan.kind,
     )
     return {**ready, sequence.name: sequence}
@@ -444,9 +446,9 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
 }
 
 
-def experiment(name: str) -> ExperimentDefinition:
+def find_experiment(name: str) -> ExperimentDefinition:
     """Return the experiment of this name. Raises SettingError with those there are."""
-    known = experiments()
+    known = experiments_by_name()
     if name not in known:
         raise SettingError("name", name, f"there is no such experiment; known: {', '.join(known)}", legal=tuple(known))
     return known[name]

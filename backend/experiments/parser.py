@@ -86,7 +86,7 @@ class ExpressionError(SinewError, ValueError):
     category = ErrorCode.BAD_VALUE
 
 
-def number_of(expression: float | str, names: Names) -> float:
+def evaluate_number(expression: float | str, names: Names) -> float:
     """Return the number that an expression stands for. Raises ExpressionError."""
     value = _value_of(expression, names)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -128,7 +128,7 @@ def bound_of(expression: str, names: Names) -> Compared | None:
         case ast.Compare(
             left=ast.Name(id=name), ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as sign], comparators=[right]
         ):
-            value, bound = names.get(name), number_of(ast.unparse(right), names)
+            value, bound = names.get(name), evaluate_number(ast.unparse(right), names)
             if isinstance(value, int | float):
                 return Compared(name, float(value), bound, isinstance(sign, ast.Lt | ast.LtE))
         case _:
@@ -280,7 +280,7 @@ def in_words(path: Path) -> str:
     return ", ".join(words) or "experiment"
 
 
-def line_of(path: Path, lines: Lines) -> int | None:
+def find_line(path: Path, lines: Lines) -> int | None:
     """Return the line of a place, or of the nearest that it lies in."""
     for length in range(len(path), -1, -1):
         if path[:length] in lines:
@@ -289,14 +289,14 @@ def line_of(path: Path, lines: Lines) -> int | None:
 
 
 @contextmanager
-def at(path: Path, lines: Lines) -> Iterator[None]:
+def error_context(path: Path, lines: Lines) -> Iterator[None]:
     """Say of whatever is refused inside where it stands."""
     try:
         yield
     except ExperimentError:
         raise
     except InvalidValueError as error:
-        raise ExperimentError(error, path, line_of(path, lines)) from None
+        raise ExperimentError(error, path, find_line(path, lines)) from None
 
 
 # Settings ------------------------------------------------------------------------------------------
@@ -318,12 +318,12 @@ def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
         path: Path = ("settings", place)
         if declared.name in _SETTING_TAKEN or any(declared.name == other.name for other in made):
             why = f"{declared.name!r} is taken: by the tuning, the seed or another setting"
-            raise ExperimentError(why, (*path, "name"), line_of((*path, "name"), lines))
+            raise ExperimentError(why, (*path, "name"), find_line((*path, "name"), lines))
         try:
             setting = _setting(declared)
             setting.parse(setting.default)
         except (ExpressionError, SettingError, OutOfRangeError, ValueError) as error:
-            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+            raise ExperimentError(str(error), path, find_line(path, lines)) from None
         made.append(setting)
     return tuple(made)
 
@@ -355,13 +355,13 @@ def require_rules(
         try:
             held, names = truth_of(rule.that, values), names_in(rule.that)
         except ExpressionError as error:
-            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+            raise ExperimentError(str(error), path, find_line(path, lines)) from None
         if held:
             continue
         if names & set(given):
             _blame(rule, settings, values)
         told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
-        raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, line_of(path, lines))
+        raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, find_line(path, lines))
 
 
 def _blame(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
@@ -382,7 +382,7 @@ def _setting(declared: Declared) -> Setting:
     if declared.kind in ("number", "integer") and (declared.minimum is None or declared.maximum is None):
         raise ExpressionError(f"{declared.name} needs a minimum and a maximum")
     numeric = declared.kind in ("number", "integer")
-    default = number_of(declared.default, {}) if numeric else declared.default
+    default = evaluate_number(declared.default, {}) if numeric else declared.default
     if declared.kind == "integer" and default != round(float(default)):
         raise ExpressionError(f"the default {declared.default!r} is not a whole number")
     return Setting(
@@ -392,8 +392,8 @@ def _setting(declared: Declared) -> Setting:
         unit=declared.unit,
         meaning=declared.meaning,
         default=int(default) if declared.kind == "integer" else default,
-        minimum=None if declared.minimum is None else number_of(declared.minimum, {}),
-        maximum=None if declared.maximum is None else number_of(declared.maximum, {}),
+        minimum=None if declared.minimum is None else evaluate_number(declared.minimum, {}),
+        maximum=None if declared.maximum is None else evaluate_number(declared.maximum, {}),
         choices=declared.choices,
     )
 
@@ -480,7 +480,7 @@ def in_form(
     """Return what a document of the ``known`` format says. Raises ExperimentError naming the place."""
     if document.get("format") != known:
         why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
-        raise ExperimentError(why, ("format",), line_of(("format",), lines))
+        raise ExperimentError(why, ("format",), find_line(("format",), lines))
     try:
         return form.validate_json(json.dumps(document), context=STORED if stored else None)
     except ValidationError as error:
@@ -488,10 +488,10 @@ def in_form(
         # a word that is not known is what made another one missing
         first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
         path = _place(document, first["loc"])
-        raise ExperimentError(_told(first), path, line_of(path, lines)) from None
+        raise ExperimentError(_told(first), path, find_line(path, lines)) from None
 
 
-def of_canonical(line: str) -> Experiment:
+def parse_canonical(line: str) -> Experiment:
     """Return the experiment that ``canonical`` has written and a run has kept. Raises ExperimentError."""
     try:
         return of_document(as_stored(json.loads(line)), {}, stored=True)
@@ -615,7 +615,7 @@ _FORMULA_COMPARE = {ast.Lt: "lt", ast.LtE: "le", ast.Gt: "gt", ast.GtE: "ge", as
 _ARGUMENTS = {"min": (2, 50), "max": (2, 50), "abs": (1, 1), "sqrt": (1, 1), "round": (1, 2)}
 
 
-def derived_of(name: str, unit: str, expression: str) -> Derived:
+def parse_derived_signal(name: str, unit: str, expression: str) -> Derived:
     """Return the derived signal of a formula. Raises ExpressionError."""
     if not _NAME.fullmatch(name) or name in _FORMULA_TAKEN:
         raise ExpressionError(

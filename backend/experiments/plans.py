@@ -17,13 +17,13 @@ from backend.control.motion_types import Setpoint
 from backend.errors import WORDS, OutOfRangeError, Path, check_range
 from backend.experiments import parser
 from backend.experiments.compiler import CompiledExperiment, laid
-from backend.experiments.parser import ExperimentError, Lines, line_of, parsed_setting, require_rules, settings_of
+from backend.experiments.parser import ExperimentError, Lines, find_line, parsed_setting, require_rules, settings_of
 from backend.experiments.schema import Experiment
 from backend.identification.fitting import Method
 from backend.models.run import Phase, Value
-from backend.models.settings import Setting, SettingError, choice, from_values, integer, number
-from backend.models.settings import text as text_settings
-from backend.realtime.motions import player_of
+from backend.models.settings import Setting, SettingError, build_plan, choice_setting, integer_setting, number_setting
+from backend.models.settings import text_setting as text_settings
+from backend.realtime.motions import make_segment_player
 from backend.realtime.program import (
     IDENTIFYING,
     MAX_SEGMENTS,
@@ -75,7 +75,7 @@ class ExperimentPlan:
         named = self.values.get(self.experiment.law, self.experiment.law)
         if named not in LAWS:
             why = f"{named!r} is no control law; there are {', '.join(LAWS)}"
-            raise ExperimentError(why, ("law",), line_of(("law",), self.lines))
+            raise ExperimentError(why, ("law",), find_line(("law",), self.lines))
         return Law(str(named))
 
     @property
@@ -127,12 +127,12 @@ class MotorIdentificationPlan:
 
     kind: ClassVar[str] = "motor_identification"
 
-    u_low: float = number(2.0, 0.3, 9.0, "V", "u_low", "smallest voltage step")
-    u_high: float = number(5.0, 0.5, 9.5, "V", "u_high", "largest voltage step, short of saturation")
-    levels: int = integer(4, 2, 8, "n", "number of voltages from the smallest to the largest")
-    travel_rad: float = number(12.0, 2.0, 12.0, "rad", "Δθ", "a step ends once a motor has turned by this much")
-    step_s: float = number(2.5, 0.3, 10.0, "s", "t_u", "a step ends after this time at the latest")
-    settle_s: float = number(1.0, 0.5, 10.0, "s", "t_0", "time the motors are held where a step starts")
+    u_low: float = number_setting(2.0, 0.3, 9.0, "V", "u_low", "smallest voltage step")
+    u_high: float = number_setting(5.0, 0.5, 9.5, "V", "u_high", "largest voltage step, short of saturation")
+    levels: int = integer_setting(4, 2, 8, "n", "number of voltages from the smallest to the largest")
+    travel_rad: float = number_setting(12.0, 2.0, 12.0, "rad", "Δθ", "a step ends once a motor has turned by this much")
+    step_s: float = number_setting(2.5, 0.3, 10.0, "s", "t_u", "a step ends after this time at the latest")
+    settle_s: float = number_setting(1.0, 0.5, 10.0, "s", "t_0", "time the motors are held where a step starts")
 
     def __post_init__(self) -> None:
         if self.u_low >= self.u_high:
@@ -177,11 +177,13 @@ class SpringIdentificationPlan:
 
     kind: ClassVar[str] = "spring_identification"
 
-    F_low: float = number(2.0, 1.5, 15.0, "N", "F_low", "tension where the sweep starts, above slack")
-    F_high: float = number(45.0, 20.0, 47.0, "N", "F_high", "tension where the sweep turns, below the solid spring's")
-    sweep_s: float = number(15.0, 3.0, 120.0, "s", "t_s", "time of one way up or down")
-    cycles: int = integer(2, 1, 10, "n", "number of times up and down")
-    settle_s: float = number(2.0, 0.5, 30.0, "s", "t_0", "time at the lowest tension before the sweep starts")
+    F_low: float = number_setting(2.0, 1.5, 15.0, "N", "F_low", "tension where the sweep starts, above slack")
+    F_high: float = number_setting(
+        45.0, 20.0, 47.0, "N", "F_high", "tension where the sweep turns, below the solid spring's"
+    )
+    sweep_s: float = number_setting(15.0, 3.0, 120.0, "s", "t_s", "time of one way up or down")
+    cycles: int = integer_setting(2, 1, 10, "n", "number of times up and down")
+    settle_s: float = number_setting(2.0, 0.5, 30.0, "s", "t_0", "time at the lowest tension before the sweep starts")
 
     def program(self) -> Program:
         """Return the sweep."""
@@ -210,7 +212,7 @@ _T = TypeVar("_T")
 class LoopSettings(TuningSettings):
     """The tuning of an experiment and the seed of the simulator's noise."""
 
-    seed: int = integer(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
+    seed: int = integer_setting(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
 
     @property
     def tuning(self) -> TuningSettings:
@@ -233,7 +235,7 @@ def split_values(
             raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
     return (
         make({name: value for name, value in values.items() if name in of_plan}),
-        from_values(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),
+        build_plan(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),
     )
 
 
@@ -261,13 +263,13 @@ class Profile(NamedTuple):
     F_push: Array
 
 
-def profile(program: Program, q_ref: float, S_ref: float) -> Profile:
+def build_profile(program: Program, q_ref: float, S_ref: float) -> Profile:
     """Return what a program asks for that begins at these references. Each segment is there from its first tick on."""
     whole = sum(round(segment.duration_s / T_s) for segment in program.segments)
     every = max(1, round(whole / POINTS))
     start, begun = Setpoint(q_ref, S_ref, 0.0), 0
     points = []
-    for segment, row in zip(program.segments, player_of(program.segments, start).segments, strict=True):
+    for segment, row in zip(program.segments, make_segment_player(program.segments, start).segments, strict=True):
         ticks = round(segment.duration_s / T_s)
         chip = max(1, round(segment.period_s / T_s)) if segment.shape is Shape.PRBS else ticks + 1
         register, advanced = setpoint_player.FIRST, 0
@@ -397,13 +399,17 @@ class ActuatorIdentificationPlan:
 
     kind: ClassVar[str] = "actuator_identification"
 
-    tension_N: float = number(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while θ_A,ref is excited")
-    amplitude_rad: float = number(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on θ_A,ref")
-    chip_s: float = number(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
-    bits: int = integer(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
-    periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation")
-    settle_s: float = number(8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts")
-    estimator: str = choice(
+    tension_N: float = number_setting(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while θ_A,ref is excited")
+    amplitude_rad: float = number_setting(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on θ_A,ref")
+    chip_s: float = number_setting(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
+    bits: int = integer_setting(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
+    periods: int = integer_setting(
+        2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation"
+    )
+    settle_s: float = number_setting(
+        8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts"
+    )
+    estimator: str = choice_setting(
         Method.DEFAULT,
         (Method.DEFAULT, Method.ARX),
         "estimator",

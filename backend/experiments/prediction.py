@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control.decoupler import decoupler_for, equilibrium, stiffness
+from backend.control.decoupler import build_decoupler, equilibrium, stiffness
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification.motor import turn_from_rest
 from backend.identification.validation import MIN_COUNTS
-from plant.dynamics import elongation, tension
+from plant.dynamics import spring_elongation, tendon_tension
 from plant.interface import T_s
 from plant.parameters import SIDES, PlantParameters
 
@@ -19,7 +19,7 @@ from plant.parameters import SIDES, PlantParameters
 # What the excitation of an actuator identification shows of the rig, told before it starts (method
 # section 4). Pure.
 #
-# How far the joint goes on the whole way is ``forecast``.
+# How far the joint goes on the whole way is ``forecast_identifications``.
 
 
 _COUNTS_WHERE_EXACT = 4000
@@ -46,7 +46,9 @@ class PredictedMotion:
         return self.problem or f"the excitation alone moves it by {self.q_counts:.0f} encoder counts, peak to peak"
 
 
-def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float) -> PredictedMotion:
+def predict_excitation(
+    plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float
+) -> PredictedMotion:
     """Send the excitation through the inner loop's four lags of ``lam_motor`` [s] and take the joint at equilibrium.
 
     With theta_B = 0 the joint rests where both tendons pull alike: for like springs q = r_m theta_A / (2 r_j) (equation
@@ -56,14 +58,14 @@ def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_m
         parameters.geometry,
         parameters.motor_of("A"),
         parameters.identified_of("A"),
-        decoupler_for(parameters),
+        build_decoupler(parameters),
     )
     spring_A, spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
-    wound = (elongation(spring_A, plan.tension_N) + elongation(spring_B, plan.tension_N)) / g.r_m
+    wound = (spring_elongation(spring_A, plan.tension_N) + spring_elongation(spring_B, plan.tension_N)) / g.r_m
     moved, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
     theta_A = wound + moved
     q = np.array([equilibrium(d, angle, 0.0) for angle in theta_A[::10]])
-    F = np.array([tension(spring_A, x) for x in g.r_m * theta_A[::10] - g.r_j * q])
+    F = np.array([tendon_tension(spring_A, x) for x in g.r_m * theta_A[::10] - g.r_j * q])
     resistance = g.r_m * F + (m.c0 + m.c1 * g.r_m * F) * np.tanh(speed[::10] / m.omega_smooth)
     u = (known.T_m * acceleration[::10] + speed[::10]) / known.K_m + resistance / m.K_t
     counts_per_turn = parameters.sensors.joint_counts or _COUNTS_WHERE_EXACT
@@ -164,10 +166,10 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
 def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
     """Wind the springs known so far: elongation, stiffness on the way, and what the load cells' delay will show."""
     springs = [parameters.identified_spring(side) for side in SIDES]
-    low = [elongation(spring, plan.F_low) for spring in springs]
-    high = [elongation(spring, plan.F_high) for spring in springs]
+    low = [spring_elongation(spring, plan.F_low) for spring in springs]
+    high = [spring_elongation(spring, plan.F_high) for spring in springs]
     r_m = parameters.geometry.r_m
-    S = stiffness(decoupler_for(parameters), *(x / r_m for x in high))
+    S = stiffness(build_decoupler(parameters), *(x / r_m for x in high))
     rate = (plan.F_high - plan.F_low) / plan.sweep_s
     F_max = parameters.safety.F_max
     figures = (

@@ -303,6 +303,6 @@ class Experiment:
 EXPERIMENT: TypeAdapter[Experiment] = TypeAdapter(Experiment)
 
 
-def schema() -> dict[str, Any]:
+def build_json_schema() -> dict[str, Any]:
     """Return the JSON schema of an experiment, for editors and for whoever writes one by a program."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **EXPERIMENT.json_schema()}

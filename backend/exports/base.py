@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from backend import __version__
-from backend.models.document import digest_of
+from backend.models.document import document_digest
 from backend.plain_text import require_plain_texts
 from backend.recording.codec import CodecError, SamplesDigest
-from backend.recording.reader import Columns, read_samples, recorded_columns
+from backend.recording.reader import Columns, read_recorded_columns, read_samples
 from backend.sample import FIELDS, STORED_NAMES
 from backend.storage import formulas, recordings, runs
 from backend.storage.database import Database
 from backend.storage.formulas import Formula
-from backend.storage.imports import RUN, document_of
+from backend.storage.imports import RUN, build_record_document
 from backend.storage.orm import UnknownRecordError
 from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
@@ -211,7 +211,7 @@ class Facts:
         document = asdict(self)
         if not self.derived:
             del document["derived"]
-        sealed = document | {SEAL: digest_of(document)}
+        sealed = document | {SEAL: document_digest(document)}
         return json.dumps(sealed, ensure_ascii=False, separators=(",", ":"))
 
 
@@ -225,7 +225,7 @@ def read_facts(text: str | bytes) -> Facts:
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
             raise ImportRefusedError(f"what it says of itself is not of format {FORMAT}: take the Sinew that wrote it")
         said = {name: part for name, part in document.items() if name != SEAL}
-        if document.get(SEAL) != digest_of(said):
+        if document.get(SEAL) != document_digest(said):
             raise ImportRefusedError("what it says of itself was changed: its sha256 is another one")
         facts = _FACTS.validate_python(said)
     except ValidationError as error:
@@ -240,7 +240,7 @@ def read_facts(text: str | bytes) -> Facts:
     return facts
 
 
-def described(names: Iterable[str]) -> list[Described]:
+def describe_columns(names: Iterable[str]) -> list[Described]:
     """Return the columns of ``t`` and these signals in the order of every export; those of an older Sinew last."""
     known = set(names) | {"t"}
     ordered = [name for name in ORDER if name in known] + sorted(known - set(ORDER))
@@ -275,13 +275,13 @@ class Export:
     batches: Callable[[], Iterator[Batch]]
 
 
-def of_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Export:
+def export_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Export:
     """Return the export of a run, after reading all of it once: what cannot be read is refused beforehand.
 
     ``derived`` are signals of formulas that stand behind its columns. Raises UnknownRecordError, ExportError.
     """
     with database.reading() as session:
-        run, document = runs.get(session, run_id), document_of(session, RUN, run_id)
+        run, document = runs.get(session, run_id), build_record_document(session, RUN, run_id)
         recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
         written = {one.name: one for one in formulas.find(session) if one.name in derived}
     length_s = (extent.end_tick - extent.first_tick) * recording.period_s
@@ -305,7 +305,7 @@ def of_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Expo
         period_s=recording.period_s,
         samples=samples,
         sha256=digest.hex(),
-        columns=[*described(recording.fields), *(_described(written[name]) for name in derived)],
+        columns=[*describe_columns(recording.fields), *(_described(written[name]) for name in derived)],
         derived=list(derived),
         started_at=run.started_at.isoformat(),
         run=document,
@@ -315,15 +315,15 @@ def of_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Expo
     return Export(facts, batches)
 
 
-def stored_or_none(database: Database, run_id: int) -> Export:
+def export_run_if_recorded(database: Database, run_id: int) -> Export:
     """Return the export of a run, one without samples where none were recorded. Raises ExportError."""
     try:
-        return of_run(database, run_id)
+        return export_run(database, run_id)
     except UnknownRecordError:
-        return of_columns(recorded_columns(database, run_id)[0], f"run {run_id}")
+        return export_columns(read_recorded_columns(database, run_id)[0], f"run {run_id}")
 
 
-def of_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
+def export_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
     """Return the export of samples in memory, of a flight record for example; ``of`` says what they are."""
     batch: Batch = {name: column if name == "t" else column.astype(np.float32) for name, column in columns.items()}
     fields = [name for name in batch if name != "t"]
@@ -335,7 +335,7 @@ def of_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
         period_s=period_s,
         samples=batch["t"].size,
         sha256=digest.hex(),
-        columns=described(fields),
+        columns=describe_columns(fields),
     )
     return Export(facts, lambda: iter((batch,)))
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from backend import __version__
-from backend.exports.base import ExportError, ImportRefusedError, Sink, of_run, read_strict
-from backend.exports.formats import PIECE, DataFormat, pieces
-from backend.models.document import digest_of
+from backend.exports.base import ExportError, ImportRefusedError, Sink, export_run, read_strict
+from backend.exports.formats import PIECE, DataFormat, stream_export
+from backend.models.document import document_digest
 from backend.models.run import LARGEST
 from backend.storage import banks, commissioning, identifications, origins, recordings, results, runs
 from backend.storage.database import Database, Session
-from backend.storage.imports import BANK, IDENTIFICATION, RESULT, RUN, document_of
+from backend.storage.imports import BANK, IDENTIFICATION, RESULT, RUN, build_record_document
 from backend.storage.orm import Document
 from backend.storage.runs import EndState, Run
 
@@ -72,7 +72,7 @@ def write_bundle(database: Database, run_id: int, report: bytes | None, folder: 
     """Yield the bundle of a run. Raises UnknownRecordError, ExportError before the first piece."""
     with database.reading() as session:
         gathered = gather(session, run_id)
-    exports = {number: of_run(database, number) for number in gathered.recorded}
+    exports = {number: export_run(database, number) for number in gathered.recorded}
     sink, members, sha256 = Sink(), {}, hashlib.sha256()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:
         archive.comment = bytes(DIGEST_LENGTH)
@@ -92,7 +92,7 @@ def write_bundle(database: Database, run_id: int, report: bytes | None, folder: 
             said = {"run": run_id, "records": gathered.records}
             yield from member(RECORDS, [_json(said)])
             for number, export in exports.items():
-                yield from member(recording_of(number), pieces(export, DataFormat.PARQUET, folder))
+                yield from member(recording_of(number), stream_export(export, DataFormat.PARQUET, folder))
             if report is not None:
                 yield from member(report_of(run_id), [report])
             manifest = {
@@ -100,7 +100,7 @@ def write_bundle(database: Database, run_id: int, report: bytes | None, folder: 
                 "software": __version__,
                 "run": run_id,
                 "missing": gathered.missing,
-                "records": {called(record): digest_of(record) for record in gathered.records},
+                "records": {called(record): document_digest(record) for record in gathered.records},
                 "members": dict(members),
             }
             yield from member(MANIFEST, [_json(manifest)])
@@ -157,7 +157,7 @@ def _carried(session: Session, run: Run) -> Document:
 def _add(session: Session, gathered: Gathered, kind: str, number: int, carried: Document | None = None) -> bool:
     if any((record["kind"], record["number"]) == (kind, number) for record in gathered.records):
         return False
-    document = document_of(session, kind, number)
+    document = build_record_document(session, kind, number)
     gathered.records.append({"kind": kind, "number": number, "document": document, "carried": carried or {}})
     return True
 
@@ -268,7 +268,7 @@ def _changed(archive: zipfile.ZipFile, name: str, told: Mapping[str, Any]) -> Im
     """Return the refusal of a member whose hash is another one; of records with the name of the one that differs."""
     if name == RECORDS:
         for record in _list(read_json(archive.read(RECORDS), RECORDS)):
-            if told.get(called(record)) != digest_of(record):
+            if told.get(called(record)) != document_digest(record):
                 return ImportRefusedError(f"{called(record)} {_CHANGED}")
     return ImportRefusedError(f"{name} {_CHANGED}")
 
@@ -280,7 +280,7 @@ def _records(archive: zipfile.ZipFile, manifest: Mapping[str, Any]) -> list[dict
         raise ImportRefusedError(f"{MANIFEST} says that it is of run {manifest['run']}, {RECORDS} of another one")
     told = manifest["records"]
     for record in records:
-        if told.get(called(record)) != digest_of(record):
+        if told.get(called(record)) != document_digest(record):
             raise ImportRefusedError(f"{called(record)} is another one than {MANIFEST} tells")
     if len(told) != len(records) or len({called(record) for record in records}) != len(records):
         raise ImportRefusedError(f"{MANIFEST} and {RECORDS} do not tell of the same records")

@@ -26,12 +26,12 @@ def file_digest(file: Path) -> str:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
-def write_whole(pieces: Iterable[bytes], file: Path) -> None:
-    """Write a file whole, or not at all. Raises like ``write_all``."""
-    write_all({file: pieces})
+def write_file_whole(pieces: Iterable[bytes], file: Path) -> None:
+    """Write a file whole, or not at all. Raises like ``write_files_whole``."""
+    write_files_whole({file: pieces})
 
 
-def write_all(contents: Mapping[Path, Iterable[bytes]]) -> None:
+def write_files_whole(contents: Mapping[Path, Iterable[bytes]]) -> None:
     """Write files, each whole, and none of them where one cannot be written.
 
     A file that is there keeps its mode; a link keeps pointing at its file. Where the file system allows it, content
@@ -135,7 +135,7 @@ _READ = {
 }
 
 
-def pieces(export: Export, kind: DataFormat, folder: Path) -> Iterator[bytes]:
+def stream_export(export: Export, kind: DataFormat, folder: Path) -> Iterator[bytes]:
     """Return the file piece by piece; ``folder`` has room for what a format has to turn. Raises ExportError."""
     match kind:
         case DataFormat.CSV:
@@ -148,12 +148,12 @@ def pieces(export: Export, kind: DataFormat, folder: Path) -> Iterator[bytes]:
             return mcap.write(export)
 
 
-def write_file(export: Export, kind: DataFormat, file: Path) -> None:
+def write_export(export: Export, kind: DataFormat, file: Path) -> None:
     """Write the whole file or none. Raises ExportError, OSError."""
-    write_whole(pieces(export, kind, file.parent), file)
+    write_file_whole(stream_export(export, kind, file.parent), file)
 
 
-def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
+def read_export(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """Return facts and samples of an export; its name says the format.
 
     Raises ImportRefusedError, also while the samples are read, OSError.

@@ -10,14 +10,14 @@ import numpy as np
 
 from backend.exports.base import Batch, Facts, ImportRefusedError, require_texts, table_of, unbroken
 from backend.exports.bundle import Bundle, opened, recording_of, report_of
-from backend.exports.formats import file_digest, read
+from backend.exports.formats import file_digest, read_export
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import on_the_way, with_banks, without_bank
-from backend.recording.codec import SamplesDigest, digest_of_recording, pack, summarise
+from backend.models.run import drop_first_bank, list_changed_banks, renumber_banks
+from backend.recording.codec import SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
 from backend.recording.recorder import CHUNK_TICKS
 from backend.storage import identifications, origins, recordings, results, runs
 from backend.storage.database import IMPORTING, Database, Session
-from backend.storage.identifications import UnfitDocumentError, require_carried
+from backend.storage.identifications import UnfitDocumentError, require_identification_document
 from backend.storage.imports import (
     BANK,
     ENTRIES,
@@ -25,11 +25,11 @@ from backend.storage.imports import (
     REFERENCES,
     RESULT,
     RUN,
-    connect,
-    find_same,
-    import_alone,
-    put,
-    required,
+    connect_imported_bank,
+    exclude_other_imports,
+    find_same_record,
+    import_document,
+    parse_required_record,
 )
 from backend.storage.origins import Origin
 from backend.storage.orm import Document
@@ -69,13 +69,13 @@ def import_export(database: Database, file: Path, who: str, name: str = "", look
     """
     facts = checked(file)
     document, was = run_of(facts), number_of(facts)
-    named = on_the_way(document["settings"]).numbers | ({document["bank_id"]} - {None})
+    named = list_changed_banks(document["settings"]).numbers | ({document["bank_id"]} - {None})
     carried = {origins.BANKS: sorted(named)} if named else {}
     with database.session() as session:
-        import_alone(session)
+        exclude_other_imports(session)
         if (here := same_run(session, document, facts)) is not None:
             return TakenIn(here, was, new=False)
-        alone = {**document, "bank_id": None, "settings": without_bank(document["settings"])}
+        alone = {**document, "bank_id": None, "settings": drop_first_bank(document["settings"])}
         run_id = store_run(session, alone if named else document, file, look_over)
         origins.add(session, Origin(RUN, run_id, was, name or file.name, file_digest(file), who, carried))
     return TakenIn(run_id, was, new=True)
@@ -83,16 +83,16 @@ def import_export(database: Database, file: Path, who: str, name: str = "", look
 
 def checked(file: Path) -> Facts:
     """Read all of an export and return its facts. Raises ImportRefusedError where its samples are others than told."""
-    facts, batches = read(file)
+    facts, batches = read_export(file)
     try:
         require_texts(asdict(facts))
     except ValueError as error:
         raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
-    require_told(facts, batches)
+    require_matching_facts(facts, batches)
     return facts
 
 
-def require_told(facts: Facts, batches: Iterable[Batch]) -> None:
+def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
     """Raise ImportRefusedError where samples, or their times, are others than the facts tell."""
     digest, samples = SamplesDigest(facts.fields, facts.period_s), 0
     try:
@@ -112,7 +112,7 @@ def run_of(facts: Facts) -> dict[str, Any]:
     if facts.run is None:
         raise ImportRefusedError(f"it is of {facts.of}, no run")
     try:
-        return required(RUN, facts.run)
+        return parse_required_record(RUN, facts.run)
     except UnfitDocumentError as error:
         raise ImportRefusedError(f"its run: {error}") from None
 
@@ -128,20 +128,20 @@ def number_of(facts: Facts) -> int:
 def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None) -> int | None:
     """Return the run that is this one and here already. Raises ImportRefusedError where it is another one."""
     try:
-        here = find_same(session, RUN, dict(document))
+        here = find_same_record(session, RUN, dict(document))
     except UnfitDocumentError as error:
         raise ImportRefusedError(str(error)) from None
     recorded = here is not None and recordings.is_begun(session, here)
     if here is not None and recorded and facts is not None:
         removed = recordings.get(session, here).removed_at is not None
-        if not removed and digest_of_recording(session, here) != facts.sha256:
+        if not removed and compute_recording_digest(session, here) != facts.sha256:
             raise ImportRefusedError(f"run {here} is this one, and has other samples here")
     return here
 
 
 def store_run(session: Session, document: Mapping[str, Any], file: Path | None, look_over: LookOver = accept) -> int:
     """Store a run with the samples of an export that was ``checked``. Raises ImportRefusedError."""
-    run_id = put(session, RUN, dict(document))
+    run_id = import_document(session, RUN, dict(document))
     try:
         run = runs.get(session, run_id)
         _ = run.set_to
@@ -149,12 +149,12 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None, 
     except UnreadableDocumentError as error:
         raise ImportRefusedError(f"its run: {error}") from None
     if file is not None:
-        facts, batches = read(file)
+        facts, batches = read_export(file)
         recordings.begin_imported(session, run_id, facts.fields, facts.period_s, facts.missed, facts.problem)
         for tick, batch in _pieces(facts, batches):
             table = table_of(batch, facts.fields)
             chunks = [
-                Chunk(tick + begin, len(part), pack(summarise(part)), pack(part))
+                Chunk(tick + begin, len(part), pack_table(summarise_buckets(part)), pack_table(part))
                 for begin in range(0, len(table), CHUNK_TICKS)
                 for part in (table[begin : begin + CHUNK_TICKS],)
             ]
@@ -203,7 +203,7 @@ def import_bundle(
         new = False
         origin = Origin("", 0, 0, name or file.name, bundle.sha256, who)
         with database.session() as session:
-            import_alone(session)
+            exclude_other_imports(session)
             for record in bundle.records:
                 new |= _take_in(session, record, numbers, recorded, origin, look_over)
             if (RUN, bundle.run) not in numbers:
@@ -247,12 +247,12 @@ def _take_in(
     """Store one record unless it is here; return whether something was. Raises ImportRefusedError with its name."""
     kind, was = record["kind"], record["number"]
     try:
-        document, unconnected = required(kind, record["document"]), origins.BANKS in record["carried"]
-        require_carried(record["carried"], of_run=kind == RUN)
+        document, unconnected = parse_required_record(kind, record["document"]), origins.BANKS in record["carried"]
+        require_identification_document(record["carried"], of_run=kind == RUN)
         document = _renumbered(document, numbers, unconnected=unconnected)
         facts, file = recorded.get(was, (None, None)) if kind == RUN else (None, None)
-        here = same_run(session, document, facts) if kind == RUN else find_same(session, kind, document)
-        new = here is None or (kind == RUN and not unconnected and connect(session, here, document))
+        here = same_run(session, document, facts) if kind == RUN else find_same_record(session, kind, document)
+        new = here is None or (kind == RUN and not unconnected and connect_imported_bank(session, here, document))
         if here is None:
             here = _store(session, kind, document, file, look_over)
             told = Origin(kind, here, was, origin.file, origin.sha256, origin.who, record["carried"])
@@ -267,7 +267,7 @@ def _store(session: Session, kind: str, document: Document, file: Path | None, l
     """Store a document, and see that what it says can be read. Raises ImportRefusedError, UnreadableDocumentError."""
     if kind == RUN:
         return store_run(session, document, file, look_over)
-    number = put(session, kind, document)
+    number = import_document(session, kind, document)
     if kind == RESULT:
         results.newest(session, document["run_id"])
     elif kind == IDENTIFICATION:
@@ -291,9 +291,9 @@ def _renumbered(document: Document, numbers: Numbers, *, unconnected: bool) -> D
     if ENTRIES in renumbered:
         renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
     if "settings" in document and not unconnected:
-        if computed := on_the_way(document["settings"]).computed:
+        if computed := list_changed_banks(document["settings"]).computed:
             raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: take its samples in alone")
-        renumbered["settings"] = with_banks(document["settings"], lambda was: _number(BANK, was, numbers))
+        renumbered["settings"] = renumber_banks(document["settings"], lambda was: _number(BANK, was, numbers))
     return renumbered
 
 

@@ -37,7 +37,7 @@ _COLOURS = ("#1c7ed6", "#e8590c", "#2f9e44", "#862e9c")
 _FIELD = {field.name: field for field in FIELDS}
 
 
-def layout() -> str:
+def foxglove_layout() -> str:
     """Return the layout as the file that either program imports."""
     panels = {f"Plot!sinew{number}": _plot(title, names) for number, (title, names) in enumerate(_PLOTS.items())}
     table = {"RawMessages!sinew": {"topicPath": TOPIC, "expansion": "all", "diffEnabled": False}}
@@ -110,7 +110,7 @@ def write(export: Export) -> Iterator[bytes]:
     writer = Writer(cast(IO[bytes], sink))
     writer.start(profile="", library=f"Sinew {facts.software}")
     writer.add_metadata(FACTS, {"facts": facts.to_json(), "notation": facts.notation})
-    writer.add_attachment(0, 0, _LAYOUT, "application/json", layout().encode())
+    writer.add_attachment(0, 0, _LAYOUT, "application/json", foxglove_layout().encode())
     told = writers.json_schema(facts.columns, facts.notation)
     schema = writer.register_schema(writers.NAME, "jsonschema", told)
     channel = writer.register_channel(TOPIC, "json", schema, {"of": facts.of})

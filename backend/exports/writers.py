@@ -87,7 +87,7 @@ def heading_lines(file: Path) -> list[str]:
     return lines
 
 
-def heading_problem(file: Path, facts: Facts) -> str:
+def find_heading_problem(file: Path, facts: Facts) -> str:
     """Return how the lines before the samples are not those that belong to the facts, "" where they are.
 
     A person reads units and meanings there. Raises OSError, UnicodeDecodeError.
@@ -227,7 +227,7 @@ def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
     return facts, batches()
 
 
-def schema_problem(file: Path, facts: Facts) -> str:
+def find_schema_problem(file: Path, facts: Facts) -> str:
     """Return how units, symbols and meanings of the columns are not those of the facts, "" where they are."""
     import pyarrow.parquet
 

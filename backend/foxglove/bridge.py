@@ -25,7 +25,7 @@ from websockets.typing import Subprotocol
 
 from backend import wire
 from backend.exports import writers
-from backend.exports.base import ORDER, described
+from backend.exports.base import ORDER, describe_columns
 from backend.exports.mcap import TOPIC
 from backend.sample import STORED_NAMES
 from backend.schemas.state import EventMessage, LayoutMessage, MarkKind, StateMessage
@@ -251,7 +251,7 @@ class Publisher:
         self._samples = foxglove.Channel(
             TOPIC,
             schema=foxglove.Schema(
-                name=writers.NAME, encoding="jsonschema", data=writers.json_schema(described(ORDER), NOTATION)
+                name=writers.NAME, encoding="jsonschema", data=writers.json_schema(describe_columns(ORDER), NOTATION)
             ),
             message_encoding="json",
             context=context,
@@ -355,7 +355,7 @@ class LiveSource:
     token: str
 
 
-async def relay(
+async def serve_foxglove(
     look: Callable[[], LiveSource | None], key_of: Callable[[LiveSource], str], port: int, say: Callable[[str], None]
 ) -> None:
     """Serve until cancelled. ``look`` finds the service, ``key_of`` the key for its address, ``say`` tells the person.

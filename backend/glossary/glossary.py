@@ -553,7 +553,7 @@ def glossary() -> dict[str, GlossaryTerm]:
     return found
 
 
-def glossary_typescript() -> str:
+def render_glossary_typescript() -> str:
     """Return the glossary as a TypeScript module; what is empty is left out."""
     entries = {key: _fields(entry) for key, entry in glossary().items()}
     kinds = json.dumps([str(kind) for kind in TermKind])

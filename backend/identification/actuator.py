@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from backend.identification.estimation import Candidates, estimate, rank
+from backend.identification.estimation import Candidates, estimate_model, rank
 from backend.identification.fitting import Method
-from backend.identification.models import Estimate, Verdict, worst
+from backend.identification.models import Estimate, Verdict, worst_grade
 from backend.identification.records import IdentificationError, Record, Signal
 
 STRUCTURES = ("order:4", "lags4", "third", "first")
@@ -134,7 +134,7 @@ def identify_actuator(
 
 def _by_arx(record: Record) -> Estimate | str:
     try:
-        return estimate(record, "first", Method.ARX)
+        return estimate_model(record, "first", Method.ARX)
     except IdentificationError as error:
         return str(error)
 
@@ -142,6 +142,6 @@ def _by_arx(record: Record) -> Estimate | str:
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
     """Take the worse grade, with the reasons of those that have it: praise of the other one would hide them."""
     named = {"G_q": G_q, "G_S": G_S}
-    grade = worst(*(verdict.grade for verdict in named.values()))
+    grade = worst_grade(*(verdict.grade for verdict in named.values()))
     reasons = (f"{name}: {reason}" for name, one in named.items() if one.grade is grade for reason in one.reasons)
     return Verdict(grade, tuple(reasons))

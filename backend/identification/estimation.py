@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from backend.identification.excitation import check_frequency_response, external_signal
-from backend.identification.fitting import Fit, Method, adapt, fit, fit_output_error, refit, with_room
+from backend.identification.fitting import Fit, Method, adapt, fit_output_error, fit_parameters, refit, with_room
 from backend.identification.friction import SIGNIFICANT_STD, both_ways, dry_friction
 from backend.identification.initialization import (
     WHITE,
@@ -31,8 +31,8 @@ from backend.identification.models import (
     Model,
     Residuals,
     Structure,
+    find_structure,
     reduce_to_first_order,
-    structure,
 )
 from backend.identification.records import (
     IdentificationError,
@@ -104,14 +104,14 @@ def fit_percent(error: Signal, motion: Signal) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(error)) / float(np.linalg.norm(motion)))
 
 
-def seen_samples(record: Record) -> int:
+def count_fitted_samples(record: Record) -> int:
     """Return how many samples of a record, from its first on, a model is fitted to when the rest is to be unseen."""
     return int(TRAINING_PART * record.u.size)
 
 
-def last_part(record: Record) -> Record:
+def split_last_part(record: Record) -> Record:
     """Return the part of a record that is left aside. Raises RecordError where it holds nothing."""
-    return record.part(seen_samples(record), record.u.size)
+    return record.part(count_fitted_samples(record), record.u.size)
 
 
 def beside(problem: FitProblem, parameters: Signal) -> ModelComparison:
@@ -123,19 +123,19 @@ def beside(problem: FitProblem, parameters: Signal) -> ModelComparison:
     return ModelComparison(problem.first, y, y - left_over[problem.first :])
 
 
-def predict(model: Model, record: Record) -> ModelComparison:
+def validate_on_record(model: Model, record: Record) -> ModelComparison:
     """Set a model beside a record that it was not fitted to. Raises UnstableModelError."""
-    return beside(FitProblem(record, structure(model.structure), WHITE), model.vector)
+    return beside(FitProblem(record, find_structure(model.structure), WHITE), model.vector)
 
 
-def held_out(found: Fit) -> ModelComparison:
+def validate_held_out(found: Fit) -> ModelComparison:
     """Set a model of the first two thirds of a record beside its last third, fitted as ``found`` was.
 
     Raises IdentificationError, LinAlgError where one of them holds nothing.
     """
     record = found.problem.record
-    trained = refit(found, record.part(0, seen_samples(record))).parameters
-    return beside(replace(found.problem, record=last_part(record)), trained)
+    trained = refit(found, record.part(0, count_fitted_samples(record))).parameters
+    return beside(replace(found.problem, record=split_last_part(record)), trained)
 
 
 # Hints ---------------------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ _SHORTER = (1.0, 0.7, 0.4)
 
 def find_hint(record: Record, model: Model) -> Hint | None:
     """Return the structure that explains the record much better, with figures; None where there is none."""
-    shape, problem = structure(model.structure), FitProblem(record, structure(model.structure), WHITE)
+    shape, problem = find_structure(model.structure), FitProblem(record, find_structure(model.structure), WHITE)
     best: Hint | None = None
     for other, starts in _others(problem, shape, model.vector, with_dead_time=record.controller is None):
         try:
@@ -177,7 +177,7 @@ def _others(
     record = problem.record
     if with_dead_time and not shape.delayed:
         yield (
-            structure(shape.name + DEAD_TIME),
+            find_structure(shape.name + DEAD_TIME),
             [
                 np.concatenate((parameters[:1], _shortened(shape, parameters, share)[1:], [late * record.period_s]))
                 for late in dead_times(record)
@@ -208,8 +208,8 @@ def _one_order_more(shape: Structure) -> Structure | None:
     """Return the structure with a lag more, None where there is none."""
     suffix = DEAD_TIME if shape.delayed else ""
     if shape.kind is DenominatorKind.LAGS:
-        return structure(f"lags{shape.order + 1}{suffix}") if shape.order < MAX_LAGS else None
-    return structure(f"order:{shape.order + 1}{suffix}") if shape.order < MAX_ORDER else None
+        return find_structure(f"lags{shape.order + 1}{suffix}") if shape.order < MAX_LAGS else None
+    return find_structure(f"order:{shape.order + 1}{suffix}") if shape.order < MAX_ORDER else None
 
 
 def _compared(problem: FitProblem, parameters: Signal, other: FitProblem, starts: list[Signal]) -> Hint | None:
@@ -264,7 +264,7 @@ _RESTS = 0.1
 _CLEARLY_LESS = 0.8
 
 
-def estimate(
+def estimate_model(
     record: Record,
     structure_name: str,
     method: Method = Method.DEFAULT,
@@ -281,7 +281,7 @@ def estimate(
     try:
         # Numbers out of range are refused where they arise; NumPy's own words about them are of no use to anybody.
         with np.errstate(all="ignore"):
-            found = _estimate(record, structure(structure_name), method, gain_geometry, y_resolution)
+            found = _estimate(record, find_structure(structure_name), method, gain_geometry, y_resolution)
             return with_hint(record, found) if hint else found
     except np.linalg.LinAlgError:
         raise _cause_in(record, structure_name) or NotConvergedError(
@@ -331,7 +331,7 @@ def with_hint(record: Record, found: Estimate) -> Estimate:
 def _estimate(
     record: Record, shape: Structure, method: Method, gain_geometry: float | None, y_resolution: float | None
 ) -> Estimate:
-    found = fit(record, shape, method)
+    found = fit_parameters(record, shape, method)
     model = Model(shape.name, dict(zip(shape.names, found.parameters.tolist(), strict=True)))
     covariance = found.covariance
     first_order = reduce_to_first_order(model, covariance)
@@ -411,7 +411,7 @@ def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
 def _held_out_fit(found: Fit) -> float:
     """Fit on the last third of the record by a model of the first two thirds; NaN where one of them holds nothing."""
     try:
-        return held_out(found).fit_percent
+        return validate_held_out(found).fit_percent
     except (IdentificationError, np.linalg.LinAlgError):
         return float("nan")
 
@@ -534,7 +534,9 @@ def rank(
     found, failed = [], {}
     for name in structures:
         try:
-            one = estimate(record, name, method, gain_geometry=gain_geometry, y_resolution=y_resolution, hint=False)
+            one = estimate_model(
+                record, name, method, gain_geometry=gain_geometry, y_resolution=y_resolution, hint=False
+            )
             found.append(one)
         except (NotConvergedError, NoStartError, NotContinuousError) as error:
             failed[name] = str(error)

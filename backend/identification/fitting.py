@@ -345,7 +345,7 @@ class Fit:
         return whiteness(self.prediction_errors, self.problem.record.period_s)
 
 
-def fit(record: Record, structure: Structure, method: Method) -> Fit:
+def fit_parameters(record: Record, structure: Structure, method: Method) -> Fit:
     """Estimate the parameters. Raises NoStartError, NotConvergedError, NotContinuousError, StructureError."""
     problem = FitProblem(record, structure, WHITE)
     if structure.delayed:

@@ -10,7 +10,7 @@ import numpy as np
 from backend.identification.models import DryFriction
 from backend.identification.records import NotConvergedError, Record, Signal
 from backend.identification.validation import sandwich, whiteness
-from plant.compiled import kept
+from plant.compilation import cache_compiled
 
 # Friction ------------------------------------------------------------------------------------------
 #
@@ -138,7 +138,7 @@ def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
     return best if dead_time_s else best[:5]
 
 
-@kept
+@cache_compiled
 @numba.njit()
 def moving(
     u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float, dead_time_s: float = 0.0

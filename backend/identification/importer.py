@@ -295,7 +295,7 @@ _CONTROL = re.compile("[\0-\x08\x0e-\x1f\x7f]")
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 
 
-def decoded(content: bytes, name: str) -> str:
+def decode_text(content: bytes, name: str) -> str:
     """Return the text of a file in UTF-8, or in UTF-16 where a byte order mark says so. Raises DataFileError."""
     encoding = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), "utf-8")
     try:

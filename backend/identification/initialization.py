@@ -7,7 +7,14 @@ from typing import cast
 
 import numpy as np
 
-from backend.identification.models import DenominatorKind, Poles, Structure, free_responses, simulate, structure
+from backend.identification.models import (
+    DenominatorKind,
+    Poles,
+    Structure,
+    find_structure,
+    free_responses,
+    simulate_response,
+)
 from backend.identification.records import NoStartError, Record, RecordError, Signal, UnstableModelError
 
 # Linearisation -------------------------------------------------------------------------------------
@@ -47,7 +54,7 @@ class FitProblem:
         """Response to ``u`` from rest or from ``initial``, shape (n,). Raises UnstableModelError."""
         state = None if initial is None else initial / parameters[0]
         poles, dead_time_s = self.structure.poles(parameters), self.structure.dead_time(parameters)
-        return np.asarray(parameters[0] * simulate(poles, self.record.period_s, u, state, dead_time_s))
+        return np.asarray(parameters[0] * simulate_response(poles, self.record.period_s, u, state, dead_time_s))
 
     def nuisance(self, parameters: Signal) -> Signal:
         """Free responses, offset and ramp, whitened; shape (n, order + 2)."""
@@ -259,7 +266,7 @@ def dead_times(record: Record) -> list[float]:
 
 def dominant_lag(problem: FitProblem) -> float:
     """Time constant [s], on a coarse grid, of the single lag that simulates the record best. Raises NoStartError."""
-    single = FitProblem(problem.record, structure("first"), problem.whitening)
+    single = FitProblem(problem.record, find_structure("first"), problem.whitening)
     ranked = ranked_starts(single, _equal_lags(single, single.structure, _LAGS))
     if not ranked:
         raise NoStartError("the input does not reach the output")
@@ -324,7 +331,7 @@ def _state_variable_filter(problem: FitProblem) -> list[Signal]:
     trend = np.ones(count), np.linspace(-1.0, 1.0, count)
     for cut_off in np.geomspace(5.0 / record.duration_s, 0.5 / record.period_s, _CUT_OFFS):
         derivatives = _filtered_derivatives(y, cut_off * record.period_s / 2.0, order)
-        u_filtered = simulate(np.full(order, -cut_off, dtype=np.complex128), record.period_s, u)
+        u_filtered = simulate_response(np.full(order, -cut_off, dtype=np.complex128), record.period_s, u)
         settled = min(count // 4, int(3.0 * order / (cut_off * record.period_s)))
         columns = (*(-d for d in derivatives[1:]), *trend, u_filtered, derivatives[0])
         rows = _thinned(count, settled)

@@ -138,7 +138,7 @@ def _held(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
     return transition[:order, :order], transition[:order, order]
 
 
-def simulate(
+def simulate_response(
     poles: Poles, period_s: float, u: Signal, initial: Signal | None = None, dead_time_s: float = 0.0
 ) -> Signal:
     """Response of the system with these poles and static gain 1; shape of ``u``.
@@ -233,7 +233,7 @@ class Structure:
     @property
     def undelayed(self) -> "Structure":
         """The same without the dead time."""
-        return structure(self.name.removesuffix(DEAD_TIME))
+        return find_structure(self.name.removesuffix(DEAD_TIME))
 
     def dead_time(self, parameters: Signal) -> float:
         """Dead time [s], 0 where the structure has none."""
@@ -283,10 +283,10 @@ class Structure:
         return parameters[1:-1] if self.delayed else parameters[1:]
 
 
-def structure(name: str) -> Structure:
+def find_structure(name: str) -> Structure:
     """Return the structure of that name, one of KNOWN. Raises StructureError."""
     if name.endswith(DEAD_TIME):
-        plain = structure(name.removesuffix(DEAD_TIME))
+        plain = find_structure(name.removesuffix(DEAD_TIME))
         if not plain.delayed:
             return replace(plain, name=name, names=(*plain.names, "t_d"), delayed=True)
     if name == "first":
@@ -334,17 +334,17 @@ class Model:
     @property
     def vector(self) -> Signal:
         """Parameters in the structure's order, shape (p,)."""
-        return np.array([self.parameters[name] for name in structure(self.structure).names])
+        return np.array([self.parameters[name] for name in find_structure(self.structure).names])
 
     @property
     def denominator(self) -> Signal:
         """1, a_1 .. a_N in ascending powers of s, shape (order + 1,)."""
-        return structure(self.structure).denominator(self.vector)
+        return find_structure(self.structure).denominator(self.vector)
 
     @property
     def poles(self) -> Complex:
         """Poles [rad/s], shape (order,)."""
-        return structure(self.structure).poles(self.vector)
+        return find_structure(self.structure).poles(self.vector)
 
     @property
     def gain(self) -> float:
@@ -354,12 +354,12 @@ class Model:
     @property
     def sum_of_lags(self) -> float:
         """T [s]: minus the slope of the phase at zero frequency, which for these structures is a_1 + t_d."""
-        return structure(self.structure).sum_of_lags(self.vector)
+        return find_structure(self.structure).sum_of_lags(self.vector)
 
     @property
     def dead_time(self) -> float:
         """t_d [s], 0 for structures without."""
-        return structure(self.structure).dead_time(self.vector)
+        return find_structure(self.structure).dead_time(self.vector)
 
     def response(self, omega: Signal) -> Complex:
         """Frequency response at ``omega`` [rad/s], same shape."""
@@ -452,12 +452,12 @@ class Grade(StrEnum):
     UNUSABLE = "not usable"
 
 
-def worst(*grades: Grade) -> Grade:
+def worst_grade(*grades: Grade) -> Grade:
     """Return the least of some grades."""
     return max(grades, key=list(Grade).index)
 
 
-def joint_method(methods: Mapping[str, str]) -> str:
+def joint_method_name(methods: Mapping[str, str]) -> str:
     """Name the estimators that ran, by channel; once where they are the same."""
     if len(set(methods.values())) == 1:
         return next(iter(methods.values()))
@@ -584,7 +584,7 @@ class Estimate:
 
 def reduce_to_first_order(model: Model, covariance: Signal) -> FirstOrder:
     """K is the static gain and T the sum of lags and dead time, with standard errors from ``covariance`` (p, p)."""
-    shape, parameters = structure(model.structure), model.vector
+    shape, parameters = find_structure(model.structure), model.vector
     gradient = np.zeros(parameters.size)
     for i in range(1, parameters.size):
         step = 1e-6 * parameters[i]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from backend.identification.estimation import ModelComparison
 from backend.identification.friction import SIGNIFICANT_STD, both_ways, differences, moving, positive_lag
 from backend.identification.initialization import dead_times
-from backend.identification.models import CorrelationTest, Grade, Verdict, worst
+from backend.identification.models import CorrelationTest, Grade, Verdict, worst_grade
 from backend.identification.records import (
     IdentificationError,
     NotConvergedError,
@@ -235,7 +235,7 @@ def _position(run: VoltageStepRecord, parameters: Signal) -> Signal:
     return turn_from_rest(t, steady_speed(run.voltage, K_m, u_c), T_m)
 
 
-def step_beside(run: VoltageStepRecord, K_m: float, T_m: float, u_c: float) -> ModelComparison:
+def validate_motor_step(run: VoltageStepRecord, K_m: float, T_m: float, u_c: float) -> ModelComparison:
     """Set a motor beside a step that it was not fitted to; where the motor stood before is no part of the model."""
     measured, turn = run.theta[run.first :], _position(run, np.array([K_m, T_m, u_c]))
     return ModelComparison(run.first, measured, turn + np.mean(measured - turn))
@@ -271,7 +271,7 @@ def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, mi
     """
     if not (K_m > 0.0 and T_m > 0.0):
         return Grade.UNUSABLE
-    return worst(
+    return worst_grade(
         graded(spread_percent, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
         graded(counts, MAX_MISFIT_COUNTS, np.inf),
         graded(misfit_percent, CAUTION_MISFIT_PERCENT, MAX_MOTOR_MISFIT_PERCENT),
@@ -470,7 +470,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
         spread,
         rms,
         *tests,
-        Verdict(worst(*(grade for grade, _ in findings)), tuple(reasons)),
+        Verdict(worst_grade(*(grade for grade, _ in findings)), tuple(reasons)),
     )
 
 

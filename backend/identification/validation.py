@@ -17,7 +17,7 @@ from backend.identification.models import (
     Model,
     Residuals,
     Verdict,
-    worst,
+    worst_grade,
 )
 from backend.identification.records import MAX_SATURATED_PERCENT, RestAtLimit, Signal, UnstableModelError
 from backend.units import percent
@@ -128,7 +128,7 @@ class KeptTest(Protocol):
         """Whether none leaves its bound."""
 
 
-def judged(test: KeptTest) -> Judged:
+def read_whiteness_test(test: KeptTest) -> Judged:
     """Return what a stored test asked and found; older documents hold one lag's 99 % band instead."""
     correlation = np.array(test.correlation, dtype=float)
     critical = _critical(correlation.size)
@@ -457,7 +457,7 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
 def _fit(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.unseen_rests:
         yield (
-            worst(Grade.CAUTION, graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
+            worst_grade(Grade.CAUTION, graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
             "fit on unseen data not measured, as the output rests in the first two thirds of the record or in its last"
             f" third; the fit on the record itself is {percent(evidence.fit_all)} %",
         )

@@ -18,7 +18,7 @@ from plant.errors import ErrorCode, SinewError
 # Pure.
 
 
-def digest_of(document: Any) -> str:
+def document_digest(document: Any) -> str:
     """Return the sha256 of a JSON document, in hex: of its text without spaces, keys in order, UTF-8."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
@@ -105,7 +105,7 @@ def _is_left_out(value: Any, item: "Field[Any]") -> bool:
     return item.metadata == ABSENT and getattr(value, item.name) is None
 
 
-def json_ready(document: Mapping[str, Any]) -> Document:
+def replace_non_finite(document: Mapping[str, Any]) -> Document:
     """Return the same document with null for nan and infinity, which JSON does not have."""
     return {name: _ready(value) for name, value in document.items()}
 
@@ -113,9 +113,9 @@ def json_ready(document: Mapping[str, Any]) -> Document:
 def _ready(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         parts = {item.name: getattr(value, item.name) for item in fields(value) if not _is_left_out(value, item)}
-        return json_ready(parts)
+        return replace_non_finite(parts)
     if isinstance(value, Mapping):
-        return json_ready(value)
+        return replace_non_finite(value)
     if isinstance(value, list | tuple):
         return [_ready(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -383,7 +383,7 @@ MOTOR_QUALITIES: DocumentCodec[MotorQualities] = DocumentCodec(MotorQualities, "
 # The grade of an identified motor, of early documents too, which were stored without one. Pure.
 
 
-def grade_of(found: MotorFound) -> Grade:
+def stored_grade(found: MotorFound) -> Grade:
     """Return the grade as it is stored; where it was stored without, what its figures say."""
     if found.quality.grade is not None:
         return found.quality.grade

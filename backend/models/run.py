@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from backend.models.document import ABSENT, Document, DocumentCodec, json_ready
+from backend.models.document import ABSENT, Document, DocumentCodec, replace_non_finite
 from plant.dynamics import Obstacle
 
 # Bank entry ----------------------------------------------------------------------------------------
@@ -58,21 +58,21 @@ class KeptWall:
         return Obstacle(self.side, self.q_wall, self.k_wall, self.c_wall) if self.side else None
 
 
-def kept_wall(t: float, wall: Obstacle | None) -> KeptWall:
+def wall_record(t: float, wall: Obstacle | None) -> KeptWall:
     """Return what is kept of a change at ``t`` [s]."""
     return KeptWall(t, 0.0, 0.0, 0.0, 0.0) if wall is None else KeptWall(t, *map(float, wall))
 
 
-def joined(earlier: Sequence[KeptWall], later: Sequence[KeptWall]) -> tuple[KeptWall, ...]:
+def merge_changes(earlier: Sequence[KeptWall], later: Sequence[KeptWall]) -> tuple[KeptWall, ...]:
     """Return all changes in order of time, the later told of two at one moment; past MOST, that no wall is known."""
     by_time = {change.t: change for change in (*earlier, *later)}
     changes = [by_time[t] for t in sorted(by_time)]
     if len(changes) > MOST:
-        changes = [*changes[: MOST - 1], kept_wall(changes[MOST - 1].t, None)]
+        changes = [*changes[: MOST - 1], wall_record(changes[MOST - 1].t, None)]
     return tuple(changes)
 
 
-def standing(changes: Sequence[KeptWall], t: float) -> Obstacle | None:
+def find_wall_at(changes: Sequence[KeptWall], t: float) -> Obstacle | None:
     """Return what stands at ``t`` [s] since the run's first sample; None for no wall."""
     before = [change for change in changes if change.t <= t]
     return before[-1].obstacle if before else None
@@ -273,7 +273,7 @@ class Outcome(StrEnum):
     """there is nothing to judge it by"""
 
 
-def outcome_of(metrics: Metrics | None, criteria: Sequence[RunCriterion]) -> Outcome:
+def judge_run(metrics: Metrics | None, criteria: Sequence[RunCriterion]) -> Outcome:
     """Judge a run; one criterion that failed decides, then one that was not measured."""
     if metrics is None or not metrics.complete:
         return Outcome.INCOMPLETE
@@ -303,7 +303,7 @@ class StoredLoopSettings:
     """The tuning that a run began with, as ``TuningSettings`` spells it, and the seed of the simulator.
 
     What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry. Before ``motion`` was kept,
-    ``u_plan`` alone said it (``with_motion``).
+    ``u_plan`` alone said it (``complete_motion``).
     """
 
     lam_q: float | None = field(default=None, metadata=ABSENT)
@@ -324,7 +324,7 @@ class StoredLoopSettings:
 
     def known(self) -> dict[str, Value]:
         """Return by name what was kept."""
-        return json_ready({name: value for name, value in vars(self).items() if value is not None})
+        return replace_non_finite({name: value for name, value in vars(self).items() if value is not None})
 
 
 @dataclass(frozen=True)
@@ -387,7 +387,7 @@ class RunSettings:
         return {**(self.plan or {}), **self.loop.known()}
 
 
-def with_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
+def complete_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
     """Return parts of a tuning, with the motion that a voltage limit implies where they name none.
 
     A limit alone chooses ``time-optimal``; a limit of 0 V chooses ``lambda``, as what was written before ``motion``
@@ -436,7 +436,7 @@ class OnTheWay:
     computed: tuple[str, ...]
 
 
-def on_the_way(settings: Mapping[str, Any]) -> OnTheWay:
+def list_changed_banks(settings: Mapping[str, Any]) -> OnTheWay:
     """Return the banks that a run changes to on its way; 0, gains from geometry, is none."""
     numbers: set[int] = set()
 
@@ -448,7 +448,7 @@ def on_the_way(settings: Mapping[str, Any]) -> OnTheWay:
     return OnTheWay(frozenset(numbers), tuple(renumbering.computed))
 
 
-def with_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Document:
+def renumber_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Document:
     """Return settings that name each bank by another number."""
     document = dict(loop_apart(settings))
     renumbering = _Renumbering(number, document.get("plan"))
@@ -462,7 +462,7 @@ def with_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Doc
     return document
 
 
-def without_bank(settings: Mapping[str, Any]) -> Document:
+def drop_first_bank(settings: Mapping[str, Any]) -> Document:
     """Return settings that say nothing of the bank that the run began with."""
     document = dict(loop_apart(settings))
     loop, declared = document.get("loop"), document.get("declared")
@@ -569,7 +569,7 @@ class RunHeadline:
     bound: float | None = None
 
 
-def headline_of(
+def find_headline(
     metrics: Metrics | None, criteria: Sequence[RunCriterion], fits: Mapping[str, float] | None = None
 ) -> RunHeadline | None:
     """Return the first criterion that failed, else the first measured one, else the first measured figure.

@@ -1,8 +1,8 @@
 """Declared settings: what a plan may be told, each with symbol, unit, bounds and default, said once.
 
-A plan is a frozen dataclass whose fields are made by ``number``, ``integer``, ``boolean``, ``choice`` and ``text``. The
-command line, the HTTP interface and the page read the same declaration through ``describe``; ``from_values`` is the
-only way in from outside.
+A plan is a frozen dataclass whose fields are made by ``number_setting``, ``integer_setting``, ``boolean_setting``,
+``choice_setting`` and ``text_setting``. The command line, the HTTP interface and the page read the same declaration
+through ``describe_settings``; ``build_plan`` is the only way in from outside.
 """
 
 from collections.abc import Mapping
@@ -109,41 +109,41 @@ class Setting:
         return SettingError(self.name, value, reason, unit=self.unit, legal=legal, words=self.meaning)
 
 
-def number(default: float, minimum: float, maximum: float, unit: str, symbol: str, meaning: str) -> Any:
+def number_setting(default: float, minimum: float, maximum: float, unit: str, symbol: str, meaning: str) -> Any:
     """Declare a real setting of a plan."""
     bounds = {"minimum": minimum, "maximum": maximum}
     return _declare("number", default, {**bounds, "unit": unit, "symbol": symbol, "meaning": meaning})
 
 
-def integer(default: int, minimum: int, maximum: int, symbol: str, meaning: str) -> Any:
+def integer_setting(default: int, minimum: int, maximum: int, symbol: str, meaning: str) -> Any:
     """Declare a whole-number setting of a plan."""
     bounds = {"minimum": minimum, "maximum": maximum}
     return _declare("integer", default, {**bounds, "unit": "1", "symbol": symbol, "meaning": meaning})
 
 
-def choice(default: str, choices: tuple[str, ...], symbol: str, meaning: str) -> Any:
+def choice_setting(default: str, choices: tuple[str, ...], symbol: str, meaning: str) -> Any:
     """Declare a setting that takes one of a few words."""
     return _declare("choice", default, {"choices": choices, "unit": "1", "symbol": symbol, "meaning": meaning})
 
 
-def boolean(default: bool, symbol: str, meaning: str) -> Any:
+def boolean_setting(default: bool, symbol: str, meaning: str) -> Any:
     """Declare a setting that is on or off."""
     return _declare("boolean", default, {"unit": "1", "symbol": symbol, "meaning": meaning})
 
 
-def text(default: str, max_length: int, symbol: str, meaning: str) -> Any:
+def text_setting(default: str, max_length: int, symbol: str, meaning: str) -> Any:
     """Declare a setting that is a text of so many characters at most."""
     return _declare("text", default, {"maximum": max_length, "unit": "1", "symbol": symbol, "meaning": meaning})
 
 
-def describe(plan: type[Any]) -> tuple[Setting, ...]:
+def describe_settings(plan: type[Any]) -> tuple[Setting, ...]:
     """Return the declared settings of a plan, in order."""
     return tuple(_setting(item) for item in fields(plan) if _KEY in item.metadata)
 
 
-def from_values(plan: type[_T], values: Mapping[str, object]) -> _T:
+def build_plan(plan: type[_T], values: Mapping[str, object]) -> _T:
     """Build a plan from named values; what is left out keeps its default. Raises SettingError, OutOfRangeError."""
-    known = {setting.name: setting for setting in describe(plan)}
+    known = {setting.name: setting for setting in describe_settings(plan)}
     for name, value in values.items():
         if name not in known:
             legal = tuple(known)
@@ -151,12 +151,12 @@ def from_values(plan: type[_T], values: Mapping[str, object]) -> _T:
     return plan(**{name: known[name].parse(value) for name, value in values.items()})
 
 
-def declared_values(*chosen: Any) -> tuple[DeclaredValue, ...]:
+def describe_values(*chosen: Any) -> tuple[DeclaredValue, ...]:
     """Return what was chosen with symbol, unit and meaning, so that a stored run explains itself."""
     return tuple(
         DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, getattr(item, setting.name))
         for item in chosen
-        for setting in describe(type(item))
+        for setting in describe_settings(type(item))
     )
 
 

@@ -56,7 +56,7 @@ class _Phase(Enum):
     RETURNING = auto()
 
 
-def travel_to(position: float) -> float:
+def compute_switch_travel(position: float) -> float:
     """Return how far the joint may be driven at most to a switch at ``position`` [rad]."""
     return abs(position) + SPARE_RAD
 
@@ -80,7 +80,7 @@ class Homing(CommissioningMotion):
         self.end: HomingEnd | None = None
         self._position = position
         self._sign = 1.0 if position > 0.0 else -1.0
-        self._travel = travel_to(position)
+        self._travel = compute_switch_travel(position)
         self._ratio = ratio
         self._at_end = at_end
         self._phase = _Phase.WINDING

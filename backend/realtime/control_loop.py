@@ -7,7 +7,7 @@ from typing import Final, assert_never
 import numpy as np
 
 from backend.control import fault_detection
-from backend.control.decoupler import bounds_for
+from backend.control.decoupler import compute_bounds
 from backend.control.fault_detection import SLACK_MAX_S, DetectedFault, FaultDetectionState
 from backend.control.motion_types import AT_REST, NO_REFERENCE
 from backend.control.step import DECIDED, DONE, FELT, FOUND, PUSHES, QUIET, TUNES, StepInputs, TickRange
@@ -49,7 +49,7 @@ from backend.realtime.program import ConfigureContactDetection, SetTuning
 from backend.realtime.ring_buffer import Ring, SampleRing
 from backend.realtime.shared_state import StepContext
 from backend.sample import FIELDS
-from backend.tuning.gains import TuningParameters, knowledge
+from backend.tuning.gains import TuningParameters, collect_plant_knowledge
 from backend.units import in_digits
 from plant.interface import (
     NO_RAW,
@@ -284,7 +284,7 @@ class Checks:
     """Names faults of one plant."""
 
     def __init__(self, parameters: PlantParameters) -> None:
-        self._bounds = bounds_for(parameters)
+        self._bounds = compute_bounds(parameters)
 
     def told(
         self,
@@ -368,7 +368,7 @@ class Loop:
 
     def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
         self._plant, self._ring, self.finished = plant, ring, False
-        self._known = known = knowledge(parameters)
+        self._known = known = collect_plant_knowledge(parameters)
         self.bounds = known.bounds
         self._checks, self._plant_watch = Checks(parameters), PlantHealthMonitor()
         self._tick = self._newest_tick = self._overruns = 0

@@ -19,9 +19,9 @@ from backend.tuning.gains import (
     PlantModel,
     PointModel,
     TuningParameters,
-    cascade_tuning,
+    combine_tuning,
+    make_cascade_tuning,
     require_share,
-    tuning_with,
 )
 from plant.parameters import PlantParameters
 
@@ -30,7 +30,7 @@ from plant.parameters import PlantParameters
 # Between the cascade's tuning and the command that carries it to the loop process.
 
 
-def tuning_for(
+def make_tuning_command(
     parameters: PlantParameters,
     lambdas: TuningParameters,
     points: Sequence[PointModel] = (),
@@ -39,8 +39,8 @@ def tuning_for(
     u_plan: float = 0.0,
     k_ext: float = 0.0,
 ) -> SetTuning:
-    """Command with the gains of ``backend.tuning.gains.cascade_tuning``. Raises TuningError."""
-    tuning = cascade_tuning(parameters, lambdas, points, motor, interpolate)
+    """Command with the gains of ``backend.tuning.gains.make_cascade_tuning``. Raises TuningError."""
+    tuning = make_cascade_tuning(parameters, lambdas, points, motor, interpolate)
     return SetTuning(
         lam_q=lambdas.lam_q,
         lam_S=lambdas.lam_S,
@@ -66,7 +66,7 @@ def tuning_of(command: SetTuning, known: PlantModel) -> cascade.CascadeTuning:
         raise ValueError("a gain is not a finite number: no gain was changed")
     check_range("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
     require_share(command.k_ext)
-    return tuning_with(known, inner, table, command.interpolate, command.u_plan, command.k_ext)
+    return combine_tuning(known, inner, table, command.interpolate, command.u_plan, command.k_ext)
 
 
 # Tunings -------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from backend.realtime.channel import Channel
 from backend.realtime.commands import Heartbeat
 from backend.realtime.ipc import encode
 from backend.supervision import Part
-from plant.compiled import kept
+from plant.compilation import cache_compiled
 from plant.safety_card import WATCHDOG_S, Card, Stillness
 
 # Card guard ----------------------------------------------------------------------------------------
@@ -26,7 +26,9 @@ from plant.safety_card import WATCHDOG_S, Card, Stillness
 # The service's own look at the card's registers, which it shares with the loop and the watchdog.
 
 
-PART = Part("The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone.")
+WATCHDOG_MONITOR_PART = Part(
+    "The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone."
+)
 
 LOOK_S = 0.05
 """How often the service looks [s]."""
@@ -128,7 +130,7 @@ _sleep: Any = ExternalFunction("clock_nanosleep", int32(int32, int32, intp, intp
 _now: Any = ExternalFunction("clock_gettime", int32(int32, intp))
 
 
-@kept
+@cache_compiled
 @numba.njit(nogil=True)
 def _beat(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
     period = np.array([0, _PERIOD_NS])

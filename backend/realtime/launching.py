@@ -37,7 +37,7 @@ class LoopProcess:
             await self.process.wait()
 
 
-async def launch(parameters: str) -> LoopProcess:
+async def launch_loop(parameters: str) -> LoopProcess:
     """Start a loop process; it gets ready for a plant of ``parameters`` before it is told which."""
     ring, card = Ring.create(), Card.create()
     channel, theirs = channel_pair()

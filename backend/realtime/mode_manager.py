@@ -38,9 +38,9 @@ from backend.realtime.motions import (
     PythonMotion,
     Tracking,
 )
-from backend.realtime.program import IDENTIFYING, Program, mode_of_law, starts_from
+from backend.realtime.program import IDENTIFYING, Program, may_start_from, program_mode
 from backend.realtime.shared_state import StepContext
-from backend.tuning.gains import TuningParameters, knowledge
+from backend.tuning.gains import TuningParameters, collect_plant_knowledge
 from plant.interface import Measurement, Plant, SupportsDirectionCheck
 from plant.parameters import PlantParameters
 
@@ -143,7 +143,7 @@ class ModeManager:
         self.motion = None
         self.run, self.reached_told = 0, False
         self.tunings = ActiveGains(desk, events, tuning, lambdas)
-        self._known = knowledge(parameters)
+        self._known = collect_plant_knowledge(parameters)
         self.bounds = self._known.bounds
         self.zeros, self.drives_off = EncoderOffsets(), False
         self._pending_stop: StopRequest | None = None
@@ -214,10 +214,10 @@ class ModeManager:
 
     def run_program(self, command: RunProgram, now: TickContext) -> None:
         """Start a program. Raises CommandRejectedError or OutOfRangeError before anything has moved."""
-        program, mode = command.program, mode_of_law(command.program.law)
+        program, mode = command.program, program_mode(command.program.law)
         self._require_legal(mode)
         self._require_taut(mode)
-        if not starts_from(program.law, self.mode):
+        if not may_start_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
             raise CommandRejectedError(reason, LEGAL[self.mode])
         tunings, own = self.tunings, self.tunings.of(program, self._known)

@@ -7,16 +7,16 @@ import numpy as np
 
 from backend.control import baselines, cascade, motion_primitives, pid, setpoint_player, tracking
 from backend.control.cascade import CascadeTuning
-from backend.control.decoupler import Bounds, bounds_for, decoupler_for
+from backend.control.decoupler import Bounds, build_decoupler, compute_bounds
 from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
-from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState, Setpoint, follow
+from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState, Setpoint, track_motors
 from backend.control.step import Moving, Resting
 from backend.errors import check_range
 from backend.realtime.modes import Cause, CommandRejectedError, Why
-from backend.realtime.program import Excitation, Law, Program, Segment, Shape, require_able, require_few
-from backend.tuning.gains import TuningParameters, feedback_linearization_tuning, single_loop_tuning
-from plant.compiled import StateBlock
-from plant.dynamics import elongation
+from backend.realtime.program import Excitation, Law, Program, Segment, Shape, require_few, require_plant_ability
+from backend.tuning.gains import TuningParameters, make_feedback_linearization_tuning, make_single_loop_tuning
+from plant.compilation import StateBlock
+from plant.dynamics import spring_elongation
 from plant.interface import Measurement, Plant, T_s
 from plant.parameters import PlantParameters
 
@@ -35,7 +35,7 @@ _SHAPES = {
 }
 
 
-def player_of(segments: Sequence[Segment], start: Setpoint) -> setpoint_player.SetpointPlayer:
+def make_segment_player(segments: Sequence[Segment], start: Setpoint) -> setpoint_player.SetpointPlayer:
     """Play segments from a target on."""
     rows = [
         (
@@ -203,21 +203,21 @@ class Tracking(Motion):
     ) -> None:
         """Begin where nothing has to move; a joint that ``gives_way`` is to rest where it is now."""
         here = tracking.here(tuning, m, bounds, position_loop=position_loop or gives_way)
-        player = player_of(() if program is None else program.segments, here)
+        player = make_segment_player(() if program is None else program.segments, here)
         references = carry.theta_A_ref, carry.theta_B_ref
         law = cascade.initialize_bumpless(tuning, carry.state, carry.gains, *references, m, here.q_ref)
         super().__init__(carry, tracking.TrackingState(law, position_loop, program is not None, player), here)
 
 
 def _single_loop(parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement) -> Any:
-    tuning = single_loop_tuning(parameters, lambdas)
+    tuning = make_single_loop_tuning(parameters, lambdas)
     return tracking.SingleLoop, tuning, baselines.take_over_single_loop(tuning, *u, m)
 
 
 def _feedback_linearization(
     parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement
 ) -> Any:
-    tuning = feedback_linearization_tuning(parameters, lambdas)
+    tuning = make_feedback_linearization_tuning(parameters, lambdas)
     return (
         tracking.FeedbackLinearization,
         tuning,
@@ -248,7 +248,7 @@ class Baseline(Motion):
         """Raise TuningError where the law has no gains for these λ."""
         here = tracking.here(tuning, m, bounds)
         kind, own, law = BASELINES[program.law](parameters, lambdas, _held(carry, m, tuning.u_max), m)
-        super().__init__(carry, kind(own, law, player_of(program.segments, here)), here)
+        super().__init__(carry, kind(own, law, make_segment_player(program.segments, here)), here)
 
 
 class PythonMotion(Motion):
@@ -271,7 +271,7 @@ class PythonMotion(Motion):
         self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float
     ) -> ControlOutput:
         """One tick of both motor loops towards motor references [rad]."""
-        decision, self._carry = follow(tuning, self._carry, self.target, theta_A_ref, theta_B_ref, m, False)
+        decision, self._carry = track_motors(tuning, self._carry, self.target, theta_A_ref, theta_B_ref, m, False)
         return decision
 
 
@@ -296,9 +296,9 @@ class ProgramMotions:
     def __init__(self, plant: Plant, parameters: PlantParameters) -> None:
         self._plant = plant
         self._parameters = parameters
-        self._bounds = bounds_for(parameters)
+        self._bounds = compute_bounds(parameters)
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
-        self._geometry = decoupler_for(parameters)
+        self._geometry = build_decoupler(parameters)
 
     def motion_for(
         self, program: Program, carry: MotorLoopState, m: Measurement, tuning: CascadeTuning, lambdas: TuningParameters
@@ -323,13 +323,13 @@ class ProgramMotions:
     def off_by(self, tensions: tuple[float, float], m: Measurement) -> tuple[float, float]:
         """How much less motors A and B read [rad] than they stand at, as the tensions [N] say."""
         (F_A, F_B), r_m, turned = tensions, self._geometry.r_m, self._geometry.r_j * m.q
-        A, B = elongation(self._spring_A, F_A) + turned, elongation(self._spring_B, F_B) - turned
+        A, B = spring_elongation(self._spring_A, F_A) + turned, spring_elongation(self._spring_B, F_B) - turned
         return A / r_m - m.theta_A, B / r_m - m.theta_B
 
     def wound(self, F: float) -> tuple[float, float]:
         """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._geometry.r_m
-        return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
+        return spring_elongation(self._spring_A, F) / r_m, spring_elongation(self._spring_B, F) / r_m
 
     def require_references(self, q_ref: float, S_ref: float) -> None:
         """Raise OutOfRangeError unless the joint may be brought to q_ref [rad] and S_ref [N·m/rad]."""
@@ -347,7 +347,7 @@ class ProgramMotions:
 
     def _require_segment(self, segment: Segment) -> None:
         self.require_references(segment.q_ref, segment.S_ref)
-        require_able(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
+        require_plant_ability(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
 
     def _motor_steps(self, program: Program, carry: MotorLoopState) -> MotorSteps:
         if not program.steps:

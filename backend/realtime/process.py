@@ -46,7 +46,7 @@ from backend.realtime.player import PlayerLoop
 from backend.realtime.program import Excitation, Law, Program, Segment, SetTuning, TensionLeg, VoltageStep
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import Pacer, request_real_time
-from backend.tuning.gains import knowledge, motor_model
+from backend.tuning.gains import collect_plant_knowledge, motor_model
 from plant.errors import SinewError
 from plant.factory import make_plant
 from plant.interface import HasWiring, Plant, PlantError, T_s
@@ -109,7 +109,7 @@ def warm_up(parameters: PlantParameters, tuning: SetTuning) -> None:
 def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
     """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
     plant = Simulator(parameters)
-    gains = tuning_of(tuning, knowledge(parameters))
+    gains = tuning_of(tuning, collect_plant_knowledge(parameters))
     homing = Homing(IdleMotion(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
     homing.step(gains, plant.read())
 

@@ -138,17 +138,17 @@ IDENTIFYING = (Law.FORCE_HOLD, Law.MOTOR_STEPS, Law.TENSION_SWEEP)
 """Laws that move the motors below the cascade, in the mode IDENTIFY."""
 
 
-def mode_of_law(law: Law) -> Mode:
+def program_mode(law: Law) -> Mode:
     """Return the mode in which a program of this law plays."""
     return Mode.IDENTIFY if law in IDENTIFYING else Mode.EXPERIMENT
 
 
-def starts_from(law: Law, mode: Mode) -> bool:
+def may_start_from(law: Law, mode: Mode) -> bool:
     """Whether a program of this law may start from a mode.
 
     Under ``COMPLIANCE`` from pretension only: no joint loop brings the joint gently to where the pushes begin.
     """
-    return mode_of_law(law) in LEGAL[mode] and (law is not Law.COMPLIANCE or mode is Mode.PRETENSION)
+    return program_mode(law) in LEGAL[mode] and (law is not Law.COMPLIANCE or mode is Mode.PRETENSION)
 
 
 class Shape(StrEnum):
@@ -209,7 +209,7 @@ class Segment:
     touch: int = 0
 
 
-def left_at(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
+def final_references(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
     """Return where a segment leaves the references [rad, N·m/rad] that were here before it."""
     if segment.shape is Shape.SINE:
         share = math.sin(2.0 * math.pi * segment.duration_s / segment.period_s)
@@ -227,7 +227,7 @@ def require_few(segments: Collection[Segment]) -> None:
 NO_WALL = "no wall can be put in this joint's way by command: play it as a dry run"
 
 
-def require_able(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
+def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
     """Raise CommandRejectedError for a push or load that this plant cannot give.
 
     Raises OutOfRangeError for one that no plant can give.

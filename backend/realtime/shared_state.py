@@ -12,7 +12,7 @@ from backend.control.motion_types import AT_REST, ControlOutput
 from backend.control.step import NO_INPUTS, ControlState, Moving, StepInputs, TickRange
 from backend.realtime.motions import Motion
 from backend.sample import FIELDS
-from plant.compiled import PrecompiledCall, StateBlock
+from plant.compilation import PrecompiledCall, StateBlock
 from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 from plant.parameters import PlantParameters
 from plant.simulator import Simulated

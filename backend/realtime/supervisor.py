@@ -26,15 +26,15 @@ from backend.realtime.commands import (
     SwitchDrives,
 )
 from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender, WatchdogMonitor
-from backend.realtime.heartbeat import PART as GUARD
+from backend.realtime.heartbeat import WATCHDOG_MONITOR_PART as GUARD
 from backend.realtime.ipc import ChannelError, Failed, FromLoop, Ready, Setup, decode_from_loop, encode, packets
-from backend.realtime.launching import LoopProcess, launch
+from backend.realtime.launching import LoopProcess, launch_loop
 from backend.realtime.modes import MODES, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import RealTimeStatus
 from backend.sample import INDEX
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
-from plant.calibration import found_with
+from plant.calibration import select_calibration
 from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.safety_card import Card
@@ -61,7 +61,7 @@ class LoopExitedError(SinewError):
 _Result = TypeVar("_Result")
 
 
-async def result_of(awaited: asyncio.Future[_Result], timeout_s: float) -> _Result:
+async def wait_for_result(awaited: asyncio.Future[_Result], timeout_s: float) -> _Result:
     """Wait for a result. Raises TimeoutError only where there is none yet when this process gets to look.
 
     From Python 3.12 on ``asyncio.wait_for`` throws away a result that came while the event loop stood still for longer
@@ -299,7 +299,7 @@ class Supervisor:
             raise LoopExitedError("the loop process is there already: stop it first")
         self.card.expire()  # the loop before may have been killed a moment ago, and it is one and the same card
         if self._launched is None or (launched := self._launched.take()) is None:
-            launched = await launch(self.setup.parameters)
+            launched = await launch_loop(self.setup.parameters)
         self.ring, self.card = launched.ring, launched.card
         self.guard = WatchdogMonitor(self.card)
         self._ending, self._reason = False, "it is still starting"
@@ -321,7 +321,7 @@ class Supervisor:
         ]
         await asyncio.to_thread(heartbeat.prepare)  # before anybody commands: the loop is off, and waits for no beat
         try:
-            return await result_of(self._ready, START_TIMEOUT_S)
+            return await wait_for_result(self._ready, START_TIMEOUT_S)
         except TimeoutError:
             self._kill(f"it was not ready within {START_TIMEOUT_S:g} s")
             return await self._ready
@@ -338,7 +338,7 @@ class Supervisor:
                 await self.send(Shutdown())
             else:
                 process.terminate()
-            await result_of(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
+            await wait_for_result(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
         except (LoopExitedError, TimeoutError, ProcessLookupError):
             self._kill("it did not end when told to")
         for kept in self._kept:
@@ -360,7 +360,7 @@ class Supervisor:
                         self._kill("it does not take commands any more")
                         break
             try:
-                return await result_of(answer, ANSWER_TIMEOUT_S)
+                return await wait_for_result(answer, ANSWER_TIMEOUT_S)
             except TimeoutError:
                 self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
                 raise LoopExitedError(f"the control loop is not running: {self._reason}") from None
@@ -401,7 +401,7 @@ class Supervisor:
         forget = self.listen(hear)
         try:
             await self.send(Stop(Fault.SERVICE_ENDED, hard=False, detail=cause))
-            await result_of(stopped, STOP_TIMEOUT_S)
+            await wait_for_result(stopped, STOP_TIMEOUT_S)
         finally:
             forget()
 
@@ -430,7 +430,7 @@ class Supervisor:
     def _take(self, message: FromLoop) -> None:
         match message:
             case Ready(granted, driven, wired):
-                self.started_with = found_with(wired, self.started_with)
+                self.started_with = select_calibration(wired, self.started_with)
                 self.granted, self.driven, self._reason = granted, driven, ""
                 if self._ready is not None and not self._ready.done():
                     self._ready.set_result(granted)

@@ -144,7 +144,7 @@ class Timing:
     overruns: int
 
 
-def timing(ring: Ring) -> Timing:
+def compute_timing(ring: Ring) -> Timing:
     """Compute the timing of the loop that writes ``ring``."""
     end = ring.count
     _, rows, _ = ring.read(max(0, end - WINDOW_TICKS), WINDOW_TICKS)
@@ -160,7 +160,7 @@ LATENESS_EDGES_S = (0.0, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3,
 """Bounds of the histogram's classes [s]; the last class has no upper one."""
 
 
-def lateness_histogram(ring: Ring) -> list[int]:
+def count_lateness(ring: Ring) -> list[int]:
     """Count the ticks that the ring still holds by how late they began, one number per class."""
     end = ring.count
     _, rows, _ = ring.read(max(0, end - ring.capacity), ring.capacity)

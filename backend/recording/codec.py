@@ -35,7 +35,7 @@ class CodecError(SinewError, ValueError):
     """The bytes are no table of so many columns."""
 
 
-def pack(table: Table) -> bytes:
+def pack_table(table: Table) -> bytes:
     """Pack a table [rows, columns], losslessly."""
     columns = np.ascontiguousarray(table.T, dtype=_LITTLE_ENDIAN)
     shuffled = columns.view(np.uint8).reshape(-1, _WIDTH).T
@@ -72,7 +72,7 @@ def _inflate(packed: bytes, columns: int) -> bytes:
     return raw
 
 
-def summarise(table: Table) -> Table:
+def summarise_buckets(table: Table) -> Table:
     """Smallest and largest of each column in each ``BUCKET_TICKS`` rows: [2 * buckets, columns], minima first.
 
     The last bucket may hold fewer rows. A bucket without any number gives nan.
@@ -113,7 +113,7 @@ class SamplesDigest:
         return self._sha256.hexdigest()
 
 
-def digest_of_recording(session: Session, run_id: int) -> str:
+def compute_recording_digest(session: Session, run_id: int) -> str:
     """Return the ``SamplesDigest`` of a recording, in hex. Raises UnknownRecordError, CodecError."""
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     digest = SamplesDigest(recording.fields, recording.period_s)

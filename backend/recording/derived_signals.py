@@ -158,23 +158,23 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
 Following = Combined | Derived
 
 
-def following(session: Session, names: Iterable[str]) -> dict[str, Following]:
+def select_derived(session: Session, names: Iterable[str]) -> dict[str, Following]:
     """Return those of ``names`` that follow from others, by name."""
     asked = list(dict.fromkeys(names))
     found: dict[str, Following] = {name: COMBINED_BY_NAME[name] for name in asked if name in COMBINED_BY_NAME}
     if any(name not in UNIT_OF for name in asked):
-        derived = {one.name: one for one in map(derived_from, formulas.find(session))}
+        derived = {one.name: one for one in map(build_derived_signal, formulas.find(session))}
         found |= {name: derived[name] for name in asked if name in derived}
     return found
 
 
-def told_of(session: Session, names: Iterable[str]) -> dict[str, Field | Following]:
+def describe_signals(session: Session, names: Iterable[str]) -> dict[str, Field | Following]:
     """Return unit and meaning of those of ``names`` that are known, by name."""
     asked = list(names)
-    return {one.name: one for one in STORED if one.name in asked} | following(session, asked)
+    return {one.name: one for one in STORED if one.name in asked} | select_derived(session, asked)
 
 
-def derived_from(formula: Formula) -> Derived:
+def build_derived_signal(formula: Formula) -> Derived:
     """Return the derived signal of a stored formula."""
     meaning = f"{formula.meaning}, {formula.expression}" if formula.meaning else formula.expression
     return Derived(formula.name, formula.unit, tuple(FormulaStep(**step) for step in formula.steps), meaning)

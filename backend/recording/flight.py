@@ -18,7 +18,7 @@ from backend.faults import Fault, explained
 from backend.realtime.commands import Event, Stopped
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
-from backend.recording.codec import pack, unpack
+from backend.recording.codec import pack_table, unpack
 from backend.recording.reader import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import events, flights
@@ -35,7 +35,9 @@ LOOK_S = 0.25
 DIED = "loop_died"
 """What stands in place of the fault when the loop process died."""
 
-PART = Part("The flight recorder", "The record of a trip may come late, or lack what the ring no longer holds.")
+FLIGHT_RECORDER_PART = Part(
+    "The flight recorder", "The record of a trip may come late, or lack what the ring no longer holds."
+)
 
 _LOG = logging.getLogger(__name__)
 
@@ -178,7 +180,7 @@ class FlightRecorder:
             if event is None:
                 event = events.add(session, EventKind.TRIP, trip.text, tick=trip.tick, at=trip.at)
             events.complete(session, event.id, run_id=known, followed_by=trip.followed_by)
-            samples = pack(rows[:, STORED_COLUMNS].astype(np.float32))
+            samples = pack_table(rows[:, STORED_COLUMNS].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)
             make_room(session, self._quota)
@@ -205,7 +207,7 @@ def time_of(ring: Ring, tick: int) -> datetime:
     return datetime.now(UTC) - timedelta(seconds=max(0, ring.count - tick) * T_s)
 
 
-def flight_columns(database: Database, event_id: int) -> Columns:
+def read_flight_columns(database: Database, event_id: int) -> Columns:
     """Return a flight record's samples by name, shape (N,), with ``t`` [s] counted from the trip or trigger.
 
     Raises UnknownRecordError.

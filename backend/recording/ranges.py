@@ -48,7 +48,7 @@ class Spectrum:
     density: Array
 
 
-def welch(values: Array, period_s: float) -> Spectrum | None:
+def welch_spectrum(values: Array, period_s: float) -> Spectrum | None:
     """Return the spectrum of samples of which some may be missing (nan), None without LEAST_SAMPLES consecutive ones.
 
     Hann windows that overlap by half; the mean of each segment is removed. No segment contains a missing sample.
@@ -146,7 +146,7 @@ class Slab:
     columns: dict[str, NDArray[np.float64]]
 
 
-def stretch_of(session: Session, run_id: int, from_s: float = 0.0, to_s: float | None = None) -> TickInterval:
+def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: float | None = None) -> TickInterval:
     """Return the ticks with from_s <= t <= to_s; without ``to_s`` up to the last sample.
 
     Raises UnknownRecordError when nothing of the run was recorded, and OutOfRangeError for a range that is not within
@@ -172,7 +172,7 @@ def stretch_of(session: Session, run_id: int, from_s: float = 0.0, to_s: float |
     return TickInterval(run_id, begin, min(end, last + 1), period_s)
 
 
-def slabs(database: Database, stretch: TickInterval, names: Sequence[str]) -> Iterator[Slab]:
+def read_slabs(database: Database, stretch: TickInterval, names: Sequence[str]) -> Iterator[Slab]:
     """Yield the samples of a range, ``SLAB_TICKS`` at most at a time; a part without any sample is left out.
 
     Each slab is read in a transaction of its own. Raises UnknownRecordError, UnknownSignalError, CodecError.

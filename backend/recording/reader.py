@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
-from backend.recording.derived_signals import Derived, Following, columns_of, computed, following, lengths_of
+from backend.recording.derived_signals import Derived, Following, columns_of, computed, lengths_of, select_derived
 from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_OF
 from backend.storage import recordings
 from backend.storage.database import Database, Session
@@ -138,7 +138,7 @@ def read_stretches(
     Raises like ``read_samples``.
     """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
-    made = {name: one for name, one in following(session, names).items() if isinstance(one, Derived)}
+    made = {name: one for name, one in select_derived(session, names).items() if isinstance(one, Derived)}
     lengths = lengths_of(session, run_id, list(made.values()))
     parts = [name for name in columns_of(made.values()) if name in recording.fields]
     stored = [name for name in names if name not in made]
@@ -168,13 +168,13 @@ def read_envelope(
     """Return at most about ``points`` buckets over from_s <= t < to_s; short slices have one bucket per sample.
 
     Buckets longer than the stored summaries' are made of these, without reading the samples. Signals that follow from
-    the columns (``recording.following``) are taken too. Raises like ``read_samples``, and ValueError for fewer than one
+    the columns (``select_derived``) are taken too. Raises like ``read_samples``, and ValueError for fewer than one
     point.
     """
     if points < 1:
         raise ValueError(f"points = {points} is out of range: it must be at least 1")
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
-    made = following(session, names)
+    made = select_derived(session, names)
     combined = list(made.values())
     stored = [name for name in names if name not in made]
     # no names mean all columns, and those of combined signals alone mean none
@@ -278,7 +278,7 @@ Columns = dict[str, NDArray[np.float64]]
 """Samples by column name in double precision, shape (N,) each, and ``t`` [s] from the run's first sample."""
 
 
-def recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
+def read_recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
     """Return the samples of a run and how many are missing; empty columns for a run of which nothing was recorded."""
     try:
         with database.reading() as session:
@@ -289,7 +289,7 @@ def recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
     return {"t": samples.t} | {name: column.astype(np.float64) for name, column in samples.columns.items()}, missed
 
 
-def drawn_columns(database: Database, run_id: int, points: int = 2000) -> Columns:
+def read_drawn_columns(database: Database, run_id: int, points: int = 2000) -> Columns:
     """Return what a drawing of a whole run needs, however long: each bucket's smallest and largest value in turn.
 
     Shape (M,) with M at most about 2 ``points``; empty columns for a run of which nothing was recorded.
@@ -305,7 +305,7 @@ def drawn_columns(database: Database, run_id: int, points: int = 2000) -> Column
     return columns
 
 
-def missing_between(columns: Columns) -> int:
+def count_missing_ticks(columns: Columns) -> int:
     """Return how many ticks are lacking between the first sample and the last."""
     t = columns["t"]
     return round((t[-1] - t[0]) / T_s) + 1 - t.size if t.size else 0
@@ -366,7 +366,7 @@ def _moving(
     return [(start_s + begin * envelope.width_s, start_s + end * envelope.width_s) for begin, end in stretches]
 
 
-def nth_jump(session: Session, run_id: int, name: str, number: int) -> tuple[float | None, int]:
+def find_jump(session: Session, run_id: int, name: str, number: int) -> tuple[float | None, int]:
     """Return when a signal jumps for the ``number``-th time [s], None where it does not; and how many were found."""
     found = list(islice(jumps(session, run_id, name), number))
     return (found[-1] if len(found) == number else None), len(found)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault
-from backend.models.run import KeptWall, kept_wall
+from backend.models.run import KeptWall, wall_record
 from backend.realtime.commands import Event, RunEnded, WallChanged
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
-from backend.recording.codec import Table, pack, summarise
+from backend.recording.codec import Table, pack_table, summarise_buckets
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import events, recordings, runs
 from backend.storage.database import Database, Session
@@ -69,9 +69,9 @@ class Walls:
         if self._begins:
             before = [change.wall for change in due if change.tick <= self._first_tick]
             stands = before[-1] if before else self._standing
-            kept = [] if stands is None else [kept_wall(0.0, stands)]
+            kept = [] if stands is None else [wall_record(0.0, stands)]
             due = due[len(before) :]
-        return kept + [kept_wall(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
+        return kept + [wall_record(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
 
     def stored(self, tick: int) -> None:
         """Take note that all up to ``tick`` is stored."""
@@ -99,7 +99,9 @@ CHUNKS_AT_ONCE = 20
 """So many at most are stored together, where that many wait: a transaction costs more than a chunk."""
 DRAIN_PERIOD_S = 0.25
 
-PART = Part("The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time.")
+RECORDER_PART = Part(
+    "The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time."
+)
 
 _TICK, _RUN = INDEX["tick"], INDEX["run"]
 _LOG = logging.getLogger(__name__)
@@ -230,7 +232,7 @@ class Recorder:
     def _write_ends(self) -> None:
         """Write the ends that were told: of these runs all samples there are have been stored."""
         for run, told in list(self._told.items()):
-            self._end(run, *end_of(told))
+            self._end(run, *describe_end(told))
             del self._told[run]
 
     def _end(self, run: int, end_state: EndState, detail: str) -> None:
@@ -307,12 +309,12 @@ def _chunks_of(tick: int, table: Table) -> list[Chunk]:
     """Pack a table that begins at ``tick``; all chunks but the last are full."""
     parts = [table[at : at + CHUNK_TICKS] for at in range(0, len(table), CHUNK_TICKS)]
     return [
-        Chunk(tick + CHUNK_TICKS * index, len(part), pack(summarise(part)), pack(part))
+        Chunk(tick + CHUNK_TICKS * index, len(part), pack_table(summarise_buckets(part)), pack_table(part))
         for index, part in enumerate(parts)
     ]
 
 
-def end_of(told: RunEnded) -> tuple[EndState, str]:
+def describe_end(told: RunEnded) -> tuple[EndState, str]:
     """Return how a run that the loop has ended is kept, and in which words."""
     if told.completed:
         return EndState.COMPLETED, ""

@@ -61,7 +61,7 @@ class Overview:
         )
 
 
-def overview(database: Database, rule: RetentionRule) -> Overview:
+def summarise_retention(database: Database, rule: RetentionRule) -> Overview:
     """Return what recordings take, and which may go: the oldest that nothing came from, until the rest fits."""
     with database.reading() as session:
         runs = recordings.held(session)
@@ -75,9 +75,9 @@ def overview(database: Database, rule: RetentionRule) -> Overview:
     return Overview(rule, total, sum(run.size_bytes for run in runs if run.in_use), tuple(may_go))
 
 
-def remove(database: Database, rule: RetentionRule, run_ids: Sequence[int], who: str) -> Overview:
+def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence[int], who: str) -> Overview:
     """Delete the samples of exactly these runs. Raises NotRemovableError unless every one of them may go now."""
-    may_go = {run.run_id: run for run in overview(database, rule).may_go}
+    may_go = {run.run_id: run for run in summarise_retention(database, rule).may_go}
     others = sorted(set(run_ids) - set(may_go))
     if others or not run_ids:
         named = ", ".join(map(str, others)) or "none"
@@ -87,7 +87,7 @@ def remove(database: Database, rule: RetentionRule, run_ids: Sequence[int], who:
         )
     for run_id in sorted(set(run_ids)):
         _remove(database, may_go[run_id], who)
-    return overview(database, rule)
+    return summarise_retention(database, rule)
 
 
 def _remove(database: Database, run: RetentionEntry, who: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.realtime.ring_buffer import Ring
-from backend.recording.codec import pack
+from backend.recording.codec import pack_table
 from backend.recording.derived_signals import Derived, columns_of, computed
 from backend.recording.flight import Quota, make_room, run_of, time_of
 from backend.sample import COMBINED_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_OF
@@ -120,7 +120,7 @@ AT_ONCE = 8192
 SETTING = "trigger"
 """What is armed, for the next start of the service to tell; null for nothing."""
 
-PART = Part("The trigger", "A capture may come late, or lack what the ring no longer holds.")
+TRIGGER_PART = Part("The trigger", "A capture may come late, or lack what the ring no longer holds.")
 
 _LOG = logging.getLogger(__name__)
 
@@ -392,7 +392,7 @@ class Trigger:
                 detail={TRIGGER: armed.document()},
                 at=capture.at,
             )
-            samples = pack(table)
+            samples = pack_table(table)
             flights.add(
                 session,
                 NewFlight(event.id, TRIGGER, capture.first_tick, capture.tick, len(table), list(STORED_NAMES), samples),
@@ -402,7 +402,7 @@ class Trigger:
                 settings.put(session, SETTING, None, armed.who)
 
 
-def left_armed(database: Database) -> Document | None:
+def load_armed_trigger(database: Database) -> Document | None:
     """Return what was armed when the service last ended, None for nothing; from now on nothing is."""
     with database.session() as session:
         kept = settings.newest(session, SETTING)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backend.recording.codec import CodecError, Table, summarise, unpack
+from backend.recording.codec import CodecError, Table, summarise_buckets, unpack
 from backend.storage import recordings
 from backend.storage.database import Database, Session
 from backend.storage.recordings import Chunk
@@ -64,7 +64,7 @@ def _problem(chunk: Chunk, digest: str, columns: int) -> str:
         return str(error)
     if len(table) != chunk.count:
         return f"they are {len(table)}, recorded were {chunk.count}"
-    if not _alike(summarise(table), summary):
+    if not _alike(summarise_buckets(table), summary):
         return "their smallest or largest values are others than those that were kept beside them"
     return ""
 

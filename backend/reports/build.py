@@ -5,9 +5,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from backend.analysis.evaluation import catch_up
-from backend.exports.base import stored_or_none
-from backend.exports.formats import DataFormat, pieces, write_all
+from backend.analysis.evaluation import evaluate_pending_runs
+from backend.exports.base import export_run_if_recorded
+from backend.exports.formats import DataFormat, stream_export, write_files_whole
 from backend.models.run import CRITERIA
 from backend.reports.evidence import ReportManifest, evidence_of, to_element
 from backend.reports.experiment_report import (
@@ -35,7 +35,7 @@ from backend.reports.model import (
     to_html,
 )
 from backend.reports.pdf import to_pdf
-from backend.reports.provenance import definitions_facts, verdict_of
+from backend.reports.provenance import definitions_facts, judge_stored_run
 from backend.reports.run_data import RunData, load_source
 from backend.reports.timing import timing_section
 from backend.storage.database import Database
@@ -126,7 +126,7 @@ def _told_block(block: Block, angles: AngleUnit) -> Block:
 # What a run leaves in a folder: the report to read, the data and the metrics to compute with.
 
 
-def write_files(
+def write_report_files(
     database: Database, run_id: int, folder: Path, angles: AngleUnit = AngleUnit.DEGREES
 ) -> tuple[Path, ...]:
     """Write report.html, report.pdf, data.csv and metrics.json, all or none; make the folder where it is missing.
@@ -135,21 +135,21 @@ def write_files(
 
     Raises UnknownRecordError, ExportError, OSError.
     """
-    catch_up(database, [run_id])
+    evaluate_pending_runs(database, [run_id])
     source = load_source(database, run_id, angles)
     report = build_report(source)
     contents = {
         "report.html": to_html(report).encode(),
         "report.pdf": to_pdf(report),
-        "metrics.json": json.dumps(metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
+        "metrics.json": json.dumps(build_metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
     }
     folder.mkdir(parents=True, exist_ok=True)
-    data = pieces(stored_or_none(database, run_id), DataFormat.CSV, folder)
-    write_all({**{folder / name: (content,) for name, content in contents.items()}, folder / "data.csv": data})
+    data = stream_export(export_run_if_recorded(database, run_id), DataFormat.CSV, folder)
+    write_files_whole({**{folder / name: (content,) for name, content in contents.items()}, folder / "data.csv": data})
     return tuple(folder / name for name in ("report.html", "report.pdf", "data.csv", "metrics.json"))
 
 
-def metrics_document(source: RunData) -> dict[str, Any]:
+def build_metrics_document(source: RunData) -> dict[str, Any]:
     """Return what a program wants to know of a run: figures by name with units, criteria, steps, models."""
     run = source.run
     metrics = source.result.metrics if source.result else None
@@ -169,7 +169,7 @@ def metrics_document(source: RunData) -> dict[str, Any]:
         "missing_samples": metrics.missing_samples if metrics and run.end_state != EndState.SERVICE_DIED else None,
         "metrics": {item.name: item.value for item in figures},
         "not_measured": {item.name: item.reason for item in figures if item.reason},
-        "verdict": verdict_of(metrics, criteria).sentence,
+        "verdict": judge_stored_run(metrics, criteria).sentence,
         "labels": {item.name: item.label for item in figures},
         "units": {item.name: item.unit for item in figures},
         "criteria": CRITERIA.write(criteria),

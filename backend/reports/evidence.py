@@ -17,10 +17,10 @@ from pydantic import TypeAdapter, ValidationError
 import backend
 import plant
 from backend import __version__
-from backend.analysis.evaluation import used_settings
-from backend.models.document import digest_of
+from backend.analysis.evaluation import select_used_settings
+from backend.models.document import document_digest
 from backend.models.run import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriterion
-from backend.recording.reader import Columns, missing_between
+from backend.recording.reader import Columns, count_missing_ticks
 from backend.reports.run_data import RunData
 from backend.reports.timing import granted_rows
 from backend.sample import STORED_NAMES
@@ -137,7 +137,7 @@ class CarriedBank:
     @property
     def digest(self) -> str:
         """Return the hash of what it says."""
-        return digest_of([self.name, self.version, [[entry.S_nominal, entry.model] for entry in self.entries]])
+        return document_digest([self.name, self.version, [[entry.S_nominal, entry.model] for entry in self.entries]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,13 +181,13 @@ def hashes_of(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
     run = evidence.run
     found = {
         "samples": of_samples(columns),
-        "parameters": digest_of(run.parameters),
-        "settings": digest_of(run.settings),
+        "parameters": document_digest(run.parameters),
+        "settings": document_digest(run.settings),
     }
     if evidence.bank is not None:
         found["bank"] = evidence.bank.digest
     if evidence.identification is not None:
-        found["identification"] = digest_of([evidence.identification.model, evidence.identification.quality])
+        found["identification"] = document_digest([evidence.identification.model, evidence.identification.quality])
     return found
 
 
@@ -208,7 +208,7 @@ def evidence_of(source: RunData) -> ReportManifest | None:
         runs_of={of: source.runs_of[of] for of in _named(source)},
         fits={number: dict(fits) for number, fits in source.fits.items()},
         angles=source.angles,
-        missed_before=max(0, (missing or 0) - missing_between(columns)),
+        missed_before=max(0, (missing or 0) - count_missing_ticks(columns)),
         samples=columns["t"].size,
         hashes={},
         blocks=blocks_of(columns),
@@ -252,7 +252,7 @@ def layout() -> str:
 def account_hash(evidence: ReportManifest) -> str:
     """Return the hash of what a report carries, but for itself."""
     hashes = {name: digest for name, digest in evidence.hashes.items() if name != ACCOUNT}
-    return digest_of(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
+    return document_digest(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
 
 
 def source_of(
@@ -300,7 +300,7 @@ def without_element(page: str) -> str:
     return page.replace(element_of(page), _BEGIN, 1)
 
 
-def read(page: str) -> ReportManifest | SeriesEvidence:
+def read_accounts(page: str) -> ReportManifest | SeriesEvidence:
     """Return what a page carries: the account of a run, or of each run of a series. Raises EvidenceError."""
     element = element_of(page)
     if not element:
@@ -342,14 +342,14 @@ class SetTo:
     unit: str = ""
 
 
-def run_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
+def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
     """Yield what a run was set to: plant, software, experiment, ``bank``, machine, settings and parameters."""
     yield SetTo("plant", run.plant)
     yield SetTo("name of the parameters", run.parameters_name)
     yield SetTo("Sinew", run.software)
     yield from (SetTo(name, version) for name, version in (run.set_to.versions or {}).items())
     if text := run.set_to.experiment:
-        yield SetTo("text of the experiment, sha256", digest_of(text)[:_DIGITS])
+        yield SetTo("text of the experiment, sha256", document_digest(text)[:_DIGITS])
     known = carried(bank)
     yield SetTo("bank", "none" if known is None else f"“{known.name}” version {known.version}")
     if known is not None:
@@ -358,7 +358,7 @@ def run_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
     for name, value, unit, meaning in granted_rows(run.set_to.granted):
         granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
     yield from (SetTo(name, "; ".join(told)) for name, told in granted.items())
-    for item in used_settings(run):
+    for item in select_used_settings(run):
         yield SetTo(f"{item.meaning} {item.symbol}", item.value, item.unit)
     for section, entries in PLANT_NUMBERS.read(run.parameters, f"run {run.id}").items():
         for entry, number in entries.items():

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import EvaluationContext, kept_tuning, points_in
-from backend.analysis.disturbance_metrics import hits_of, holds_seen, pushes_seen
-from backend.analysis.evaluation import law_of, used_settings
-from backend.analysis.frequency_metrics import Lines, Response, bode_lines, responses
-from backend.analysis.step_metrics import pushes
-from backend.banks.builder import BankError, points_of
+from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
+from backend.analysis.disturbance_metrics import find_hits, measure_holds, measure_pushes
+from backend.analysis.evaluation import find_control_law, select_used_settings
+from backend.analysis.frequency_metrics import Lines, Response, build_bode_lines, compute_responses
+from backend.analysis.step_metrics import find_pushes
+from backend.banks.builder import BankError, entry_points
 from backend.banks.tuning_settings import TuningSettings
-from backend.experiments.library import stored_plan
+from backend.experiments.library import parse_stored_plan
 from backend.experiments.plans import KIND, ExperimentPlan
 from backend.experiments.schema import Measure
 from backend.models.run import Metrics, StepFigures
@@ -63,11 +63,11 @@ from backend.reports.provenance import (
 from backend.reports.run_data import RunData
 from backend.reports.sections import CAPTION, impact_panels, impact_tables
 from backend.storage.runs import RunKind
-from backend.tuning.gains import TuningError, cascade_tuning
-from backend.tuning.simulation import run
+from backend.tuning.gains import TuningError, make_cascade_tuning
+from backend.tuning.simulation import simulate_cascade
 from backend.units import AngleUnit, read, reading_of, with_unit
 from plant.interface import T_s
-from plant.parameters import SIDES, ParameterError, parameters_of
+from plant.parameters import SIDES, ParameterError, parse_parameters
 
 # Compliance ----------------------------------------------------------------------------------------
 #
@@ -178,7 +178,7 @@ class PapersLaw:
 def papers_law(source: RunData) -> PapersLaw | None:
     """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
     settings = source.run.set_to
-    if settings.loop.budget == 0.0 or law_of(source.run) != Law.CASCADE:
+    if settings.loop.budget == 0.0 or find_control_law(source.run) != Law.CASCADE:
         return None
     columns = source.columns
     t, known = columns["t"], settings.loop.known()
@@ -187,13 +187,13 @@ def papers_law(source: RunData) -> PapersLaw | None:
     if any(np.ptp(columns[f"lam_{name}"]) > 1e-6 for name in ("q", "S")):
         return PapersLaw(reason="λ was changed during the run")
     try:
-        parameters = parameters_of(source.run.parameters_name, source.run.parameters)
+        parameters = parse_parameters(source.run.parameters_name, source.run.parameters)
         choice = TuningSettings.of(known)
-        tuning = cascade_tuning(parameters, choice.lambdas, points_of(source.bank), None, choice.interpolate)
+        tuning = make_cascade_tuning(parameters, choice.lambdas, entry_points(source.bank), None, choice.interpolate)
     except (BankError, TuningError, ParameterError) as error:
         return PapersLaw(reason=str(error))
     push = columns["F_push"] if np.all(np.isfinite(columns["F_push"])) else None
-    found = run(parameters, tuning, columns["q_ref"], columns["S_ref"], push, int(settings.loop.seed or 0))
+    found = simulate_cascade(parameters, tuning, columns["q_ref"], columns["S_ref"], push, int(settings.loop.seed or 0))
     if found.tripped_at >= 0:
         return PapersLaw(reason=f"with it the safety module would have tripped after {found.tripped_at * T_s:g} s")
     return PapersLaw({"t": t, "q": found.q, "S": found.S})
@@ -274,7 +274,7 @@ def _made(source: RunData) -> tuple[Table, ...]:
     """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
     if not source.run.set_to.declared:
         return ()
-    declared = used_settings(source.run)
+    declared = select_used_settings(source.run)
     sequence = next((item.value for item in declared if item.name == "segments"), None)
     if sequence is None:
         return (settings_table(source),)
@@ -608,7 +608,7 @@ _ON = {
 
 def composed_report(source: RunData) -> Report:
     """Build the report; a run without result says why it has none."""
-    plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
+    plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})
     if not isinstance(plan, ExperimentPlan):
         raise TypeError(f"run {source.run.id} is of no experiment that is data")
     seen = list(_seen(source, plan)) if source.columns["t"].size else []
@@ -642,7 +642,7 @@ def _seen(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
     yield ReportSection("Figures", tuple(drawn))
     yield from _sections(source, plan)
-    if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns, plan.program())):
+    if Measure.IMPACT in plan.experiment.measures and (hits := find_hits(columns, plan.program())):
         yield ReportSection("Hits", impact_tables(hits, source.angles))
     steps = source.result.metrics.steps if source.result else None
     if steps:
@@ -652,7 +652,7 @@ def _seen(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
 def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
     columns, program = source.columns, plan.program()
     measures = plan.experiment.measures
-    acted = pushes(program)
+    acted = find_pushes(program)
     if Measure.COMPLIANCE in measures and source.result is not None and acted:
         delay_s = source.result.metrics.value_of("delay_s") or 0.0
         first_s, r_j = acted[0].start * T_s, source.run.number("geometry", "r_j")
@@ -668,14 +668,14 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
             error_panels(columns, "errors", source.angles),
             "Disturbances: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
         )
-    hits = hits_of(columns, program) if Measure.IMPACT in measures else ()
+    hits = find_hits(columns, program) if Measure.IMPACT in measures else ()
     if hits:
         yield Figure(
             "hits",
             impact_panels(columns, hits, "hits", source.angles),
             CAPTION,
         )
-    found = responses(columns, program) if Measure.RESPONSE in measures else ()
+    found = compute_responses(columns, program) if Measure.RESPONSE in measures else ()
     if found:
         yield Figure(
             "responses",
@@ -688,27 +688,27 @@ def lines_of(source: RunData) -> tuple[Lines, ...]:
     """Return the frequency responses of a run that measured them line by line, none of any other."""
     if source.run.kind != KIND or not source.columns["t"].size:
         return ()
-    plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
+    plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})
     if not isinstance(plan, ExperimentPlan) or Measure.BODE not in plan.experiment.measures:
         return ()
-    return bode_lines(source.columns, plan.program(), _in_force(source, plan))
+    return build_bode_lines(source.columns, plan.program(), _in_force(source, plan))
 
 
 def _sections(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     measures, columns, program = plan.experiment.measures, source.columns, plan.program()
     in_force = _in_force(source, plan)
-    if Measure.BODE in measures and (lines := bode_lines(columns, program, in_force)):
+    if Measure.BODE in measures and (lines := build_bode_lines(columns, program, in_force)):
         yield sections.bode_section(lines)
-    if Measure.PUSHES in measures and (seen := pushes_seen(columns, program, in_force)):
+    if Measure.PUSHES in measures and (seen := measure_pushes(columns, program, in_force)):
         yield sections.pushes_section(columns, seen, source.angles)
-    if Measure.HOLDS in measures and (holds := holds_seen(columns, program, in_force.parameters)):
+    if Measure.HOLDS in measures and (holds := measure_holds(columns, program, in_force.parameters)):
         yield sections.holds_section(columns, holds, in_force.parameters.sensors.joint_step, source.angles)
 
 
 def _in_force(source: RunData, plan: ExperimentPlan) -> EvaluationContext:
     run = source.run
-    parameters = parameters_of(run.parameters_name, run.parameters)
-    return EvaluationContext(parameters, plan, kept_tuning(run.set_to.loop), points_in(source.bank))
+    parameters = parse_parameters(run.parameters_name, run.parameters)
+    return EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), load_bank_points(source.bank))
 
 
 @cached_figure

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from backend.identification.models import TABLE_1, worst
-from backend.identification.validation import judged
+from backend.identification.models import TABLE_1, worst_grade
+from backend.identification.validation import read_whiteness_test
 from backend.models.document import UnreadableDocumentError
 from backend.models.identification import (
     CHANNELS,
@@ -19,7 +19,7 @@ from backend.models.identification import (
     SpringFound,
     SpringModel,
     TriedStructure,
-    grade_of,
+    stored_grade,
 )
 from backend.reports.model import (
     NO_FIGURE,
@@ -67,7 +67,7 @@ from backend.reports.provenance import (
     subtitle,
 )
 from backend.reports.run_data import RunData
-from backend.storage.banks import method_of
+from backend.storage.banks import read_method_name
 from backend.storage.identifications import Identification
 from backend.units import AngleUnit, format_quantity
 from plant.parameters import SIDES
@@ -141,7 +141,7 @@ def held_N(source: RunData) -> float:
 def _actuator_outcome(found: Identification | None) -> str:
     if found is None:
         return "incomplete"
-    return OUTCOMES[worst(*(found.actuator.channel(key).quality.grade for key in CHANNELS))]
+    return OUTCOMES[worst_grade(*(found.actuator.channel(key).quality.grade for key in CHANNELS))]
 
 
 def _point(found: Identification | None) -> tuple[Fact, ...]:
@@ -193,7 +193,7 @@ def _model_row(key: str, channel: IdentifiedChannel) -> tuple[str, ...]:
 
 
 def _residuals(tests: ResidualTests) -> str:
-    white, free = judged(tests.whiteness), judged(tests.input_correlation)
+    white, free = read_whiteness_test(tests.whiteness), read_whiteness_test(tests.input_correlation)
     return (
         f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "
         f"{'free of' if free.passed else 'depend on'} input ({free.statistic:.1f} of {free.critical:.1f})"
@@ -315,7 +315,8 @@ def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
     data = found.actuator_record
     text = (
         f"Identification {found.run_id} used {data.samples} samples at {exact(1e3 * data.period_s)} ms, "
-        f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. Method: {method_of(found)}."
+        f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. "
+        f"Method: {read_method_name(found)}."
     )
     again = "\n".join(again_command(found, key) for key in CHANNELS)
     return (Paragraph(text), Code("To estimate G_q and G_S again from data.csv, the samples of the run:", again))
@@ -389,7 +390,7 @@ def motor_identification_report(source: RunData) -> Report:
 def _motor_outcome(found: Identification | None) -> str:
     if found is None:
         return "incomplete"
-    return OUTCOMES[worst(*(grade_of(found.motors.side(side)) for side in SIDES))]
+    return OUTCOMES[worst_grade(*(stored_grade(found.motors.side(side)) for side in SIDES))]
 
 
 def _estimates(motors: MotorsFound) -> Table:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.identification.models import DenominatorKind, Structure, structure
+from backend.identification.models import DenominatorKind, Structure, find_structure
 from backend.models.identification import (
     CHANNELS,
     ActuatorModel,
@@ -93,7 +93,7 @@ def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
     rows = []
     for key in CHANNELS:
         model = channels[key]
-        shape = structure(model.structure)
+        shape = find_structure(model.structure)
         for name, value, std, power in _own(shape, model):
             figures = shown(value, 6), shown(std, 2), _unit(key, power)
             rows.append((key, name, *figures, _meaning(shape, name)))
@@ -159,7 +159,7 @@ def _propagated(shape: Structure, at: NDArray[np.float64], model: ChannelModel) 
 def _text_lines(channels: Mapping[ChannelName, ChannelModel]) -> Iterator[str]:
     for key in CHANNELS:
         model = channels[key]
-        shape, reduced = structure(model.structure), model.first_order
+        shape, reduced = find_structure(model.structure), model.first_order
         yield f"{key}: theta_A_ref [rad] to {_OUTPUTS[key]}, structure {model.structure}"
         for name, value, std, power in (*_own(shape, model), *_of_denominator(shape, model)):
             yield _line(name, value, std, _ascii(_unit(key, power)))
@@ -184,7 +184,7 @@ def _control_lines(channels: Mapping[ChannelName, ChannelModel]) -> Iterator[str
     yield "import control"
     for key in CHANNELS:
         model = channels[key]
-        shape = structure(model.structure)
+        shape = find_structure(model.structure)
         at = np.array([model.parameters[name] for name in shape.names])
         denominator = [float(one) for one in shape.denominator(at)[::-1]]
         yield ""

@@ -20,8 +20,8 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from backend.analysis.step_metrics import AT_REST, SETTLING_BAND
-from backend.identification.models import Model, simulate
-from backend.identification.validation import judged
+from backend.identification.models import Model, simulate_response
+from backend.identification.validation import read_whiteness_test
 from backend.models.identification import ChannelModel, ChannelName, ResidualTests
 from backend.models.run import StepFigures
 from backend.recording.reader import Columns as ReaderColumns
@@ -369,7 +369,7 @@ def residual_panels(residuals: Mapping[ChannelName, ResidualTests], name: str) -
         for row, (title, found_in) in zip(axes, tests, strict=True):
             for panel, (key, (output, label, _)) in zip(row, WRITTEN.items(), strict=True):
                 found = found_in[key]
-                lags, bound = np.array(found.lags_s), np.array(judged(found).bound)
+                lags, bound = np.array(found.lags_s), np.array(read_whiteness_test(found).bound)
                 panel.fill_between(lags, -bound, bound, color="#e3e3e3", linewidth=0.0)
                 panel.plot(
                     lags,
@@ -390,7 +390,7 @@ def simulated_from_rest(columns: ReaderColumns, start: int, output: str, model: 
     """Simulate the model from rest on the recorded reference; nothing is fitted to make it agree."""
     rest = slice(max(0, start - round(_REST_S / period_s)), start) if start else slice(0, 1)
     u = columns["theta_A_ref"][start:] - columns["theta_A_ref"][rest].mean()
-    return model.gain * simulate(model.poles.ravel(), period_s, u) + float(columns[output][rest].mean())
+    return model.gain * simulate_response(model.poles.ravel(), period_s, u) + float(columns[output][rest].mean())
 
 
 def _frequency_response(columns: ReaderColumns, start: int, output: str, period_s: float) -> tuple[Array, Complex]:

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.analysis.evaluation import USED, law_of, used_settings
+from backend.analysis.evaluation import USED, find_control_law, select_used_settings
 from backend.experiments import library, parser
-from backend.experiments.library import OF_THE_PAPER, experiments
+from backend.experiments.library import OF_THE_PAPER, experiments_by_name
 from backend.identification.models import Grade
 from backend.models.identification import CHANNELS
 from backend.models.run import (
@@ -19,12 +19,12 @@ from backend.models.run import (
     Outcome,
     RunCriterion,
     Value,
-    outcome_of,
+    judge_run,
 )
 from backend.realtime.program import Law
 from backend.reports.model import Block, Code, Column, Fact, Paragraph, Report, ReportSection, Table, exact, shown
 from backend.reports.run_data import RunData
-from backend.storage.banks import BankEntry, name_of_entry
+from backend.storage.banks import BankEntry, stored_entry_name
 from backend.storage.runs import EndState, RunKind
 from backend.units import AngleUnit, read, reading_of
 from plant.interface import SIMULATED, SIMULATOR
@@ -97,7 +97,7 @@ _KNOWN = "the identified geometry, springs and motors (K_m, T_m), not their fric
 
 def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     """Return the parts of the tuning that the law uses, λ as the samples have it, and the seed of the simulator."""
-    loop, law = source.run.set_to.loop, law_of(source.run)
+    loop, law = source.run.set_to.loop, find_control_law(source.run)
     used = USED[law]
     parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S") if f"lam_{name}" in used]
     if loop.lam_motor is not None and "lam_motor" in used:
@@ -140,7 +140,7 @@ def _lam_text(source: RunData, name: str) -> str:
 
 def settings_table(source: RunData) -> Table:
     """Return the settings of the plan, and those of the loop that its law uses, with their units."""
-    return table_of(() if source.run.set_to.declared is None else used_settings(source.run), source)
+    return table_of(() if source.run.set_to.declared is None else select_used_settings(source.run), source)
 
 
 def table_of(declared: Sequence[DeclaredValue], source: RunData) -> Table:
@@ -168,7 +168,7 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
 
     Nothing for a law that uses none of these gains.
     """
-    if "bank" not in USED[law_of(source.run)]:
+    if "bank" not in USED[find_control_law(source.run)]:
         return ()
     if source.bank is None:
         return (
@@ -178,7 +178,7 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
         )
     rows = tuple(
         (
-            name_of_entry(entry),
+            stored_entry_name(entry),
             shown(entry.S_nominal, 4),
             *(shown(value, 4) for value in (entry.known.K_q, entry.known.T_q, entry.known.K_S, entry.known.T_S)),
             _came_from(source, entry),
@@ -255,7 +255,7 @@ def shown_unit(unit: str, angles: AngleUnit) -> str:
 # line. Pure.
 
 
-__all__ = ["SEEN", "Outcome", "RunVerdict", "verdict_of"]
+__all__ = ["SEEN", "Outcome", "RunVerdict", "judge_stored_run"]
 
 
 @dataclass(frozen=True)
@@ -266,20 +266,18 @@ class RunVerdict:
     sentence: str
 
 
-def verdict_of(metrics: Metrics | None, criteria: Sequence[RunCriterion], problem: str = "") -> RunVerdict:
+def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], problem: str = "") -> RunVerdict:
     """Judge a run by its stored metrics and criteria; ``problem`` says why it has none."""
     if metrics is None:
-        return RunVerdict(outcome_of(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
+        return RunVerdict(judge_run(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
     if not metrics.complete:
         failed = _titles(criteria, passed=False)
         already = f" Already failed: {', '.join(failed)}." if failed else ""
         played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were played"
-        return RunVerdict(
-            outcome_of(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}"
-        )
+        return RunVerdict(judge_run(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}")
     if not criteria:
-        return RunVerdict(outcome_of(metrics, criteria), "Completed. No criteria are set for this kind of run.")
-    return RunVerdict(outcome_of(metrics, criteria), _judged(criteria))
+        return RunVerdict(judge_run(metrics, criteria), "Completed. No criteria are set for this kind of run.")
+    return RunVerdict(judge_run(metrics, criteria), _judged(criteria))
 
 
 SEEN = {"<": "at least this", ">": "at most this"}
@@ -318,9 +316,9 @@ def verdict(source: RunData) -> tuple[str, str]:
     """Return the outcome (passed, failed, incomplete or neutral) and the sentence that heads the report."""
     result = source.result
     found = (
-        verdict_of(None, (), source.run.evaluation_problem)
+        judge_stored_run(None, (), source.run.evaluation_problem)
         if result is None
-        else verdict_of(result.metrics, result.criteria)
+        else judge_stored_run(result.metrics, result.criteria)
     )
     return found.outcome, found.sentence
 
@@ -515,7 +513,7 @@ def _caption(source: RunData, files: bool) -> str:
 def _ready_made(experiment: str) -> str:
     """Return the name of the experiment that Sinew holds with the same text, "" where there is none."""
     name = str(json.loads(experiment).get("name", ""))
-    if name not in OF_THE_PAPER and name not in experiments():
+    if name not in OF_THE_PAPER and name not in experiments_by_name():
         return ""
     try:
         return name if parser.canonical(library.ready_made(name)[0]) == experiment else ""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from backend.reports.run_data import RunData
 
 
-def render(source: RunData, kind: str) -> bytes:
+def render_report(source: RunData, kind: str) -> bytes:
     """Return the report as "html" or "pdf"."""
     from backend.reports.build import build_report
     from backend.reports.model import to_html
@@ -18,7 +18,7 @@ def render(source: RunData, kind: str) -> bytes:
     return to_pdf(report) if kind == "pdf" else to_html(report).encode()
 
 
-def render_series(sources: Sequence[RunData], kind: str) -> bytes:
+def render_series_report(sources: Sequence[RunData], kind: str) -> bytes:
     """Return the report of a series as "html" or "pdf"."""
     from backend.reports.model import to_html
     from backend.reports.pdf import to_pdf

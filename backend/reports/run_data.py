@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from backend.recording.reader import Columns, drawn_columns, recorded_columns
+from backend.recording.reader import Columns, read_drawn_columns, read_recorded_columns
 from backend.storage import banks, identifications, results, runs
-from backend.storage.banks import Bank, StoredFit, fits_in
+from backend.storage.banks import Bank, StoredFit, load_bank_fits
 from backend.storage.database import Database
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
@@ -43,8 +43,8 @@ def load_source(database: Database, run_id: int, angles: AngleUnit = AngleUnit.D
         result = results.newest(session, run_id)
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
         estimates = identifications.find(session, run_id=run_id)
-        runs_of = identifications.runs_of(session)
-        fits = {} if bank is None else fits_in(session, bank)
+        runs_of = identifications.find_estimate_runs(session)
+        fits = {} if bank is None else load_bank_fits(session, bank)
     by_hand = run.kind == RunKind.SESSION
-    columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
+    columns = read_drawn_columns(database, run_id) if by_hand else read_recorded_columns(database, run_id)[0]
     return RunData(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)

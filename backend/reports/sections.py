@@ -6,17 +6,10 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.disturbance_metrics import (
-    JOINT_STEP,
-    PUSH_REST_S,
-    Hit,
-    HoldWindow,
-    MeasuredPush,
-    beside_each_other,
-)
+from backend.analysis.disturbance_metrics import JOINT_STEP, PUSH_REST_S, Hit, HoldWindow, MeasuredPush, pair_hits
 from backend.analysis.frequency_metrics import UNLIKE, Array, Complex, Lines
-from backend.analysis.identification import MOTOR_B, load_friction_of
-from backend.models.identification import CHANNELS, grade_of
+from backend.analysis.identification import MOTOR_B, estimate_run_friction
+from backend.models.identification import CHANNELS, stored_grade
 from backend.recording.reader import Columns
 from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, ReportSection, Table, share, shown
 from backend.reports.plotting import (
@@ -314,7 +307,7 @@ def _motors(found: Sequence[Identification]) -> Iterator[Table]:
             motor = one.motors.side(side)
             model, std = motor.model.parameters, motor.model.std_errors
             figures = ((model.K_m, std.K_m), (model.T_m, std.T_m), (model.u_c, std.u_c))
-            rows.append((str(one.run_id), *(_with_error(*figure) for figure in figures), str(grade_of(motor))))
+            rows.append((str(one.run_id), *(_with_error(*figure) for figure in figures), str(stored_grade(motor))))
         if rows:
             columns = (_RUN, Column("K_m", "rad/(V·s)"), Column("T_m", "s"), Column("u_c", "V"), _GRADE)
             yield Table(f"Motor {side}: least squares over all steps, ± standard error.", columns, tuple(rows))
@@ -362,7 +355,7 @@ def _friction(sources: Sequence[RunData]) -> tuple[Paragraph, ...]:
     """Return what actuator identifications say together of the friction over the load; nothing without any."""
     if not sources:
         return ()
-    found = load_friction_of([(source.run, source.columns) for source in sources])
+    found = estimate_run_friction([(source.run, source.columns) for source in sources])
     return (Paragraph(". ".join((found.sentence, *found.left_out, f"{MOTOR_B[0].upper()}{MOTOR_B[1:]}")) + "."),)
 
 
@@ -436,7 +429,7 @@ def _ms(time_s: float, hit: Hit) -> str:
 
 def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
     """Return hits with reaction beside those without, of one stiffness and speed; none where there are none."""
-    pairs, _ = beside_each_other(hits)
+    pairs, _ = pair_hits(hits)
     if not pairs:
         return ()
     columns = (

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from backend import __version__
 from backend.models.run import MeasuredFigure, Outcome
 from backend.reports.build import told
-from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, run_configuration, to_element
+from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, iterate_configuration, to_element
 from backend.reports.experiment_report import lines_of
 from backend.reports.model import Block, Code, Column, Fact, Figure, Paragraph, Report, ReportSection, Table, shown
 from backend.reports.plotting import INK, axis_label, cached_figure, figure, in_unit, thinned, to_svg, upper_legend
 from backend.reports.provenance import chosen, definitions_facts, measured, shown_unit, verdict
 from backend.reports.run_data import RunData
 from backend.reports.sections import identifications_section, overlay_bode
-from backend.storage.runs import title_of
+from backend.storage.runs import run_title
 from backend.units import AngleUnit, read
 
 # Series figures ------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ _PROOF = (
 
 
 def _title(sources: Sequence[RunData]) -> str:
-    titles = list(dict.fromkeys(title_of(source.run) for source in sources))
+    titles = list(dict.fromkeys(run_title(source.run) for source in sources))
     return f"Series: {titles[0]}" if len(titles) == 1 else "Series of different experiments"
 
 
@@ -188,7 +188,7 @@ def _runs_table(sources: Sequence[RunData]) -> Table:
         Column("Result", number=False, wide=True),
     )
     rows = tuple(
-        (str(run.id), title_of(run), f"{run.started_at:%Y-%m-%d %H:%M:%S}", verdict(source)[1])
+        (str(run.id), run_title(run), f"{run.started_at:%Y-%m-%d %H:%M:%S}", verdict(source)[1])
         for source in sources
         for run in (source.run,)
     )
@@ -211,7 +211,7 @@ def _differing(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]
 
 
 def _set_to(source: RunData, angles: AngleUnit) -> Iterator[tuple[str, str]]:
-    for item in run_configuration(source.run, source.bank):
+    for item in iterate_configuration(source.run, source.bank):
         unit = shown_unit(item.unit, angles)
         yield item.name + (f" [{unit}]" if unit else ""), chosen(item.value, item.unit, angles)
 

@@ -3,14 +3,15 @@
 from collections.abc import Sequence
 from contextlib import suppress
 
-from backend.analysis.evaluation import catch_up
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.analysis.evaluation import evaluate_pending_runs
+from backend.errors import RequestRejectedError
 from backend.reports.run_data import RunData, load_source
 from backend.storage import recordings, runs
 from backend.storage.database import Database
 from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import EndState, RunKind
 from backend.units import AngleUnit
+from plant.errors import ErrorCode
 
 MOST_RUNS = 100
 MOST_SAMPLES = 3_000_000
@@ -45,5 +46,5 @@ def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
         )
-    catch_up(database, chosen)
+    evaluate_pending_runs(database, chosen)
     return [load_source(database, number, angles) for number in chosen]

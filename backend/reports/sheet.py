@@ -6,9 +6,10 @@ from importlib import resources
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.plain_text import as_lines
 from backend.reports.pdf import missing_letters, sentence, with_boxes
+from plant.errors import ErrorCode
 
 # Sheet ---------------------------------------------------------------------------------------------
 #
@@ -81,7 +82,7 @@ class Sheet:
     letters: str
 
 
-def sheet_pdf(svg: str) -> bytes:
+def render_sheet_pdf(svg: str) -> bytes:
     """Return the sheet as PDF of one page, as large as the drawing says.
 
     Raises RequestRejectedError for what is no sheet.

@@ -116,16 +116,16 @@ def load_or_make_signing_key(data: Path) -> "Ed25519PrivateKey":
     return key
 
 
-def own_public_key(data: Path) -> PublicKey | None:
+def load_own_public_key(data: Path) -> PublicKey | None:
     """Return the public half of a data folder's key; None where there is none that this account can read."""
     path = data / FILE_NAME
     try:
-        return public_half(_load(path)) if path.is_file() else None
+        return derive_public_key(_load(path)) if path.is_file() else None
     except (OSError, SigningKeyError):
         return None
 
 
-def public_half(key: "Ed25519PrivateKey") -> PublicKey:
+def derive_public_key(key: "Ed25519PrivateKey") -> PublicKey:
     """Return the public half of a private key."""
     return PublicKey(key.public_key().public_bytes_raw())
 
@@ -221,7 +221,7 @@ def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
         raise UnsignableError("it carries no account of its numbers: only reports of runs and of series are signed")
     if _BEGIN in unsigned:
         raise UnsignableError("it has two signatures: make the report again")
-    said = _said(Signature(public_half(key), name))
+    said = _said(Signature(derive_public_key(key), name))
     return unsigned[:place] + _element(said, key.sign(_message(said, unsigned))) + unsigned[place:]
 
 
@@ -242,7 +242,7 @@ def read_signature(page: bytes) -> SignedPage:
     return SignedPage(unsigned, signature)
 
 
-def with_signature(found: Verified, signed: SignedPage, wanted: PublicKey | None = None) -> Verified:
+def apply_signature_check(found: Verified, signed: SignedPage, wanted: PublicKey | None = None) -> Verified:
     """Return what was found of a page, with a broken signature, or one by another key than is wanted, as difference."""
     return replace(found, differences=(*signature_differences(signed, wanted), *found.differences)[:MOST])
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from backend.models.run import KeptGrant
-from backend.recording.reader import missing_between
+from backend.recording.reader import count_missing_ticks
 from backend.reports.model import Column, ReportSection, Table, shown
 from backend.reports.run_data import RunData
 from backend.storage.runs import EndState
@@ -61,5 +61,5 @@ def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
 def _missing(source: RunData) -> str:
     if source.run.end_state == EndState.SERVICE_DIED:
         return "not known: the service died while it recorded"
-    missing = source.result.metrics.missing_samples if source.result else missing_between(source.columns)
+    missing = source.result.metrics.missing_samples if source.result else count_missing_ticks(source.columns)
     return "not kept" if missing is None else str(missing)

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from backend.analysis.context import points_in
-from backend.analysis.evaluation import computed
+from backend.analysis.context import load_bank_points
+from backend.analysis.evaluation import compute_result
 from backend.analysis.step_metrics import NoSamplesError
-from backend.experiments.library import stored_plan
-from backend.exports.base import Batch, Facts, ImportRefusedError, described
-from backend.exports.formats import DataFormat, read
-from backend.exports.importer import require_told
-from backend.exports.writers import heading_problem, schema_problem
+from backend.experiments.library import parse_stored_plan
+from backend.exports.base import Batch, Facts, ImportRefusedError, describe_columns
+from backend.exports.formats import DataFormat, read_export
+from backend.exports.importer import require_matching_facts
+from backend.exports.writers import find_heading_problem, find_schema_problem
 from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion
-from backend.recording.reader import Columns, missing_between, recorded_columns
-from backend.reports.build import build_report, metrics_document
+from backend.recording.reader import Columns, count_missing_ticks, read_recorded_columns
+from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
     ACCOUNT,
     BLOCK_S,
@@ -46,7 +46,7 @@ from backend.reports.evidence import (
     unseen,
     without_element,
 )
-from backend.reports.evidence import read as read_evidence
+from backend.reports.evidence import read_accounts as read_evidence
 from backend.reports.model import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
@@ -56,7 +56,7 @@ from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import RunKind
 from plant.errors import ErrorCode, SinewError
-from plant.parameters import parameters_of
+from plant.parameters import parse_parameters
 
 # Differences ---------------------------------------------------------------------------------------
 #
@@ -354,7 +354,7 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]
     Raises SamplesFileError.
     """
     try:
-        facts, batches = read(file)
+        facts, batches = read_export(file)
         parts = list(batches)
     except (ImportRefusedError, OSError) as error:
         raise SamplesFileError(f"{file} cannot be read: {error}") from None
@@ -370,18 +370,18 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]
 
 def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[ReportDifference]:
     try:
-        require_told(facts, parts)
+        require_matching_facts(facts, parts)
     except ImportRefusedError as error:
         yield ReportDifference("the file of the samples", "samples as they were exported", str(error))
-    known = {column.name: column.unit for column in described(facts.fields)}
+    known = {column.name: column.unit for column in describe_columns(facts.fields)}
     for column in facts.columns:
         if column.unit != known[column.name]:
             yield ReportDifference(
                 f"unit of {column.name} in {file.name}", f"[{column.unit}]", f"[{known[column.name]}]"
             )
-    if file.suffix == ".csv" and (problem := heading_problem(file, facts)):
+    if file.suffix == ".csv" and (problem := find_heading_problem(file, facts)):
         yield ReportDifference(f"units and meanings in {file.name}", "the lines of its export", problem)
-    if file.suffix == ".parquet" and (problem := schema_problem(file, facts)):
+    if file.suffix == ".parquet" and (problem := find_schema_problem(file, facts)):
         yield ReportDifference(f"units and meanings in {file.name}", "the columns of its export", problem)
 
 
@@ -391,7 +391,7 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Repo
 # it otherwise.
 
 
-def stored_samples(database: Database, evidence: ReportManifest) -> tuple[Columns | None, int | None]:
+def read_stored_samples(database: Database, evidence: ReportManifest) -> tuple[Columns | None, int | None]:
     """Return the samples of the stored run that an account speaks of and its number here, None where there is none.
 
     Of runs that began at the same moment it is the one whose samples have the hash; else the first, so that it can be
@@ -401,7 +401,7 @@ def stored_samples(database: Database, evidence: ReportManifest) -> tuple[Column
         began = runs.began_at(session, evidence.run.started_at)
     found: list[tuple[Columns, int]] = []
     for run in began:
-        columns, _ = recorded_columns(database, run.id)
+        columns, _ = read_recorded_columns(database, run.id)
         if of_samples(columns) == evidence.hashes.get("samples"):
             return columns, run.id
         found.append((columns, run.id))
@@ -437,7 +437,7 @@ class AccompanyingFiles:
 NOTHING_BESIDE = AccompanyingFiles()
 
 
-def verify(page: str, columns: Columns | None, beside: AccompanyingFiles = NOTHING_BESIDE) -> Verified:
+def verify_report(page: str, columns: Columns | None, beside: AccompanyingFiles = NOTHING_BESIDE) -> Verified:
     """Compare a report with its own account, and both with samples; without them the numbers cannot be computed again.
 
     What is ``beside`` them is compared as well. Raises EvidenceError for a page without an account.
@@ -472,7 +472,7 @@ def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Itera
     if not isinstance(said, dict):
         yield ReportDifference("metrics.json", "a JSON object", type(said).__name__)
         return
-    found = json.loads(json.dumps(metrics_document(source)))
+    found = json.loads(json.dumps(build_metrics_document(source)))
     same = all(evidence.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
     words = () if same else ("labels", "verdict", "problem")
     for document in (said, found):
@@ -585,11 +585,11 @@ def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[Repor
 
 def _again(evidence: ReportManifest, columns: Columns) -> _Result:
     run = evidence.run
-    plan = stored_plan(run.kind, run.set_to.plan or {})
-    parameters = parameters_of(run.parameters_name, run.parameters)
-    missed = evidence.missed_before + missing_between(columns)
+    plan = parse_stored_plan(run.kind, run.set_to.plan or {})
+    parameters = parse_parameters(run.parameters_name, run.parameters)
+    missed = evidence.missed_before + count_missing_ticks(columns)
     try:
-        result, estimate = computed(columns, missed, parameters, plan, run, points_in(evidence.bank))
+        result, estimate = compute_result(columns, missed, parameters, plan, run, load_bank_points(evidence.bank))
     except NoSamplesError:
         return None, (), None
     return result.metrics, result.criteria, None if estimate is None else estimate_of(estimate)
@@ -657,7 +657,9 @@ def _samples(evidence: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
 # then the page.
 
 
-def verify_series(page: str, evidence: SeriesEvidence, find: Callable[[ReportManifest], Columns | None]) -> Verified:
+def verify_series_report(
+    page: str, evidence: SeriesEvidence, find: Callable[[ReportManifest], Columns | None]
+) -> Verified:
     """Compare the accounts of a series with the samples that ``find`` has of each run, and its page with one made anew.
 
     Raises EvidenceError where the samples of a run are not there.

@@ -665,7 +665,7 @@ UP_WITHIN_S = 5.0
 """Whoever wants to look waits so long for a scene that is being put up [s], and is sent away then."""
 
 _LOOK_S = 0.05
-PART = Part("A 3D view", "It stood still meanwhile.")
+SCENE_PART = Part("A 3D view", "It stood still meanwhile.")
 
 
 class SceneMirror:

@@ -160,7 +160,9 @@ class Hearing:
             raise SentAwayError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
 
 
-def router(authorise: Callable[[HTTPConnection], object], scene: SceneMirror, path: str = "/scene") -> APIRouter:
+def create_scene_router(
+    authorise: Callable[[HTTPConnection], object], scene: SceneMirror, path: str = "/scene"
+) -> APIRouter:
     """Return the routes under ``path`` to ``scene``. ``authorise`` raises for who is not signed in."""
     routes = APIRouter(include_in_schema=False)
     html = page()

@@ -110,7 +110,7 @@ class _Declared:
     legal: tuple[str, ...] = ()
 
 
-def problem_of_form(error: Mapping[str, Any], body: Any, angles: AngleUnit) -> ErrorDetail:
+def form_error_body(error: Mapping[str, Any], body: Any, angles: AngleUnit) -> ErrorDetail:
     """Return the error body for the first error that pydantic found; ``body`` is the type of what was to be sent."""
     path: Path = tuple(part for part in error["loc"] if part not in ("body", "query", "path"))
     given, bounds = error.get("input"), error.get("ctx", {})
@@ -256,16 +256,16 @@ _LARGEST = 2**53
 """Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
 
 
-def problem_of(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES) -> ErrorDetail:
+def error_message(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES) -> ErrorDetail:
     """Return what is said of an error to somebody who reads angles in this unit."""
     fields = error.fields
     if "value" in fields:
-        fields["value"] = plain(fields["value"])
+        fields["value"] = printable_refused_value(fields["value"])
     message = error.sentence(angles) if isinstance(error, InvalidValueError) else format_angles(str(error), angles)
     return ErrorDetail(message=message, **fields)
 
 
-def plain(value: object) -> object:
+def printable_refused_value(value: object) -> object:
     """Return what JSON can show of a refused value; a token or a large body is not repeated."""
     if isinstance(value, bool) or value is None:
         return value
@@ -274,12 +274,12 @@ def plain(value: object) -> object:
     return value[:SHOWN] if isinstance(value, str) else None
 
 
-def printable(value: object) -> object:
+def replace_unsendable(value: object) -> object:
     """Return ``value`` with nothing in its texts that cannot be sent: half a character becomes a question mark."""
     if isinstance(value, str):
         return value.encode("utf-8", "replace").decode()
     if isinstance(value, list):
-        return [printable(item) for item in value]
+        return [replace_unsendable(item) for item in value]
     if isinstance(value, dict):
-        return {name: printable(item) for name, item in value.items()}
-    return plain(value)
+        return {name: replace_unsendable(item) for name, item in value.items()}
+    return printable_refused_value(value)

@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification.fitting import Method
 from backend.identification.models import Grade
-from backend.models.settings import describe
+from backend.models.settings import describe_settings
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.experiment import Metric, SettingValue, SettingView
@@ -228,7 +228,7 @@ class IdentificationCurves(Schema):
 
 def _declared(plan: type[Any], name: str) -> Any:
     """Return the field of a setting that the plan declares, with its bounds."""
-    setting = next(setting for setting in describe(plan) if setting.name == name)
+    setting = next(setting for setting in describe_settings(plan) if setting.name == name)
     bounds = {"ge": setting.minimum, "le": setting.maximum}
     return quantity(setting.unit, setting.meaning, default=setting.default, **bounds)
 

@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.plain_text import ONE_LINE
 from backend.sample import UNIT_OF
 from backend.schemas.base import Schema, quantity
 from backend.units import AngleUnit
+from plant.errors import ErrorCode
 
 # Layouts -------------------------------------------------------------------------------------------
 #
@@ -41,7 +42,7 @@ class ChartLayout(Schema):
     panels: list[ChartPanel] = Field(min_length=1, max_length=12)
 
 
-def look_over(layouts: list[ChartLayout], formulas: Collection[str] = ()) -> None:
+def check_preferences(layouts: list[ChartLayout], formulas: Collection[str] = ()) -> None:
     """Raise RequestRejectedError for what no chart can show: signals that are not there, several units on one axis.
 
     ``formulas`` are the names of derived signals, also of removed ones: their units are for the page to look at.

@@ -12,7 +12,7 @@ from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant.interface import T_s
 
 
-def sample_typescript() -> str:
+def render_sample_typescript() -> str:
     """Return the sample table as a TypeScript module."""
     fields = [
         {"name": field.name, "symbol": field.symbol, "unit": field.unit, "meaning": field.meaning} for field in STORED

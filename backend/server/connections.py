@@ -32,7 +32,7 @@ from backend.server.security import (
     MAX_BODY_BYTES,
     MOST_HEADERS,
     SHEETS,
-    most_bytes,
+    body_limit,
     too_large_a_head,
 )
 
@@ -527,7 +527,7 @@ LOOK_S = 0.005
 def body_s(path: str) -> float:
     """Return how long the body of a request to an address may take [s]: all have to come equally fast."""
     asked = SHEETS if path.endswith(SHEETS) else path  # a proxy may have left its prefix before it
-    return BODY_S * most_bytes(asked) / MAX_BODY_BYTES
+    return BODY_S * body_limit(asked) / MAX_BODY_BYTES
 
 
 class _Placed(asyncio.Protocol):

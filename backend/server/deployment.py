@@ -143,7 +143,7 @@ def upgrade_lost(path: str, origin: str | None) -> str:
     )
 
 
-def no_such_page(path: str) -> str:
+def missing_page_message(path: str) -> str:
     """Say what an address without a page may come from."""
     return (
         f"There is no page at {_cut(path)}. The dashboard is at /. If a reverse proxy serves it below a path, start "
@@ -151,7 +151,7 @@ def no_such_page(path: str) -> str:
     )
 
 
-def findings(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[ErrorDetail]:
+def find_deployment_problems(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[ErrorDetail]:
     """Return what is wrong with how a page at the address ``page`` has reached the service.
 
     ``peer`` is the address of the connection. A page that may not command at all is refused before, by its origin.

@@ -73,7 +73,7 @@ def _leave(number: int, _frame: FrameType | None) -> None:
     raise SystemExit(KILLED_BY + number)
 
 
-def address_on(host: str, port: int) -> str:
+def browser_address(host: str, port: int) -> str:
     """Return where a browser of this machine reaches a service that listens on ``host``."""
     reached = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     return f"http://[{reached}]:{port}" if ":" in reached else f"http://{reached}:{port}"
@@ -91,7 +91,7 @@ class CannotListenError(SinewError):
 
 
 @contextmanager
-def listening_on(host: str, port: int) -> Iterator[socket.socket]:
+def listening_socket(host: str, port: int) -> Iterator[socket.socket]:
     """Hold the socket that is listened on. Raises CannotListenError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
@@ -105,7 +105,7 @@ def listening_on(host: str, port: int) -> Iterator[socket.socket]:
         yield listening
 
 
-def served_by(host: str) -> str:
+def describe_served_addresses(host: str) -> str:
     """Return which addresses a service on ``host`` serves, where that is not plain from it; "" elsewhere."""
     if not _is_any(host):
         return ""

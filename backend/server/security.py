@@ -20,13 +20,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from backend.auth.authentication import Authentication, Shown, User
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.plain_text import PlainTextError, require_plain, require_plain_texts
 from backend.public_url import PublicUrl
 from backend.schemas.base import ErrorDetail, ErrorResponse
 from backend.schemas.run import LONGEST_SHEET
 from backend.server import deployment
 from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, name_of
+from plant.errors import ErrorCode
 
 # Bodies --------------------------------------------------------------------------------------------
 #
@@ -47,7 +48,7 @@ def has_body(connection: HTTPConnection) -> bool:
     return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
 
 
-async def read_whole(receive: Receive, most: int) -> bytes:
+async def read_body(receive: Receive, most: int) -> bytes:
     """Return the whole body, of ``most`` bytes at most. Raises RequestRejectedError, ClientDisconnect."""
     body = bytearray()
     while True:
@@ -62,7 +63,7 @@ async def read_whole(receive: Receive, most: int) -> bytes:
     return bytes(body)
 
 
-def require_writable(body: bytes) -> None:
+def require_valid_body(body: bytes) -> None:
     """Raise RequestRejectedError for a body that is no JSON, or holds what no request has: it takes up to 10 ms."""
     try:
         document = pydantic_core.from_json(body)
@@ -91,7 +92,7 @@ def _require_few(document: Any) -> None:
         parts.extend(part.values() if isinstance(part, dict) else part if isinstance(part, list) else ())
 
 
-def once_more(body: bytes, receive: Receive) -> Receive:
+def replay_body(body: bytes, receive: Receive) -> Receive:
     """Return a ``receive`` that gives ``body`` first."""
     messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
 
@@ -118,13 +119,13 @@ _SAME_COOKIES = 4
 _SHOWN = "sinew.shown"
 
 
-def authentication_of(connection: HTTPConnection) -> Authentication:
+def find_authentication(connection: HTTPConnection) -> Authentication:
     """Return what tells who asks, of the running service."""
     authentication: Authentication = connection.app.state.authentication
     return authentication
 
 
-def shown_by(connection: HTTPConnection) -> Shown:
+def read_credentials(connection: HTTPConnection) -> Shown:
     """Return what a request or websocket shows of who sends it; the same each time it is asked for."""
     shown: Shown | None = connection.scope.get(_SHOWN)
     if shown is None:
@@ -138,7 +139,9 @@ def shown_by(connection: HTTPConnection) -> Shown:
     return shown
 
 
-def grant(authentication: Authentication, connection: HTTPConnection, response: Response, person: User) -> None:
+def set_session_cookie(
+    authentication: Authentication, connection: HTTPConnection, response: Response, person: User
+) -> None:
     """Put the session cookie of ``person`` on ``response``."""
     value = authentication.cookie(person)
     if value is not None:
@@ -153,9 +156,9 @@ def grant(authentication: Authentication, connection: HTTPConnection, response: 
         )
 
 
-def forget(authentication: Authentication, connection: HTTPConnection, response: Response) -> None:
+def end_session(authentication: Authentication, connection: HTTPConnection, response: Response) -> None:
     """End the session of the cookie, and take the cookie from this browser."""
-    authentication.sign_out(shown_by(connection))
+    authentication.sign_out(read_credentials(connection))
     for path in sorted({"/", _path(connection)}):
         response.delete_cookie(
             cookie_name(connection), httponly=True, samesite="strict", secure=_is_secure(connection), path=path
@@ -212,10 +215,10 @@ class SessionExpiryMiddleware:
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
-        authentication = authentication_of(connection)
+        authentication = find_authentication(connection)
         person = None
         with suppress(RequestRejectedError):
-            person = authentication.recognise(shown_by(connection))
+            person = authentication.recognise(read_credentials(connection))
         if person is None:
             await self._app(scope, receive, send)
             return
@@ -255,7 +258,7 @@ _STYLE = (
 )
 
 
-def message_page(status: int, text: str) -> HTMLResponse:
+def render_message_page(status: int, text: str) -> HTMLResponse:
     """Return a page that says ``text``."""
     content = (
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
@@ -264,7 +267,7 @@ def message_page(status: int, text: str) -> HTMLResponse:
     return HTMLResponse(content, status_code=status, headers={"Content-Security-Policy": DOCUMENT_POLICY})
 
 
-def wants_page(headers: Headers, method: str) -> bool:
+def is_page_request(headers: Headers, method: str) -> bool:
     """Return whether a person opens the address, not a script: only then a browser asks for a page before all else."""
     return method == "GET" and headers.get("accept", "").startswith("text/html")
 
@@ -308,7 +311,7 @@ class HostOriginMiddleware:
 
     Refuses a Host header that this service is not known by (DNS rebinding), an Origin other than that host on
     websockets and on everything that writes, heads beyond ``LONGEST_HEAD`` or ``MOST_HEADERS``, and bodies larger than
-    ``most_bytes`` or of no certain length. With a ``public`` URL the hosts are that one, the names of this machine's
+    ``body_limit`` or of no certain length. With a ``public`` URL the hosts are that one, the names of this machine's
     loopback and ``allowed_hosts``, and the origins are that of the URL and those of the other hosts; its path prefix is
     taken off the path, and a trusted proxy's X-Forwarded-For says who asks. A refusal that a proxy or its set-up may
     have caused is logged, with what to change.
@@ -362,7 +365,7 @@ class HostOriginMiddleware:
                 require_plain(unquote_to_bytes(part).decode("utf-8", "replace"))
         except PlainTextError as error:
             return _refuse(scope, 400, "bad_character", f"the address: {error}")
-        return _refusal_of_length(scope, headers, most_bytes(scope["path"]))
+        return _refusal_of_length(scope, headers, body_limit(scope["path"]))
 
     def _is_known(self, host: str) -> bool:
         name = name_of(host)
@@ -398,7 +401,7 @@ class HostOriginMiddleware:
             return False
 
 
-def most_bytes(path: str) -> int:
+def body_limit(path: str) -> int:
     """Return how large the body of a request to an address may be."""
     return MAX_SHEET_BYTES if path == SHEETS else MAX_BODY_BYTES
 
@@ -461,8 +464,8 @@ def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
     # What follows may be a part of it, and must not be taken for the next request. A body that is only too large is
     # read to its end: to close before that would take the answer from whoever still sends.
     headers = {"Connection": "close"} if scope["type"] == "http" and code in _UNCLEAR else {}
-    if scope["type"] == "http" and wants_page(Headers(scope=scope), scope["method"]):
-        page = message_page(status, message)
+    if scope["type"] == "http" and is_page_request(Headers(scope=scope), scope["method"]):
+        page = render_message_page(status, message)
         page.headers.update(headers)
         return page
     body = ErrorResponse(error=ErrorDetail(code=code, message=message))

@@ -26,7 +26,7 @@ from backend.server.security import LONGEST_HEAD
 # The request that an application gets before anybody asks.
 
 
-async def put_routes_together(app: ASGIApp) -> None:
+async def prepare_routes(app: ASGIApp) -> None:
     """Send the application its first request: FastAPI prepares its routes only then, for a third of a second."""
     request = {
         "type": "http",

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from backend import __version__
 from backend.commissioning.session import KeptHands, switch_drives
-from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.errors import RequestRejectedError, check_range
 from backend.faults import EXPLAINED, Fault
 from backend.models.run import SETTINGS, RunSettings, StoredLoopSettings
 from backend.realtime import commands
@@ -28,7 +28,7 @@ from backend.realtime.commands import (
 from backend.realtime.contact import PUSH_MAX_S
 from backend.realtime.modes import LEGAL, MOVING, Mode
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor, result_of
+from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor, wait_for_result
 from backend.schemas.run import PlayedRecording
 from backend.schemas.state import MarkKind, PushRequest, References, State, StopProof, WallOrder, WallView
 from backend.services.contact import Touching
@@ -45,6 +45,7 @@ from backend.supervision import KeptTask, Part, Supervision
 from backend.units import in_digits
 from plant.calibration import BroughtUp
 from plant.dynamics import Obstacle
+from plant.errors import ErrorCode
 from plant.interface import Broken, PlantKind
 from plant.parameters import PlantParameters
 
@@ -241,7 +242,7 @@ class ActuatorService:
         self._stop_waiters.append(waiter)
         try:
             await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
-            stopped = await result_of(waiter, STOP_PROOF_S)
+            stopped = await wait_for_result(waiter, STOP_PROOF_S)
         except TimeoutError:
             raise RequestRejectedError(
                 ErrorCode.UNAVAILABLE, "the loop has not confirmed zero volts: use the e-stop at the rig"

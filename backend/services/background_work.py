@@ -9,16 +9,17 @@ from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from backend.auth.authentication import User
-from backend.banks.builder import points_of
+from backend.banks.builder import entry_points
 from backend.banks.tuning_settings import TuningSettings
-from backend.errors import ErrorCode, RequestRejectedError
-from backend.reports.sheet import sheet_pdf
+from backend.errors import RequestRejectedError
+from backend.reports.sheet import render_sheet_pdf
 from backend.schemas.session import Role
 from backend.schemas.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
 from backend.services.tuning_state import ActiveTuning
 from backend.storage.banks import Bank
 from backend.tuning.preview import TuningPreviewer
 from backend.workers import Offload
+from plant.errors import ErrorCode
 from plant.parameters import PlantParameters
 
 # Departure -----------------------------------------------------------------------------------------
@@ -35,7 +36,7 @@ HasLeft = Callable[[], Awaitable[bool]]
 LOOK_S = 0.5
 
 
-async def unless_left(work: Coroutine[Any, Any, T], has_left: HasLeft) -> T:
+async def run_while_connected(work: Coroutine[Any, Any, T], has_left: HasLeft) -> T:
     """Return what ``work`` returns; cancel it when whoever waits for it has left.
 
     Work in a process beside the service ends with that process. Raises RequestRejectedError after whoever asked has
@@ -87,7 +88,7 @@ class AskedTuning:
         with _keeping:
             same = next((one for one in _kept if self._has_models_of(one)), None)
             if same is None:
-                points = points_of(self.bank)
+                points = entry_points(self.bank)
                 lam_motor, b = self.choice.lam_motor, self.choice.b
                 previewer = TuningPreviewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
                 same = ActiveTuning(self.choice, self.bank, self.parameters, previewer)
@@ -218,7 +219,7 @@ class ChartSheets:
     async def pdf(self, svg: str, person: User, has_left: HasLeft) -> bytes:
         """Return a sheet as PDF. Raises RequestRejectedError for what is no sheet or finds no place, WorkLimitError."""
         with self.places.held(person):
-            return await unless_left(self._offload.run(sheet_pdf, svg), has_left)
+            return await run_while_connected(self._offload.run(render_sheet_pdf, svg), has_left)
 
 
 # Text work -----------------------------------------------------------------------------------------
@@ -264,7 +265,7 @@ class TextWork:
         """
         process = self._operators if is_operator(person) else self._viewers
         with self.places.held(person):
-            return await unless_left(process.run(work, *asked, **_none), has_left)
+            return await run_while_connected(process.run(work, *asked, **_none), has_left)
 
     def previewing(self, person: User, has_left: HasLeft) -> Compute:
         """Return what computes previews for a person.

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from typing import Protocol
 
 from backend.banks import builder
-from backend.banks.builder import MODEL_NAMES, difference, figures_of_all, with_entries
+from backend.banks.builder import MODEL_NAMES, compare_entries, compute_entry_figures, merge_entries
 from backend.models.document import UnreadableDocumentError
 from backend.schemas.tuning import (
     BankDetail,
@@ -21,7 +21,7 @@ from backend.schemas.tuning import (
 )
 from backend.services.runs import bank_view
 from backend.storage import banks, identifications, runs
-from backend.storage.banks import Bank, BankEntry, fits_of, method_of
+from backend.storage.banks import Bank, BankEntry, read_fits, read_method_name
 from backend.storage.database import Database, Session
 from backend.tuning.gains import TuningParameters
 from backend.tuning.preview import TuningPreviewer
@@ -63,7 +63,7 @@ class StoredBanks:
 
     async def banks(self) -> list[BankView]:
         """Return all versions of all banks, newest first; what looks at them is loaded meanwhile."""
-        self._offload.prepare(figures_of_all, *SCIENCE)
+        self._offload.prepare(compute_entry_figures, *SCIENCE)
         return await asyncio.to_thread(self._banks)
 
     async def bank(self, bank_id: int) -> BankView:
@@ -90,7 +90,7 @@ class StoredBanks:
         """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
         tuning = self._tuning()
         bank, lineage = await asyncio.to_thread(self._with_lineage, bank_id)
-        figures = await self._offload.run(figures_of_all, tuning.parameters, tuning.lambdas, bank.entries)
+        figures = await self._offload.run(compute_entry_figures, tuning.parameters, tuning.lambdas, bank.entries)
         return BankDetail(
             lam_q=tuning.lambdas.lam_q,
             lam_S=tuning.lambdas.lam_S,
@@ -107,7 +107,7 @@ class StoredBanks:
         """
         tuning = self._tuning()
         before, after = await asyncio.to_thread(self._compared, bank_id, other, run_ids)
-        changes = await self._offload.run(difference, tuning.parameters, tuning.lambdas, before, after)
+        changes = await self._offload.run(compare_entries, tuning.parameters, tuning.lambdas, before, after)
         return BankDifference(
             lam_q=tuning.lambdas.lam_q,
             lam_S=tuning.lambdas.lam_S,
@@ -116,7 +116,7 @@ class StoredBanks:
 
     async def file(self, bank_id: int) -> BankFile:
         """Return a bank as a file. Raises UnknownRecordError."""
-        return BankFile.model_validate(builder.to_document(await self.stored_bank(bank_id)))
+        return BankFile.model_validate(builder.build_bank_document(await self.stored_bank(bank_id)))
 
     async def bring_in(self, file: BankFile, who: str) -> BankView:
         """Store a bank from its file as the next version of its name. Raises BankError."""
@@ -129,7 +129,7 @@ class StoredBanks:
 
     def _banks(self) -> list[BankView]:
         with self._database.reading() as session:
-            runs_of = identifications.runs_of(session)
+            runs_of = identifications.find_estimate_runs(session)
             found = banks.find(session)
             positions = identifications.joint_positions(session, _estimates(*found))
             return [self._listed(bank, runs_of, positions) for bank in found]
@@ -149,7 +149,7 @@ class StoredBanks:
         with self._database.reading() as session:
             bank = banks.get(session, bank_id)
             positions = identifications.joint_positions(session, _estimates(bank))
-            return bank_view(bank, identifications.runs_of(session), positions, self._in_use())
+            return bank_view(bank, identifications.find_estimate_runs(session), positions, self._in_use())
 
     def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
         parameters = self._tuning().parameters
@@ -167,8 +167,8 @@ class StoredBanks:
             before = self._from_geometry() if bank_id is None else banks.get(session, bank_id).entries
             if other is not None:
                 return before, banks.get(session, other).entries
-            again = [builder.entry_of(identifications.of_run(session, run_id)) for run_id in run_ids]
-            return before, with_entries(before, again)
+            again = [builder.build_entry(identifications.of_run(session, run_id)) for run_id in run_ids]
+            return before, merge_entries(before, again)
 
     def _from_geometry(self) -> tuple[BankEntry, ...]:
         """Return the models in use without a bank, as entries to compare with."""
@@ -187,13 +187,13 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
         return None
     found = identifications.get(session, entry.identification_id)
     run = None if found.run_id is None else runs.get(session, found.run_id)
-    fits = {name: ChannelFit(**asdict(fit)) for name, fit in fits_of(found).items()}
+    fits = {name: ChannelFit(**asdict(fit)) for name, fit in read_fits(found).items()}
     return EntryLineage(
         position=fits["G_q"],
         stiffness=fits["G_S"],
         identification=found.run_id,
         estimate=found.id,
-        method=method_of(found),
+        method=read_method_name(found),
         verdict=found.verdict,
         run=found.run_id,
         created=found.created_at,

@@ -8,10 +8,10 @@ from datetime import UTC, datetime
 
 from backend.commissioning import status
 from backend.commissioning.procedure import ProcedureContext, StepFinding
-from backend.commissioning.session import KeptHands, run_step, switch_drives, values_of
-from backend.commissioning.status import Kept, StepState, StepStatus, blocked_by
+from backend.commissioning.session import KeptHands, collect_values, run_step, switch_drives
+from backend.commissioning.status import Kept, StepState, StepStatus, find_blocking_steps
 from backend.commissioning.steps import STEP, STEPS, CommissioningStep, StepId
-from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
+from backend.errors import InvalidValueError, RequestRejectedError
 from backend.faults import Fault
 from backend.realtime.commands import Event, ProveDirections, Stopped
 from backend.realtime.modes import Mode
@@ -28,8 +28,9 @@ from backend.schemas.commissioning import (
 from backend.services.actuator import ActuatorService
 from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import Database
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint
-from plant.factory import wiring_of_choice
+from plant.calibration import NOT_BROUGHT_UP, BroughtUp, apply_calibration, wiring_fingerprint
+from plant.errors import ErrorCode
+from plant.factory import load_wiring_choice
 from plant.interface import PlantError, PlantKind
 from plant.parameters import PlantParameters
 from plant.wiring import Wiring
@@ -145,11 +146,11 @@ class CommissioningResults:
 
     def wiring(self) -> Wiring:
         """Return the wiring as its file says it now. Raises PlantError."""
-        return wiring_of_choice(self._actuator.present.plant)
+        return load_wiring_choice(self._actuator.present.plant)
 
     def not_driven(self, wiring: Wiring) -> str:
         """Return why no step can be played: it would be kept for the file of now, and be found with another."""
-        if fingerprint(wiring) == self._supervisor.started_with.wired:
+        if wiring_fingerprint(wiring) == self._supervisor.started_with.wired:
             return ""
         return (
             "the wiring file has changed since the loop was started, which goes by the old one: start the service anew"
@@ -165,7 +166,7 @@ class CommissioningResults:
         except PlantError:
             return NOT_BROUGHT_UP  # the loop says itself why it does not start
         # a start with the wiring of before waits for no database
-        return known if fingerprint(wiring) == known.wired else status.in_effect(self._database, wiring)
+        return known if wiring_fingerprint(wiring) == known.wired else status.in_effect(self._database, wiring)
 
 
 # Bring up ------------------------------------------------------------------------------------------
@@ -268,7 +269,7 @@ class BringUp:
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         try:
-            wanted = values_of(step, values)
+            wanted = collect_values(step, values)
             wiring = await asyncio.to_thread(self._findings.wiring)
         except InvalidValueError:
             raise
@@ -347,7 +348,7 @@ class BringUp:
             self._actuator.changed()
 
         # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
-        in_force = calibrated(wiring, self._supervisor.setup.brought_up.calibrations)
+        in_force = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
         computed = self._actuator.present.plant.simulated
         work = ProcedureContext(
             self._supervisor,
@@ -404,4 +405,4 @@ class BringUp:
             return f"run {present.task.run} is under way"
         if present.mode is not Mode.OFF:
             return f"the mode is {present.mode}: bring it to off first"
-        return blocked_by(step, states)
+        return find_blocking_steps(step, states)

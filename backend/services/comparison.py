@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.errors import RequestRejectedError, check_range
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import MeasuredFigure
 from backend.plain_text import as_cell, as_comment
-from backend.recording.derived_signals import following
-from backend.recording.reader import nth_jump, read_samples
-from backend.reports.evidence import run_configuration
-from backend.reports.provenance import verdict_of
+from backend.recording.derived_signals import select_derived
+from backend.recording.reader import find_jump, read_samples
+from backend.reports.evidence import iterate_configuration
+from backend.reports.provenance import judge_stored_run
 from backend.sample import FIELDS, UNIT_OF
 from backend.schemas.comparison import (
     AlignBy,
@@ -39,9 +39,10 @@ from backend.storage import banks, recordings, results, runs, search
 from backend.storage.database import Database, Session
 from backend.storage.orm import UnknownRecordError
 from backend.storage.results import Result
-from backend.storage.runs import Run, title_of
-from backend.storage.search import NONE, All, Compare, Op, Query, QueryError, Value, parse
+from backend.storage.runs import Run, run_title
+from backend.storage.search import NONE, All, Compare, Op, Query, QueryError, Value, parse_query
 from backend.storage.search_index import ValueSource
+from plant.errors import ErrorCode
 
 # Alignment -----------------------------------------------------------------------------------------
 #
@@ -83,7 +84,7 @@ def _moment(session: Session, run_id: int, asked: ComparisonAsked) -> tuple[floa
         case AlignBy.BEGIN:
             return 0.0, ""
         case AlignBy.STEP:
-            at_s, count = nth_jump(session, run_id, asked.step, asked.number)
+            at_s, count = find_jump(session, run_id, asked.step, asked.number)
             what = f"step of {asked.step}"
         case AlignBy.EVENT:
             times = [mark.t for mark in marks_of(session, run_id).marks if mark.kind == asked.event]
@@ -155,7 +156,7 @@ def _differing(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
     each = []
     for run in found:
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
-        each.append({(item.name, item.unit): _plain(item.value) for item in run_configuration(run, bank)})
+        each.append({(item.name, item.unit): _plain(item.value) for item in iterate_configuration(run, bank)})
     settings = []
     for name, unit in dict.fromkeys(key for one in each for key in one):
         values = [one.get((name, unit)) for one in each]
@@ -185,12 +186,12 @@ def _named(run: Run, result: Result | None, problem: str, placed: Aligned) -> Co
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     return ComparedRun(
         id=run.id,
-        title=title_of(run),
+        title=run_title(run),
         kind=run.kind,
         station=run.station,
         who=run.who,
         started=run.started_at,
-        verdict=verdict_of(metrics, criteria, problem).sentence,
+        verdict=judge_stored_run(metrics, criteria, problem).sentence,
         aligned_at_s=placed.at_s,
         offset_s=placed.offset_s,
         not_aligned=placed.reason,
@@ -237,7 +238,7 @@ def _value(figure: MeasuredFigure | None, reference: MeasuredFigure | None, unit
 def metric_history(session: Session, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
     """Return a metric ("": the first there is) of the runs of a kind that fit ``where``. Raises QueryError."""
     of_kind = Compare(Value("kind", 0), Op.EQUAL, (Value(kind, 0),))
-    asked: Query = All((of_kind, parse(where)))
+    asked: Query = All((of_kind, parse_query(where)))
     judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED))))
     known = _known_metrics(session, judged, metric, everywhere=everywhere)
     chosen = next((one for one in known if one.name == metric or not metric), None)
@@ -352,7 +353,7 @@ def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
             others[number] = _curve(session, number, asked.signal).at(grid - offset_s)
             reasons[number] = ""
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
-    made = following(session, [asked.signal])
+    made = select_derived(session, [asked.signal])
     unit = made[asked.signal].unit if made else UNIT_OF[asked.signal]
     return AlignedRuns(reference, unit, own.period_s, grid, own.at(grid), others, offsets, reasons)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import disturbance_observer
-from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.errors import RequestRejectedError, check_range
 from backend.realtime import commands
 from backend.realtime.commands import Accepted, Command, Event, ModeChanged, SetReferences
 from backend.realtime.modes import MODES, Cause, Mode
@@ -21,6 +21,7 @@ from backend.schemas.state import ContactView, MarkKind, SweepView, TouchOrder, 
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.units import in_digits
+from plant.errors import ErrorCode
 from plant.interface import T_s
 
 # Touch rest ----------------------------------------------------------------------------------------

@@ -9,22 +9,22 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
-from backend.analysis.evaluation import catch_up, left_behind
-from backend.errors import ErrorCode, OutOfRangeError, RequestRejectedError
+from backend.analysis.evaluation import evaluate_pending_runs, find_pending_runs
+from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.experiments import parser
-from backend.experiments.library import stored_plan
+from backend.experiments.library import parse_stored_plan
 from backend.experiments.parser import ExperimentError
 from backend.experiments.plans import LoopSettings
 from backend.exports import bundle, importer
-from backend.exports.base import ExportError, ImportRefusedError, of_columns, of_run
-from backend.exports.formats import DataFormat, pieces
+from backend.exports.base import ExportError, ImportRefusedError, export_columns, export_run
+from backend.exports.formats import DataFormat, stream_export
 from backend.exports.importer import TakenIn
 from backend.models.document import UnreadableDocumentError
 from backend.models.settings import SettingError
 from backend.plain_text import as_line
-from backend.recording.flight import flight_columns
+from backend.recording.flight import read_flight_columns
 from backend.recording.reader import AT_HAND_SAMPLES
-from backend.reports.rendering import render, render_series
+from backend.reports.rendering import render_report, render_series_report
 from backend.reports.run_data import RunData, load_source
 from backend.reports.series_source import load_series
 from backend.schemas.comparison import Differences, DifferencesAsked
@@ -34,6 +34,7 @@ from backend.storage.database import Database
 from backend.storage.runs import EndState, Run, RunKind
 from backend.units import AngleUnit
 from backend.workers import DRAWING, Offload, piped
+from plant.errors import ErrorCode
 
 # Imports -------------------------------------------------------------------------------------------
 #
@@ -45,7 +46,7 @@ _LONGEST_EXPERIMENT = 4 * parser.MAX_CHARACTERS
 """Characters of an experiment as a run keeps it: its JSON has more of them than the YAML that was sent."""
 
 
-def import_file(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
+def import_run_file(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
     """Store the run of a file, a bundle (.zip) or an export, whole or not at all; ``name`` is what it is called.
 
     ``folder`` has room for a bundle unpacked. Raises ImportRefusedError, OSError.
@@ -63,7 +64,7 @@ def look_over(run: Run) -> None:
         if kept.experiment is not None:
             _require_experiment(kept.experiment)
         if kept.plan is not None:
-            stored_plan(run.kind, kept.plan)
+            parse_stored_plan(run.kind, kept.plan)
         LoopSettings.of(kept.loop.known())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
@@ -89,7 +90,7 @@ def _require_experiment(kept: str) -> None:
 # A run's bundle with its report, made where none was handed out yet.
 
 
-def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[bytes]:
+def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[bytes]:
     """Return the bundle of a run, piece by piece; sessions have no report.
 
     Raises UnknownRecordError, and ExportError for what no installation would take in.
@@ -103,10 +104,10 @@ def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[byt
         kept = results.newest_report(session, run_id, "html")
     report = None if kept is None else kept.content
     if report is None:
-        catch_up(database, [run_id])
+        evaluate_pending_runs(database, [run_id])
         source = load_source(database, run_id)
         if source.run.kind != RunKind.SESSION and source.run.end_state != EndState.RUNNING:
-            report = render(source, "html")
+            report = render_report(source, "html")
     return bundle.write_bundle(database, run_id, report, folder)
 
 
@@ -128,7 +129,7 @@ _REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.pd
 class Downloads:
     """Makes what is downloaded; ``folder`` has room for what a format has to turn.
 
-    ``evaluate`` gives a run its result, or keeps with the run why it has none, and raises.
+    ``evaluate_finished_run`` gives a run its result, or keeps with the run why it has none, and raises.
     """
 
     def __init__(
@@ -142,7 +143,7 @@ class Downloads:
 
     def prepare(self) -> None:
         """Load what reports need ahead of the first one."""
-        self._offload.prepare(render, *DRAWING, *_REPORTS)
+        self._offload.prepare(render_report, *DRAWING, *_REPORTS)
 
     async def report_html(self, run_id: int, angles: AngleUnit) -> bytes:
         """Return the report as one self-contained page. Raises UnknownRecordError, RequestRejectedError."""
@@ -159,7 +160,7 @@ class Downloads:
         """
         await self._catch_up(run_ids)
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
-        return await self._offload.run(render_series, sources, kind)
+        return await self._offload.run(render_series_report, sources, kind)
 
     async def data(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
         """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
@@ -174,7 +175,7 @@ class Downloads:
 
     async def bundle(self, run_id: int) -> AsyncGenerator[bytes]:
         """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RequestRejectedError."""
-        return await self._streamed(bundle_pieces, run_id, self._folder)
+        return await self._streamed(stream_bundle, run_id, self._folder)
 
     async def differences(self, asked: DifferencesAsked) -> Differences:
         """Return the differences of runs to one.
@@ -214,12 +215,12 @@ class Downloads:
     async def _report(self, run_id: int, kind: str, angles: AngleUnit) -> bytes:
         await self._catch_up([run_id])
         source = await asyncio.to_thread(self._source, run_id, angles)
-        content = await self._offload.run(render, source, kind)
+        content = await self._offload.run(render_report, source, kind)
         await asyncio.to_thread(self._keep, run_id, kind, content)
         return content
 
     async def _catch_up(self, run_ids: Sequence[int]) -> None:
-        for run_id in await asyncio.to_thread(left_behind, self._database, run_ids):
+        for run_id in await asyncio.to_thread(find_pending_runs, self._database, run_ids):
             try:
                 await self._evaluate(run_id)
             except RequestRejectedError:  # it is under way
@@ -259,8 +260,10 @@ def _is_awaited(source: RunData) -> bool:
 def _run_pieces(
     database: Database, run_id: int, derived: Sequence[str], folder: Path, kind: DataFormat
 ) -> Iterator[bytes]:
-    return pieces(of_run(database, run_id, derived), kind, folder)
+    return stream_export(export_run(database, run_id, derived), kind, folder)
 
 
 def _flight_pieces(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
-    return pieces(of_columns(flight_columns(database, event_id), f"flight record {event_id}"), kind, folder)
+    return stream_export(
+        export_columns(read_flight_columns(database, event_id), f"flight record {event_id}"), kind, folder
+    )

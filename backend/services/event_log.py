@@ -24,7 +24,7 @@ from backend.supervision import Part
 # can be written.
 
 
-PART = Part("The journal", "Events wait in memory meanwhile.")
+EVENT_LOG_PART = Part("The journal", "Events wait in memory meanwhile.")
 
 BOUND = 10_000
 """So many events wait in memory while the database takes none: hours of them, at most some MB."""

@@ -1,10 +1,11 @@
 """Break a simulated plant, or a link of the safety chain, to see each reaction of the loop."""
 
 from backend.auth.control_lease import ControlLease
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.faults import EXPLAINED, FAULTS, Fault
 from backend.schemas.state import CardFault, FaultKind, FaultList, Injection, Silence
 from backend.services.actuator import ActuatorService
+from plant.errors import ErrorCode
 from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0
@@ -53,7 +54,7 @@ BY_HAND: dict[Fault, str] = {
 _NEEDS_A_CARD = "only with the virtual card: start with --plant rig --virtual-card"
 
 
-def fault_list(plant: PlantChoice) -> FaultList:
+def describe_faults(plant: PlantChoice) -> FaultList:
     """Return all faults with their words and what brings them about on a plant."""
     virtual = plant.kind is PlantKind.VIRTUAL_CARD
 
@@ -87,7 +88,7 @@ def _needs_a_card(injection: Injection) -> bool:
     return injection.kind in ONLY_OF_A_CARD
 
 
-async def inject(actuator: ActuatorService, control: ControlLease, injection: Injection, who: str) -> None:
+async def apply_fault(actuator: ActuatorService, control: ControlLease, injection: Injection, who: str) -> None:
     """Break what is asked for.
 
     Raises RequestRejectedError where the plant is not simulated, as nobody breaks a rig on purpose, and for what only
@@ -110,6 +111,6 @@ async def inject(actuator: ActuatorService, control: ControlLease, injection: In
             await actuator.break_plant(_broken(injection), who)
 
 
-async def mend(actuator: ActuatorService, who: str) -> None:
+async def clear_faults(actuator: ActuatorService, who: str) -> None:
     """Mend whatever is broken."""
     await actuator.break_plant(None, who)

@@ -5,9 +5,9 @@ import logging
 from collections.abc import Callable
 from dataclasses import asdict
 
-from backend.analysis.identification import curves_of, trend_of, unseen_of
+from backend.analysis.identification import build_curves, compute_trend, validate_on_run
 from backend.models.document import UnreadableDocumentError
-from backend.models.identification import ChannelName, Fitted, Pair, TableReading, grade_of
+from backend.models.identification import ChannelName, Fitted, Pair, TableReading, stored_grade
 from backend.plain_text import as_line
 from backend.schemas.experiment import SettingValue
 from backend.schemas.identification import (
@@ -137,7 +137,7 @@ def _motors(estimate: Identification) -> list[MotorView]:
                 before=_motor_estimate(model.before, estimate),
                 rms_counts=_needed(quality.rms_counts, estimate, "rms_counts"),
                 refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
-                grade=grade_of(found),
+                grade=stored_grade(found),
                 verdict=quality.verdict,
             )
         )
@@ -203,12 +203,12 @@ class StoredIdentifications:
 
     async def unseen(self, run_id: int, of: int) -> UnseenView:
         """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
-        return UnseenView.model_validate(await self._offload.run(unseen_of, self._database, run_id, of))
+        return UnseenView.model_validate(await self._offload.run(validate_on_run, self._database, run_id, of))
 
     async def trend(self) -> Trend:
         """Return identified gains and lags over S beside what is predicted."""
         tuning = self._tuning()
-        computed = self._offload.run(trend_of, self._database, tuning.parameters, tuning.lambdas.lam_motor)
+        computed = self._offload.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
         return Trend.model_validate(await computed)
 
     async def identifications(self) -> list[IdentificationView]:
@@ -234,7 +234,7 @@ class StoredIdentifications:
     async def spring_table_curves(self, number: int) -> IdentificationCurves:
         """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
         found = await asyncio.to_thread(self._spring_table, number)
-        return IdentificationCurves.model_validate(curves_of(found))
+        return IdentificationCurves.model_validate(build_curves(found))
 
     async def add_spring_table(self, new: NewIdentification) -> SpringTableView:
         """Store a spring that was identified from a measured table."""
@@ -270,7 +270,7 @@ class StoredIdentifications:
     def _curves(self, run_id: int) -> IdentificationCurves:
         with self._database.reading() as session:
             found = identifications.of_run(session, run_id)
-        return IdentificationCurves.model_validate(curves_of(found))
+        return IdentificationCurves.model_validate(build_curves(found))
 
     def _spring_tables(self) -> list[SpringTableView]:
         with self._database.reading() as session:

@@ -10,25 +10,25 @@ from typing import Any
 from backend.analysis.evaluation import Evaluation
 from backend.auth.authentication import User
 from backend.banks.tuning_settings import TuningSettings
-from backend.errors import ErrorCode, InvalidValueError, OutOfRangeError, RequestRejectedError
+from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedError
 from backend.execution.progress import ProgressCallback, RunPhase
 from backend.execution.runner import (
     SLICE_S,
     ExperimentRig,
     NotReadyError,
     RunRequest,
-    banks_in,
-    banks_of,
-    choices_of,
+    bank_lookup,
     compile_program,
     create_run,
-    evaluated,
-    mode_of,
-    played,
+    current_mode,
+    evaluate_closed_run,
+    list_plan_banks,
+    list_plan_tunings,
+    play_run,
     require_ready,
 )
-from backend.experiments.forecast import Expected, Stage, Start, expected, forecast, start_from
-from backend.experiments.library import IDENTIFICATIONS, ExperimentDefinition, experiments, values_of
+from backend.experiments.forecast import Expected, Stage, Start, forecast_duration, forecast_identifications, read_start
+from backend.experiments.library import IDENTIFICATIONS, ExperimentDefinition, experiments_by_name, list_setting_values
 from backend.experiments.plans import (
     KIND,
     ActuatorIdentificationPlan,
@@ -40,12 +40,12 @@ from backend.experiments.plans import (
     SequencePlan,
     SpringIdentificationPlan,
 )
-from backend.experiments.prediction import PredictedRun, predict, predict_motor, predict_spring
+from backend.experiments.prediction import PredictedRun, predict_excitation, predict_motor, predict_spring
 from backend.faults import Fault
-from backend.models.settings import Setting, SettingError, describe, from_values
+from backend.models.settings import Setting, SettingError, build_plan, describe_settings
 from backend.plain_text import as_line
 from backend.realtime.modes import CommandRejectedError, Mode
-from backend.realtime.program import NO_WALL, require_able
+from backend.realtime.program import NO_WALL, require_plant_ability
 from backend.realtime.supervisor import LoopClient
 from backend.schemas.experiment import (
     CheckedExperiment,
@@ -79,6 +79,7 @@ from backend.storage.banks import Bank
 from backend.storage.database import Database
 from backend.storage.runs import EndState, Run
 from backend.supervision import Supervision
+from plant.errors import ErrorCode
 from plant.interface import PlantKind, T_s
 from plant.parameters import PlantParameters
 
@@ -103,7 +104,7 @@ def prediction_of(
 ) -> Prediction:
     """Tell what a run would do from ``start``; of several runs, the whole way and the largest figures."""
     plans = plans_of(request)
-    told = forecast(plans, parameters, start, lam_motor)
+    told = forecast_identifications(plans, parameters, start, lam_motor)
     worth = _worth(request, plans, parameters, lam_motor)
     try:
         told.require_within_range(parameters)
@@ -160,23 +161,23 @@ def _worth(
 
 
 def _motor_plan(request: MotorRequest) -> MotorIdentificationPlan:
-    return from_values(MotorIdentificationPlan, request.model_dump(exclude={"kind"}))
+    return build_plan(MotorIdentificationPlan, request.model_dump(exclude={"kind"}))
 
 
 def _spring_plan(request: SpringRequest) -> SpringIdentificationPlan:
-    return from_values(SpringIdentificationPlan, request.model_dump(exclude={"kind"}))
+    return build_plan(SpringIdentificationPlan, request.model_dump(exclude={"kind"}))
 
 
 def _actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificationPlan, ...]:
     values = request.model_dump(exclude={"kind", "tensions_N", "tension_N"})
     if request.tensions_N is None:
-        return (from_values(ActuatorIdentificationPlan, {**values, "tension_N": request.tension_N}),)
+        return (build_plan(ActuatorIdentificationPlan, {**values, "tension_N": request.tension_N}),)
     return tuple(_one_of_several(values, place, tension) for place, tension in enumerate(request.tensions_N))
 
 
 def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> ActuatorIdentificationPlan:
     try:
-        return from_values(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
+        return build_plan(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
     except OutOfRangeError as error:
         if error.quantity != "tension_N":
             raise
@@ -193,7 +194,7 @@ def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> Act
 
 
 def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantParameters, lam_motor: float) -> _Worth:
-    predicted = [predict(plan, parameters, lam_motor) for plan in plans]
+    predicted = [predict_excitation(plan, parameters, lam_motor) for plan in plans]
     # A run that fails for voltage or slack names that; among good ones the least motion counts.
     worst = min(predicted, key=lambda item: (item.good, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
@@ -265,7 +266,7 @@ class Pause:
             show()
             await loop.advance(SLICE_S)
             await asyncio.sleep(0)  # a loop that is computed takes no time: others have their turn
-            if (why := _TAKEN_AWAY.get(mode := mode_of(loop))) is not None:
+            if (why := _TAKEN_AWAY.get(mode := current_mode(loop))) is not None:
                 raise NotReadyError(f"{why} in its pause", mode)
         self.following -= 1  # at once: a pause behind the last run is not to be asked for while that one is prepared
 
@@ -342,7 +343,9 @@ def experiment_kinds(
         "seed": (in_force.seed, in_force.seed),
     }
     values = asdict(in_force)
-    of_the_loop = [_view(_within(setting, offered), values[setting.name]) for setting in describe(LoopSettings)]
+    of_the_loop = [
+        _view(_within(setting, offered), values[setting.name]) for setting in describe_settings(LoopSettings)
+    ]
     moved_by_motors_alone = plant in _MOVED_BY_MOTORS_ALONE
     return [
         ExperimentKind(
@@ -358,14 +361,14 @@ def experiment_kinds(
     ]
 
 
-def identification_kinds() -> list[IdentificationKind]:
+def describe_identification_kinds() -> list[IdentificationKind]:
     """Return what can be identified, with the settings of each."""
     return [
         IdentificationKind(
             kind=kind,
             title=entry.title,
             description=entry.description,
-            settings=views_of(describe(entry.plan)),
+            settings=views_of(describe_settings(entry.plan)),
         )
         for kind, entry in IDENTIFICATIONS.items()
     ]
@@ -380,7 +383,7 @@ def _beyond(entry: ExperimentDefinition) -> str:
         if program.walls:
             return NO_WALL
         for segment in program.segments:
-            require_able(segment, pushes=False, loads_shafts=False)
+            require_plant_ability(segment, pushes=False, loads_shafts=False)
     except CommandRejectedError as refused:
         return str(refused)
     return ""
@@ -583,7 +586,7 @@ class JobManager:
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
         await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
-        return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
+        return ExperimentRequest(name=name, settings={**list_setting_values(plan), **asdict(wanted)})
 
     async def check_experiment(self, asked: ExperimentToCheck, person: User, has_left: HasLeft) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
@@ -615,7 +618,7 @@ class JobManager:
     async def dry_run(self, request: ExperimentRequest, person: User, has_left: HasLeft) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         asked = request.name, self._loop_settings(), request.settings
-        if request.name in experiments():
+        if request.name in experiments_by_name():
             _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
         else:
             _, plan, wanted = await self._texts.run(person, has_left, self._experiments.plan, *asked)
@@ -623,7 +626,7 @@ class JobManager:
 
     async def _play_dry(self, order: RunRequest, person: User, has_left: HasLeft) -> DryRunView:
         bank = await self._bank_of(order.loop_settings)
-        others = banks_of(order.plan) - {0 if bank is None else bank.id}
+        others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
         used = [*([] if bank is None else [bank]), *(await self._banks.existing(others) if others else ())]
         return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, has_left)
 
@@ -637,8 +640,8 @@ class JobManager:
             self._require_free()
             parameters = self._station.parameters
             loop, bank = self._loop_settings(), self._actuator.present.tuning.bank
-            start = start_from(self._station.loop.ring.newest())
-            told = await self._texts.order(forecast, plans, parameters, start, loop.lam_motor)
+            start = read_start(self._station.loop.ring.newest())
+            told = await self._texts.order(forecast_identifications, plans, parameters, start, loop.lam_motor)
             told.require_within_range(parameters)
             return await self._start(bank, *(RunRequest(plan, loop, who) for plan in plans))
 
@@ -646,7 +649,7 @@ class JobManager:
         self, request: IdentificationRequest, compute: Compute = asyncio.to_thread
     ) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
-        tuning, start = self._actuator.present.tuning, start_from(self._station.loop.ring.newest())
+        tuning, start = self._actuator.present.tuning, read_start(self._station.loop.ring.newest())
         told: Prediction = await compute(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
         return told
 
@@ -704,9 +707,9 @@ class JobManager:
                     show(RunPhase.STARTING, 0.0)
                 self._actuator.present.on_the_way = await self._on_the_way(order)
                 over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
-                closed = await played(self._station, order, run, show, over)
+                closed = await play_run(self._station, order, run, show, over)
                 end_state = EndState(closed.end_state)
-                work = asyncio.create_task(evaluated(self._station, order.plan, closed))
+                work = asyncio.create_task(evaluate_closed_run(self._station, order.plan, closed))
                 self._results.add(run.id, end_state, work)
                 if end_state is not EndState.COMPLETED:
                     break
@@ -745,15 +748,15 @@ class JobManager:
 
     async def _on_the_way(self, order: RunRequest) -> list[ResolvedTuning]:
         """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
-        choices = choices_of(order.plan, order.loop_settings.tuning)
+        choices = list_plan_tunings(order.plan, order.loop_settings.tuning)
         numbers = {choice.bank for choice in choices}
         there = {bank.id: bank for bank in await self._banks.existing(numbers)} if choices else {}
         return [ResolvedTuning(choice, there.get(choice.bank)) for choice in choices]
 
     async def _progress(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
         """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
-        plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
-        told = await asyncio.to_thread(expected, plan, self._station.parameters, start)
+        plan, start = orders[position].plan, read_start(self._station.loop.ring.newest())
+        told = await asyncio.to_thread(forecast_duration, plan, self._station.parameters, start)
         ordered = Ordered(plan, run.id, told, position + 1, len(orders))
         return run_progress(self._actuator.present, ordered, self.pause)
 
@@ -768,7 +771,7 @@ class JobManager:
     async def _ordered(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
         """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
         asked = request.name, self._loop_settings(), request.settings
-        if request.name in experiments():  # no text of a person's: as costly as Sinew's own
+        if request.name in experiments_by_name():  # no text of a person's: as costly as Sinew's own
             return await asyncio.to_thread(self._experiments.plan, *asked)
         return await self._texts.order(self._experiments.plan, *asked)
 
@@ -783,7 +786,7 @@ def _experiment_kinds(
 
 
 def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:
-    compile_program(banks_in(database), parameters, plan, tuning)
+    compile_program(bank_lookup(database), parameters, plan, tuning)
 
 
 async def _nothing() -> None:

@@ -7,15 +7,15 @@ from typing import Any
 
 from backend.auth.authentication import User
 from backend.banks.tuning_settings import TuningSettings
-from backend.errors import ErrorCode, RequestRejectedError
-from backend.execution.runner import banks_in, compile_program
+from backend.errors import RequestRejectedError
+from backend.execution.runner import bank_lookup, compile_program
 from backend.experiments import library, parser
-from backend.experiments.compiler import PlayedPart, played_parts
-from backend.experiments.library import ExperimentDefinition, entry_of, experiments
-from backend.experiments.library import experiment as ready
-from backend.experiments.parser import ExperimentError, line_of
+from backend.experiments.compiler import PlayedPart, list_played_parts
+from backend.experiments.library import ExperimentDefinition, build_library_entry, experiments_by_name
+from backend.experiments.library import find_experiment as ready
+from backend.experiments.parser import ExperimentError, find_line
 from backend.experiments.plans import ExperimentPlan, LoopSettings, Plan, split_values
-from backend.models.run import with_motion
+from backend.models.run import complete_motion
 from backend.models.settings import SettingError
 from backend.plain_text import STORED, PlainTextError, as_folded, require_line
 from backend.schemas.comparison import ComparisonAsked, RunComparison
@@ -27,7 +27,7 @@ from backend.schemas.experiment import (
     RecordedExperiment,
     WrittenExperiment,
 )
-from backend.schemas.preferences import NEW_HERE, Preferences, look_over
+from backend.schemas.preferences import NEW_HERE, Preferences, check_preferences
 from backend.schemas.run import SEARCH_NAME_MAX, MetricHistory, SavedSearch, SavedSearchList, SearchWords, TagList
 from backend.schemas.session import Role
 from backend.services import comparison
@@ -36,9 +36,10 @@ from backend.storage import experiments as stored
 from backend.storage import formulas, search, settings, tags
 from backend.storage.database import Database
 from backend.storage.experiments import StoredExperiment
-from backend.storage.orm import UnknownRecordError, require_distinct
-from backend.storage.search import ENDS, VERDICTS, parse
+from backend.storage.orm import UnknownRecordError, require_distinct_name
+from backend.storage.search import ENDS, VERDICTS, parse_query
 from backend.storage.settings import StoredSetting
+from plant.errors import ErrorCode
 from plant.parameters import PlantParameters
 
 # Own experiments -----------------------------------------------------------------------------------
@@ -100,7 +101,7 @@ class OwnExperiments:
         """Return every experiment that can be ordered, own ones in their newest version, after the ready-made."""
         with self._database.reading() as session:
             own = stored.newest(session)
-        return [*experiments().values(), *(entry for kept in own if (entry := _readable(kept)) is not None)]
+        return [*experiments_by_name().values(), *(entry for kept in own if (entry := _readable(kept)) is not None)]
 
     def views(self) -> list[OwnExperiment]:
         """Return the newest version of each own experiment."""
@@ -123,7 +124,7 @@ class OwnExperiments:
         Raises SettingError, OutOfRangeError, ExperimentError.
         """
         entry = self.entry(name)
-        return entry.name, *split_values(entry.settings, entry.make, {**asdict(in_force), **with_motion(settings)})
+        return entry.name, *split_values(entry.settings, entry.make, {**asdict(in_force), **complete_motion(settings)})
 
     def written(self, name: str) -> WrittenExperiment:
         """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
@@ -139,7 +140,7 @@ class OwnExperiments:
 
         Raises SettingError with those there are, ExperimentError for a text that an older Sinew took.
         """
-        if name in experiments():
+        if name in experiments_by_name():
             return ready(name)
         try:
             kept = self._stored(name)
@@ -161,13 +162,13 @@ class OwnExperiments:
     def checked(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
         experiment, lines = parser.read(written)
-        if as_folded(experiment.name) in map(as_folded, experiments()):
+        if as_folded(experiment.name) in map(as_folded, experiments_by_name()):
             why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
-            raise ExperimentError(why, ("name",), line_of(("name",), lines))
-        entry = entry_of(experiment, lines)
+            raise ExperimentError(why, ("name",), find_line(("name",), lines))
+        entry = build_library_entry(experiment, lines)
         plan = entry.usual
         assert isinstance(plan, ExperimentPlan)
-        program = compile_program(banks_in(self._database), parameters, plan, tuning)
+        program = compile_program(bank_lookup(self._database), parameters, plan, tuning)
         return ExperimentCheck(
             entry.name,
             entry.title,
@@ -176,7 +177,7 @@ class OwnExperiments:
             len(program.segments),
             len(program.tunings),
             parser.document_of(written)[0],
-            played_parts(plan.laid),
+            list_played_parts(plan.laid),
         )
 
     def _stored(self, name: str) -> StoredExperiment:
@@ -197,7 +198,7 @@ def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
 
 def _entry_of(kept: StoredExperiment) -> ExperimentDefinition:
     experiment, lines = parser.read(kept.text, stored=True)
-    return entry_of(experiment, lines, name=f"{kept.name}@{kept.version}")
+    return build_library_entry(experiment, lines, name=f"{kept.name}@{kept.version}")
 
 
 def _readable(kept: StoredExperiment) -> ExperimentDefinition | None:
@@ -227,7 +228,7 @@ class StoredPreferences:
 
     async def put(self, person: User, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page. Raises RequestRejectedError for a layout that cannot be drawn."""
-        look_over(preferences.layouts, await asyncio.to_thread(self._formulas))
+        check_preferences(preferences.layouts, await asyncio.to_thread(self._formulas))
         await asyncio.to_thread(self._put, person, preferences)
         return preferences
 
@@ -338,8 +339,8 @@ class RunLibrary:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, f"name of the search: {error}", code="bad_character"
             ) from None
-        require_distinct("a saved search", called, (one.name for one in self.saved_searches().searches))
-        query = parse(where)
+        require_distinct_name("a saved search", called, (one.name for one in self.saved_searches().searches))
+        query = parse_query(where)
         with self._database.session() as session:
             search.search(session, query, everywhere=False, limit=1)
             settings.put(session, f"{_SEARCH}{called}", {"where": where}, who)

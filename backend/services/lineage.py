@@ -5,9 +5,9 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from backend.banks.tuning_settings import SAVED, saved_for
-from backend.models.document import UnreadableDocumentError, digest_of
-from backend.recording.codec import CodecError, digest_of_recording
+from backend.banks.tuning_settings import SAVED, saved_tuning_key
+from backend.models.document import UnreadableDocumentError, document_digest
+from backend.recording.codec import CodecError, compute_recording_digest
 from backend.schemas.run import (
     Checklist,
     ChecklistState,
@@ -21,15 +21,15 @@ from backend.schemas.run import (
     RunMarks,
 )
 from backend.storage import banks, commissioning, events, identifications, origins, recordings, results, runs, settings
-from backend.storage.banks import Bank, name_of_entry
+from backend.storage.banks import Bank, stored_entry_name
 from backend.storage.database import Database, Session
 from backend.storage.events import Event, EventKind
 from backend.storage.identifications import Identification
 from backend.storage.origins import Origin
 from backend.storage.orm import Document, UnknownRecordError
-from backend.storage.runs import EndState, Run, RunKind, title_of
-from backend.storage.search_index import numbers_of
-from backend.storage.stations import station_of
+from backend.storage.runs import EndState, Run, RunKind, run_title
+from backend.storage.search_index import iterate_parameters
+from backend.storage.stations import session_station
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import PlantParameters
 
@@ -118,7 +118,7 @@ def _bank(
     for source in sources:
         run = run_of(source)
         if run is not None and run.parameters != parameters:
-            entry = next(name_of_entry(one) for one in bank.entries if one.identification_id == source.id)
+            entry = next(stored_entry_name(one) for one in bank.entries if one.identification_id == source.id)
             detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
             return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if replaces(one, source)), None)
@@ -146,7 +146,7 @@ def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> Checklis
     if bank is None or bank.id != in_use:
         return _step("tuning", ChecklistState.MISSING, "needs a bank in use")
     title = f"{bank.name} v{bank.version}"
-    stored = settings.newest(session, saved_for(bank.id))
+    stored = settings.newest(session, saved_tuning_key(bank.id))
     if stored is None:
         return _step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
     parts = SAVED.read(stored.value, f"setting “{stored.name}”").known()
@@ -229,7 +229,7 @@ class SampleDigests:
             if key not in self._known:
                 if recording.size_bytes > self._largest_bytes:
                     return None, f"too long to be read through here: sinew runs lineage {run.id} does"
-                self._known[key] = digest_of_recording(session, run.id)
+                self._known[key] = compute_recording_digest(session, run.id)
                 if len(self._known) > _REMEMBERED:
                     self._known.popitem(last=False)
             return self._known[key], ""
@@ -256,7 +256,7 @@ class LineageGraph:
         origins = [self._gains(run), self._parameters(run), *self._calibration(run)]
         found = identifications.find(self._session, run_id=run.id)
         mine = self._samples.of(self._session, run)
-        own = self._node(LineageKind.RUN, f"run-{run.id}", f"Run {run.id}", title_of(run), mine, origins, run=run.id)
+        own = self._node(LineageKind.RUN, f"run-{run.id}", f"Run {run.id}", run_title(run), mine, origins, run=run.id)
         for estimate in found:
             self._identification(estimate, "", [own])
         for bank in built:
@@ -298,16 +298,16 @@ class LineageGraph:
         way = origins.banks_on_the_way(self._session, run)
         used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
         if run.bank_id is None:
-            made_of, content = [self._parameters(run)], digest_of(run.parameters)
+            made_of, content = [self._parameters(run)], document_digest(run.parameters)
         else:
             bank = banks.get(self._session, run.bank_id)
-            made_of, content = [self._whole_bank(bank)], digest_of(_content(bank))
+            made_of, content = [self._whole_bank(bank)], document_digest(_content(bank))
         made_of += [self._whole_bank(one) for one in used]
         detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_shown(value)}" for name, value in loop.items())
         # The number of a bank is another one in each database; its content stands beside.
         choice = {name: value for name, value in loop.items() if name != "bank"}
-        later = {"on_the_way": sorted(digest_of(_content(one)) for one in used)} if used else {}
-        digest: Digest = digest_of({"loop": choice, "from": content, **later}), ""
+        later = {"on_the_way": sorted(document_digest(_content(one)) for one in used)} if used else {}
+        digest: Digest = document_digest({"loop": choice, "from": content, **later}), ""
         if origins.BANKS in self._carried(run):
             digest = None, "its bank was not imported with it: a bundle has it"
         elif way.computed:
@@ -324,7 +324,7 @@ class LineageGraph:
         for entry in bank.entries:
             if entry.identification_id is not None:
                 estimate = identifications.get(self._session, entry.identification_id)
-                made_of.append(self._identification(estimate, name_of_entry(entry)))
+                made_of.append(self._identification(estimate, stored_entry_name(entry)))
         return self._bank(bank, made_of)
 
     def _bank(self, bank: Bank, made_of: Sequence[str]) -> str:
@@ -336,7 +336,7 @@ class LineageGraph:
         marks += ["an entry was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
         title, entries = f"{bank.name} v{bank.version}", f"{len(bank.entries)} entries"
         detail = entries if _sources(bank) else f"{entries}, imported"
-        digest = digest_of(_content(bank)), ""
+        digest = document_digest(_content(bank)), ""
         return self._node(LineageKind.BANK, node, title, detail, digest, made_of, "; ".join(marks), bank=bank.id)
 
     def _identification(self, estimate: Identification, name: str, origins: Sequence[str] | None = None) -> str:
@@ -358,7 +358,7 @@ class LineageGraph:
         }
         title = f"Identification{': ' + name if name else ''}"
         detail = f"{estimate.kind}, {estimate.method}"
-        digest = digest_of(content), ""
+        digest = document_digest(content), ""
         return self._node(
             LineageKind.IDENTIFICATION, node, title, detail, digest, made_of, mark, identification=estimate.run_id
         )
@@ -386,10 +386,10 @@ class LineageGraph:
         return "" if recording.removed_at is None else "the samples were deleted"
 
     def _parameters(self, run: Run) -> str:
-        digest = digest_of(run.parameters)
+        digest = document_digest(run.parameters)
         node = f"parameters-{digest[:16]}"
         if node not in self._nodes:
-            elsewhere = self._station != station_of(self._session)
+            elsewhere = self._station != session_station(self._session)
             mark = "" if elsewhere else _difference(run.parameters, self._now)
             self._node(LineageKind.PARAMETERS, node, f"Parameters {run.parameters_name}", "", (digest, ""), [], mark)
         return node
@@ -412,14 +412,14 @@ class LineageGraph:
         content = [commissioning.told(one) for one in then.values()]
         detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
         mark = f"done again since: {', '.join(later)}" if later else ""
-        digest = digest_of(content)
+        digest = document_digest(content)
         node = f"calibration-{digest[:16]}"
         return [self._node(LineageKind.CALIBRATION, node, "Calibration", detail, (digest, ""), [], mark)]
 
     def _carried_calibration(self, origin: Origin) -> list[str]:
         """Return the box of what was calibrated at the rig that made an imported run."""
         content = origin.carried.get(origins.CALIBRATIONS)
-        digest: Digest = (digest_of(content), "") if content else (None, "nothing came with the run")
+        digest: Digest = (document_digest(content), "") if content else (None, "nothing came with the run")
         node = f"calibration-{(digest[0] or 'none')[:16]}"
         return [self._node(LineageKind.CALIBRATION, node, "Calibration", "of the rig that made it", digest, [])]
 
@@ -436,7 +436,7 @@ def _difference(then: Document, now: Document) -> str:
     """Return in words which numbers of the plant are others now."""
     if then == now:
         return ""
-    before, after = dict(numbers_of(then)), dict(numbers_of(now))
+    before, after = dict(iterate_parameters(then)), dict(iterate_parameters(now))
     differing = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
     if not differing:
         return "the plant has others now: their sources or texts differ"
@@ -550,6 +550,8 @@ def _named(bank: Bank) -> LineageBank:
 def _entries(session: Session, bank: Bank) -> list[LineageEntry]:
     run_of = {estimate.id: estimate.run_id for estimate in identifications.find(session)}
     return [
-        LineageEntry(name=name_of_entry(entry), S_nominal=entry.S_nominal, run=run_of.get(entry.identification_id or 0))
+        LineageEntry(
+            name=stored_entry_name(entry), S_nominal=entry.S_nominal, run=run_of.get(entry.identification_id or 0)
+        )
         for entry in bank.entries
     ]

@@ -93,7 +93,7 @@ def mark_of(event: Event | LoopExited, now: int) -> Mark | None:
 # not sent.
 
 
-PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
+LIVE_STREAM_PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
 
 RATE_HZ = 30.0
 STATE_PERIOD_S = 0.5

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from backend import __version__
 from backend.realtime.supervisor import Supervisor
-from backend.realtime.timing import LATENESS_EDGES_S, lateness_histogram
-from backend.recording.retention import Overview, RetentionRule, overview, remove
+from backend.realtime.timing import LATENESS_EDGES_S, count_lateness
+from backend.recording.retention import Overview, RetentionRule, delete_recordings, summarise_retention
 from backend.schemas.state import (
     BackupView,
     DatabaseCheck,
@@ -28,7 +28,15 @@ from backend.schemas.state import (
     SystemView,
 )
 from backend.storage import events
-from backend.storage.database import Database, backup, check, is_small, next_copy, require_whole, revision
+from backend.storage.database import (
+    Database,
+    backup_database,
+    find_database_errors,
+    is_quick_to_check,
+    next_backup_path,
+    read_revision,
+    require_intact_database,
+)
 from backend.storage.events import EventKind
 from backend.storage.orm import DamagedError, StorageError
 from backend.supervision import Part
@@ -55,15 +63,15 @@ class Maintenance:
 
     async def check(self) -> DatabaseCheck:
         """Check the whole database."""
-        return DatabaseCheck(problems=await asyncio.to_thread(check, self._database.engine))
+        return DatabaseCheck(problems=await asyncio.to_thread(find_database_errors, self._database.engine))
 
     async def backup(self, who: str) -> BackupView:
         """Copy the database to the data folder. Raises BackupError."""
         return await asyncio.to_thread(self._backup, who)
 
     def _backup(self, who: str) -> BackupView:
-        target = next_copy(self._data)
-        backup(self._database.engine, target)
+        target = next_backup_path(self._data)
+        backup_database(self._database.engine, target)
         # a database that takes nothing more is one to make copies of: the copy counts
         with suppress(StorageError), self._database.session() as session:
             events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
@@ -72,7 +80,7 @@ class Maintenance:
     def _view(self) -> SystemView:
         granted, ring = self._supervisor.granted, self._supervisor.ring
         edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
-        copies = sorted(next_copy(self._data).parent.glob("*.db"), reverse=True)
+        copies = sorted(next_backup_path(self._data).parent.glob("*.db"), reverse=True)
         return SystemView(
             granted=None
             if granted is None
@@ -84,7 +92,7 @@ class Maintenance:
             ),
             lateness=[
                 LatenessClass(from_us=low, to_us=high if high < float("inf") else None, ticks=ticks)
-                for (low, high), ticks in zip(pairwise(edges_us), lateness_histogram(ring), strict=True)
+                for (low, high), ticks in zip(pairwise(edges_us), count_lateness(ring), strict=True)
             ],
             versions=_versions(),
             database=self._database_view(),
@@ -96,7 +104,7 @@ class Maintenance:
         file = engine.url.database if engine.dialect.name == "sqlite" else None
         return DatabaseView(
             kind=engine.dialect.name,
-            schema_revision=revision(engine),
+            schema_revision=read_revision(engine),
             size_bytes=_size_with_log(Path(file)) if file else None,
             disk_free_bytes=shutil.disk_usage(self._data).free,
         )
@@ -125,7 +133,7 @@ def _backup_view(copy: Path) -> BackupView:
 # names.
 
 
-PART = Part("The look at the room that recordings take", "Recordings may pass their limit unseen.")
+MAINTENANCE_PART = Part("The look at the room that recordings take", "Recordings may pass their limit unseen.")
 
 LOOK_S = 600.0
 """How often the sizes are added up [s]: a recording grows by 80 MB an hour."""
@@ -150,11 +158,11 @@ class Retention:
 
     async def view(self) -> RecordingsView:
         """Return what recordings take and which may go. Raises StorageError."""
-        return self._seen(await asyncio.to_thread(overview, self._database, self._rule))
+        return self._seen(await asyncio.to_thread(summarise_retention, self._database, self._rule))
 
     async def remove(self, run_ids: list[int], who: str) -> RecordingsView:
         """Delete the samples of exactly these runs. Raises NotRemovableError, StorageError."""
-        return self._seen(await asyncio.to_thread(remove, self._database, self._rule, run_ids, who))
+        return self._seen(await asyncio.to_thread(delete_recordings, self._database, self._rule, run_ids, who))
 
     def _seen(self, found: Overview) -> RecordingsView:
         self.problem = found.says
@@ -199,8 +207,8 @@ class Soundness:
 
     def before_start(self) -> None:
         """Check all of a small database. Raises DamagedError, with the way back."""
-        if self._database.file is not None and is_small(self._database.file):
-            require_whole(self._database, self._data)
+        if self._database.file is not None and is_quick_to_check(self._database.file):
+            require_intact_database(self._database, self._data)
             self._is_due = False
 
     def start(self) -> None:
@@ -227,7 +235,7 @@ class Soundness:
         with suppress(PermissionError):  # of this thread alone: the recorder comes first
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:
-            require_whole(self._database, self._data)
+            require_intact_database(self._database, self._data)
         except DamagedError as error:
             self.problem = f"{error}. Stop the service first"
             _log.error(self.problem)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from backend.banks import tuning_settings
 from backend.errors import RequestRejectedError
-from backend.models.document import digest_of
+from backend.models.document import document_digest
 from backend.models.run import APPLIED, AppliedParameters
 from backend.realtime.modes import Mode
 from backend.realtime.supervisor import Supervisor
@@ -54,7 +54,7 @@ class AppliedVersion:
     @property
     def digest(self) -> str:
         """The same for the same numbers with the same sources, as lineage shows it."""
-        return digest_of(self.parameters.document())
+        return document_digest(self.parameters.document())
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class AppliedChange:
     after: float | None
 
 
-def parameter_versions(database: Database, base: PlantParameters) -> list[AppliedVersion]:
+def list_parameter_versions(database: Database, base: PlantParameters) -> list[AppliedVersion]:
     """Return all versions over this file's numbers, newest first, the file itself last.
 
     Raises UnreadableDocumentError, ParameterError.
@@ -84,12 +84,12 @@ def parameter_versions(database: Database, base: PlantParameters) -> list[Applie
     return [*reversed(found), AppliedVersion(0, base)]
 
 
-def active_parameters(database: Database, base: PlantParameters) -> PlantParameters:
+def load_active_parameters(database: Database, base: PlantParameters) -> PlantParameters:
     """Return the parameters of the file with what was applied last. Raises UnreadableDocumentError, ParameterError."""
-    return parameter_versions(database, base)[0].parameters
+    return list_parameter_versions(database, base)[0].parameters
 
 
-def last_applied_by(database: Database) -> str:
+def find_last_applicant(database: Database) -> str:
     """Return who applied something last, to whatever file; empty for nobody."""
     with database.reading() as session:
         last = settings.newest(session, NAME)
@@ -128,7 +128,7 @@ def proposal(base: PlantParameters, now: PlantParameters, found: Identification)
 
 def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
     """Return what puts the former version in force again. Raises NotApplicableError where there is none."""
-    found = parameter_versions(database, base)
+    found = list_parameter_versions(database, base)
     if len(found) == 1:
         raise NotApplicableError("nothing was applied to the parameter file: there is nothing to undo")
     former = found[1].applied
@@ -147,7 +147,7 @@ def store_parameters(session: Session, applied: AppliedParameters, who: str) -> 
     settings.put(session, NAME, APPLIED.write(applied), who)
 
 
-def sections_of(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:
+def changed_sections(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:
     """Return what is put over the file, as its document says it."""
     return {section: {name: asdict(one) for name, one in held.items()} for section, held in applied.identified.items()}
 
@@ -172,7 +172,7 @@ def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> It
 
 
 def _over(base: PlantParameters, applied: AppliedParameters) -> PlantParameters:
-    return base.with_identified(sections_of(applied))
+    return base.with_identified(changed_sections(applied))
 
 
 def _motor(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
@@ -251,7 +251,7 @@ class Applied:
                     ErrorCode.NOT_NOW, "the parameter file has changed: start the service anew first"
                 )
             applied, before = propose(), self._actuator.present.operators_tuning
-            parameters = self._base.with_identified(sections_of(applied))
+            parameters = self._base.with_identified(changed_sections(applied))
             return _Wanted(applied, parameters, before, self._kept.carried_over(before, parameters))
         except (NotApplicableError, ParameterError, TuningError) as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
@@ -271,7 +271,7 @@ class Applied:
             present = self._actuator.present
             present.use(parameters, tuning)
             present.earlier, present.undone = self._kept.earlier(tuning), False
-            identified = sections_of(applied)
+            identified = changed_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._use(parameters)
 
@@ -301,7 +301,7 @@ class Applied:
             )
 
     def _undoing(self, version: int) -> AppliedParameters:
-        newest = parameter_versions(self._database, self._base)[0].number
+        newest = list_parameter_versions(self._database, self._base)[0].number
         if newest not in (0, version):
             raise NotApplicableError(f"version {newest} is in force by now, not {version}: look at what it changed")
         return undoing(self._database, self._base)
@@ -309,12 +309,12 @@ class Applied:
     def _proposal(self, estimate: int) -> AppliedParameters:
         with self._database.reading() as session:
             found = identifications.get(session, estimate)
-        now = active_parameters(self._database, self._base)
+        now = load_active_parameters(self._database, self._base)
         return proposal(self._base, now, found)
 
     def _view(self, estimate: int | None) -> ParametersView:
         try:
-            found = parameter_versions(self._database, self._base)
+            found = list_parameter_versions(self._database, self._base)
         except ParameterError as error:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"a version that was applied is not taken any more: {error}"
@@ -328,7 +328,7 @@ class Applied:
 
     def _proposal_view(self, estimate: int, now: PlantParameters) -> ParameterProposal:
         try:
-            then = self._base.with_identified(sections_of(self._proposal(estimate)))
+            then = self._base.with_identified(changed_sections(self._proposal(estimate)))
         except (NotApplicableError, ParameterError) as error:
             return ParameterProposal(estimate=estimate, problem=str(error), digest="", changes=[])
         digest = AppliedVersion(0, then).digest

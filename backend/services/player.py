@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.errors import RequestRejectedError, check_range
 from backend.exports import writers
 from backend.exports.base import Facts, ImportRefusedError
 from backend.faults import EXPLAINED, FAULTS
@@ -20,8 +20,9 @@ from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.events import EventKind
 from backend.storage.orm import UnknownRecordError
+from plant.errors import ErrorCode
 from plant.interface import T_s
-from plant.replay import RecordedSamples, Signal, load_recording
+from plant.replay import RecordedSamples, Signal, load_replay
 
 # Played recording ----------------------------------------------------------------------------------
 #
@@ -31,12 +32,12 @@ from plant.replay import RecordedSamples, Signal, load_recording
 _RUN = re.compile(r"run (\d{1,15})")
 
 
-def played_recording(path: str | Path, database: Database) -> PlayedRecording:
+def describe_recording(path: str | Path, database: Database) -> PlayedRecording:
     """Return what a recording is and what happened in it.
 
     That is told by the log where its run is stored here, else by its columns. Raises PlantError for another file.
     """
-    recording = load_recording(path)
+    recording = load_replay(path)
     facts = _facts(Path(path))
     named = None if facts is None else _RUN.fullmatch(facts.of)
     number = None if named is None else int(named[1])

@@ -9,14 +9,14 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from backend.auth.authentication import User
-from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.errors import RequestRejectedError, check_range
 from backend.execution.progress import RunPhase
 from backend.execution.runner import RunRequest
-from backend.execution.simulation import dry_run, get_ready, progress_in
-from backend.experiments.library import values_of
+from backend.execution.simulation import dry_run, read_progress, warm_up_dry_run
+from backend.experiments.library import list_setting_values
 from backend.experiments.plans import LoopSettings
 from backend.schemas.experiment import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
-from backend.services.background_work import HasLeft, WorkPlaces, unless_left
+from backend.services.background_work import HasLeft, WorkPlaces, run_while_connected
 from backend.services.runs import dry_run_view
 from backend.services.tuning_state import KeptFigures
 from backend.storage import queue
@@ -26,6 +26,7 @@ from backend.storage.orm import StorageError
 from backend.storage.runs import EndState
 from backend.supervision import Part, Supervision
 from backend.workers import Offload
+from plant.errors import ErrorCode
 from plant.parameters import PlantParameters
 
 # Dry runs ------------------------------------------------------------------------------------------
@@ -67,7 +68,7 @@ class DryRuns:
         if person not in self._under_way:
             return DryRunProgress(under_way=False, doing=RunPhase.STARTING, played_s=0.0, duration_s=0.0)
         folder, duration_s = self._under_way[person]
-        doing, elapsed_s = await asyncio.to_thread(progress_in, folder)
+        doing, elapsed_s = await asyncio.to_thread(read_progress, folder)
         played_s = {RunPhase.PROGRAM: min(elapsed_s, duration_s), RunPhase.EVALUATION: duration_s}.get(doing, 0.0)
         return DryRunProgress(under_way=True, doing=doing, played_s=played_s, duration_s=duration_s)
 
@@ -90,21 +91,21 @@ class DryRuns:
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             self._under_way[person] = Path(folder), duration_s
             try:
-                played = await unless_left(
+                played = await run_while_connected(
                     self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), has_left
                 )
             finally:
                 self._under_way.pop(person, None)
                 # Here, not in the process: one that is killed clears up nothing.
                 shutil.rmtree(folder, ignore_errors=True)
-        settings = {**values_of(order.plan), **asdict(order.loop_settings)}
+        settings = {**list_setting_values(order.plan), **asdict(order.loop_settings)}
         return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 
 
 def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
     KeptFigures().restore()
-    get_ready(parameters, settings)
+    warm_up_dry_run(parameters, settings)
 
 
 # Experiment queue ----------------------------------------------------------------------------------

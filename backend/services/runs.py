@@ -13,22 +13,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import wire
-from backend.analysis.evaluation import evaluate_again, require_evaluable, used_settings
-from backend.banks.builder import MODEL_NAMES, point_of
-from backend.banks.tuning_settings import changes_told
-from backend.errors import ErrorCode, RequestRejectedError
-from backend.experiments.forecast import timetable
-from backend.experiments.library import LEAST, Column, RecordedParts, ReferenceChange, commanded, followed, stored_plan
-from backend.experiments.plans import LAWS, ExperimentPlan, IdentificationPlan, profile
+from backend.analysis.evaluation import reevaluate_run, require_evaluable, select_used_settings
+from backend.banks.builder import MODEL_NAMES, entry_point
+from backend.banks.tuning_settings import parse_changes
+from backend.errors import RequestRejectedError
+from backend.experiments.forecast import forecast_identification
+from backend.experiments.library import (
+    LEAST,
+    Column,
+    RecordedParts,
+    ReferenceChange,
+    find_commanded_range,
+    follow_columns,
+    parse_stored_plan,
+)
+from backend.experiments.plans import LAWS, ExperimentPlan, IdentificationPlan, build_profile
 from backend.experiments.schema import FORMAT
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import LAMBDA, KeptWall, RunCriterion, StoredLoopSettings, headline_of, outcome_of, standing
+from backend.models.run import (
+    LAMBDA,
+    KeptWall,
+    RunCriterion,
+    StoredLoopSettings,
+    find_headline,
+    find_wall_at,
+    judge_run,
+)
 from backend.realtime.modes import Mode
 from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law
 from backend.recording import reader
-from backend.recording.flight import flight_columns
+from backend.recording.flight import read_flight_columns
 from backend.recording.reader import AT_HAND_SAMPLES, SampleEnvelope, read_envelope, read_samples
-from backend.reports.provenance import verdict_of
+from backend.reports.provenance import judge_stored_run
 from backend.sample import FIELDS, INDEX, NAMES, STORED_NAMES
 from backend.schemas.experiment import (
     Criterion,
@@ -68,13 +84,14 @@ from backend.storage.flights import Flight
 from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Extent, Recording
 from backend.storage.results import Result
-from backend.storage.runs import EndState, Run, RunKind, experiment_of, title_of
-from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse
+from backend.storage.runs import EndState, Run, RunKind, run_experiment_name, run_title
+from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse_query
 from backend.storage.timeline import LogEntry, LogQuery
 from backend.workers import Offload
 from plant.dynamics import Obstacle
+from plant.errors import ErrorCode
 from plant.interface import T_s
-from plant.parameters import ParameterError, parameters_of
+from plant.parameters import ParameterError, parse_parameters
 
 # Evaluations ---------------------------------------------------------------------------------------
 #
@@ -111,7 +128,7 @@ class Evaluations:
             )
         self._under_way.add(run_id)
         try:
-            await self._offload.run(evaluate_again, self._database, run_id)
+            await self._offload.run(reevaluate_run, self._database, run_id)
         except Exception as error:
             await asyncio.to_thread(self._keep_problem, run_id, f"{type(error).__name__}: {error}")
             raise
@@ -137,7 +154,7 @@ NOTHING = Planned(t=[], lines=[], parts=[])
 _UNITS = {field.name: field.unit for field in FIELDS}
 
 
-def planned(database: Database, run_id: int) -> Planned:
+def read_planned_run(database: Database, run_id: int) -> Planned:
     """Return what a run was to play; its plan may be an imported text, so that it is read beside the service.
 
     Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError.
@@ -150,12 +167,12 @@ def planned(database: Database, run_id: int) -> Planned:
             return NOTHING
         if kept is None:
             return NOTHING
-        plan = stored_plan(run.kind, kept)
+        plan = parse_stored_plan(run.kind, kept)
         followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
         began = _at_first(session, run_id, *followed)
     if isinstance(plan, IdentificationPlan):
         try:
-            told = timetable(plan, parameters_of(run.parameters_name, run.parameters), began)
+            told = forecast_identification(plan, parse_parameters(run.parameters_name, run.parameters), began)
         except ParameterError:
             return NOTHING
         parts = [
@@ -167,7 +184,7 @@ def planned(database: Database, run_id: int) -> Planned:
     if not program.segments:
         return NOTHING
     first = program.segments[0]
-    found = profile(program, *(began or (first.q_ref, first.S_ref)))
+    found = build_profile(program, *(began or (first.q_ref, first.S_ref)))
     pushed = {"F_push": found.F_push} if found.F_push.any() else {}
     return Planned(
         t=found.t.tolist(),
@@ -223,11 +240,11 @@ def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
         marks = marks_of(session, run_id).marks
         bank = _bank(session, run)
     columns = {name: column.astype(float) for name, column in samples.columns.items()}
-    first, end = commanded(columns["q_ref"], columns["S_ref"])
+    first, end = find_commanded_range(columns["q_ref"], columns["S_ref"])
     cut = {name: column[first:end] for name, column in columns.items()}
     t = samples.t[first:end]
     made = _Made(t, cut, run, marks, bank)
-    found = followed(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.changes())
+    found = follow_columns(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.changes())
     made.leave_out_pushes(found, cut["F_push"])
     document = {
         "format": FORMAT,
@@ -307,7 +324,7 @@ class _Made:
             for change in np.flatnonzero(np.diff(column)) + 1:
                 parts.setdefault(int(change), {})[name] = float(column[change])
         for mark in self._marks:
-            changed = changes_told(mark.text) if mark.kind == EventKind.TUNING else None
+            changed = parse_changes(mark.text) if mark.kind == EventKind.TUNING else None
             tick = self._tick(mark.t)
             if changed is None or tick is None:
                 continue
@@ -366,7 +383,7 @@ class _Made:
                 continue
             told = mark.kind == EventKind.NOTE and mark.text.startswith(_TOLD_AS_PARTS)
             told |= mark.kind == EventKind.TUNING and (
-                changes_told(mark.text) is not None or mark.text.startswith("by the program")
+                parse_changes(mark.text) is not None or mark.text.startswith("by the program")
             )
             if not told:
                 self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
@@ -377,7 +394,7 @@ class _Made:
         if kept is None or self._run.set_to.experiment is None:
             return
         try:
-            plan = stored_plan(self._run.kind, kept)
+            plan = parse_stored_plan(self._run.kind, kept)
         except (ValueError, UnreadableDocumentError):
             self.left_out.append("what its program did besides: this version does not read it")
             return
@@ -439,7 +456,7 @@ class ReplayView:
 
     async def show_flight(self, event_id: int, t: float) -> None:
         """Show the sample of a flight record nearest to ``t`` [s] from its trip. Raises UnknownRecordError."""
-        columns = await asyncio.to_thread(flight_columns, self._database, event_id)
+        columns = await asyncio.to_thread(read_flight_columns, self._database, event_id)
         if columns["t"].size:
             nearest = int(np.argmin(np.abs(columns["t"] - t)))
             self._shown = _row({name: columns[name][nearest] for name in _NEEDED if name in columns}), None
@@ -451,7 +468,7 @@ class ReplayView:
         if not len(samples.t):
             return None
         row = _row({name: column[0] for name, column in samples.columns.items()})
-        return row, standing(walls, float(samples.t[0]) + 0.5 * T_s)
+        return row, find_wall_at(walls, float(samples.t[0]) + 0.5 * T_s)
 
 
 def _row(values: Mapping[str, float]) -> NDArray[np.float64]:
@@ -531,16 +548,16 @@ def run_view(
     """
     judged = result is not None or not (run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING)
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
-    headline = headline_of(metrics, criteria, fits)
+    headline = find_headline(metrics, criteria, fits)
     settings, problem = [], run.evaluation_problem
     try:
-        settings = [UsedSetting(**asdict(item)) for item in used_settings(run)]
+        settings = [UsedSetting(**asdict(item)) for item in select_used_settings(run)]
     except UnreadableDocumentError as error:
         problem = problem or str(error)
     return RunView(
         id=run.id,
         kind=run.kind,
-        title=title_of(run),
+        title=run_title(run),
         plant=run.plant,
         parameters=run.parameters_name,
         who=run.who,
@@ -559,7 +576,7 @@ def run_view(
         origin=origin,
         evaluation=evaluation,
         evaluation_problem=problem,
-        outcome=outcome_of(metrics, criteria) if judged else None,
+        outcome=judge_run(metrics, criteria) if judged else None,
         headline=None if headline is None else Headline(**asdict(headline)),
     )
 
@@ -600,7 +617,7 @@ def bank_view(
                 tension_N=entry.known.tension_N,
                 S_nominal=entry.S_nominal,
                 q_nominal=None if entry.identification_id is None else positions.get(entry.identification_id),
-                **{name: getattr(point_of(entry), name) for name in MODEL_NAMES},
+                **{name: getattr(entry_point(entry), name) for name in MODEL_NAMES},
             )
             for entry in bank.entries
         ],
@@ -611,8 +628,8 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
     """Return an experiment run with metrics and criteria, where they have been computed."""
     return ExperimentView(
         id=run.id,
-        name=experiment_of(run),
-        title=title_of(run),
+        name=run_experiment_name(run),
+        title=run_title(run),
         status=run.end_state,
         created=run.started_at,
         progress=progress,
@@ -644,7 +661,7 @@ def dry_run_view(
 def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     running = "" if run.ended_at is not None else "the run is not over"
-    found = verdict_of(metrics, criteria, run.evaluation_problem or running)
+    found = judge_stored_run(metrics, criteria, run.evaluation_problem or running)
     return {
         "outcome": found.outcome,
         "verdict": found.sentence,
@@ -734,7 +751,7 @@ class RunQuery:
         words = [Word(Value(word, 0)) for word in self.search.split()]
         if not all(word.value.text.isprintable() for word in words):
             raise QueryError(0, "a character that cannot be printed stands in it: delete it")
-        return All((*map(parse, self.where), *(of_kind if self.kinds else []), *words))
+        return All((*map(parse_query, self.where), *(of_kind if self.kinds else []), *words))
 
 
 class StoredRuns:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.errors import ErrorCode, RequestRejectedError, check_range
-from backend.experiments.parser import ExpressionError, derived_of
+from backend.errors import RequestRejectedError, check_range
+from backend.experiments.parser import ExpressionError, parse_derived_signal
 from backend.plain_text import as_cell, as_comment
-from backend.recording.derived_signals import Following, derived_from, told_of
+from backend.recording.derived_signals import Following, build_derived_signal, describe_signals
 from backend.recording.ranges import (
     LEAST_SAMPLES,
     Extreme,
@@ -23,9 +23,9 @@ from backend.recording.ranges import (
     Statistics,
     TickInterval,
     add_slab,
-    slabs,
-    stretch_of,
-    welch,
+    find_tick_range,
+    read_slabs,
+    welch_spectrum,
 )
 from backend.recording.reader import AT_HAND_SAMPLES, read_samples
 from backend.sample import COMBINED_BY_NAME, FIELDS, Field
@@ -44,6 +44,7 @@ from backend.storage import formulas, recordings
 from backend.storage.database import Database
 from backend.storage.formulas import Formula
 from backend.workers import piped
+from plant.errors import ErrorCode
 
 # Figures -------------------------------------------------------------------------------------------
 #
@@ -138,7 +139,7 @@ def statistics_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     """Yield lines of ``StatisticsLine`` while the range is read, the result in the last one."""
     stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
     found = {name: Statistics() for name in asked.signals}
-    for slab in slabs(database, stretch, asked.signals):
+    for slab in read_slabs(database, stretch, asked.signals):
         add_slab(found, slab)
         samples += slab.ticks.size
         yield _line(StatisticsLine(share=_share(slab, stretch)))
@@ -154,7 +155,7 @@ def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     words = "samples times signals of a spectrum"
     check_range("range", stretch.ticks * len(asked.signals), None, MOST_VALUES, "1", remedy, words=words)
     values = {name: np.full(stretch.ticks, np.nan) for name in asked.signals}
-    for slab in slabs(database, stretch, asked.signals):
+    for slab in read_slabs(database, stretch, asked.signals):
         for name, column in slab.columns.items():
             values[name][slab.ticks - stretch.begin] = column
         samples += slab.ticks.size
@@ -180,7 +181,7 @@ def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     names = ["t", *asked.signals]
     head = "\n".join([*map(as_comment, heading), ",".join(map(as_cell, names))]) + "\n"
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
-    for slab in slabs(database, stretch, asked.signals):
+    for slab in read_slabs(database, stretch, asked.signals):
         columns = [slab.ticks * stretch.period_s, *(_as_stored(name, slab.columns[name]) for name in asked.signals)]
         buffer = io.BytesIO(head.encode())
         buffer.seek(0, io.SEEK_END)
@@ -197,7 +198,7 @@ def values_at(database: Database, run: int, times_s: Sequence[float], signals: S
     Raises UnknownRecordError, UnknownSignalError, OutOfRangeError for a time outside the recording.
     """
     with database.reading() as session:
-        whole = stretch_of(session, run)
+        whole = find_tick_range(session, run)
         for time_s in times_s:
             if not 0 <= whole.tick_at(time_s) < whole.end:  # a sum of times may miss the last sample by a rounding
                 remedy = f"choose a time within the recording of run {run}"
@@ -214,19 +215,19 @@ def values_at(database: Database, run: int, times_s: Sequence[float], signals: S
 
 
 def _values(database: Database, whole: TickInterval, tick: int, signals: Sequence[str]) -> dict[str, float | None]:
-    slab = next(slabs(database, TickInterval(whole.run_id, tick, tick + 1, whole.period_s), signals))
+    slab = next(read_slabs(database, TickInterval(whole.run_id, tick, tick + 1, whole.period_s), signals))
     return {name: _number(float(column[0])) for name, column in slab.columns.items()}
 
 
 def _stretch(database: Database, asked: RangeAsked) -> TickInterval:
     with database.reading() as session:
         read_samples(session, asked.run, [name for name in asked.signals if name not in COMBINED_BY_NAME], 0.0, 0.0)
-        return stretch_of(session, asked.run, asked.from_s, asked.to_s)
+        return find_tick_range(session, asked.run, asked.from_s, asked.to_s)
 
 
 def _told(database: Database, asked: RangeAsked) -> dict[str, Field | Following]:
     with database.reading() as session:
-        return told_of(session, asked.signals)
+        return describe_signals(session, asked.signals)
 
 
 def _share(slab: Slab, stretch: TickInterval) -> float:
@@ -266,7 +267,7 @@ def _statistics(unit: str, found: Statistics, period_s: float) -> SignalStatisti
 
 
 def _spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
-    found, reason = welch(values, period_s), ""
+    found, reason = welch_spectrum(values, period_s), ""
     there = int(np.count_nonzero(np.isfinite(values)))
     if found is None:
         reason = f"fewer than {LEAST_SAMPLES} consecutive samples have a value"
@@ -326,7 +327,7 @@ class Formulas:
 
     def _put(self, name: str, text: FormulaText, who: str) -> FormulaView:
         try:
-            derived = derived_of(name, text.unit, text.expression)
+            derived = parse_derived_signal(name, text.unit, text.expression)
         except ExpressionError as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error), code="bad_formula") from None
         with self._database.session() as session:
@@ -349,7 +350,7 @@ class Formulas:
 
 
 def _view(one: Formula) -> FormulaView:
-    derived = derived_from(one)
+    derived = build_derived_signal(one)
     return FormulaView(
         name=one.name,
         expression=one.expression,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, assert_never
 
 from backend import __version__
-from backend.control.decoupler import Bounds, bounds_for
+from backend.control.decoupler import Bounds, compute_bounds
 from backend.faults import EXPLAINED, FAULTS, Fault, explained
 from backend.realtime.commands import (
     Accepted,
@@ -30,7 +30,7 @@ from backend.realtime.process import SILENCE_S
 from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, BiasLost, ContactDetected
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited, Restart, Supervisor
-from backend.realtime.timing import timing
+from backend.realtime.timing import compute_timing
 from backend.sample import NAMES
 from backend.schemas.run import PlayerView
 from backend.schemas.session import Health, PersonView
@@ -55,7 +55,15 @@ from backend.schemas.state import (
 )
 from backend.schemas.tuning import TuningView
 from backend.services.tuning_state import ActiveTuning, ResolvedTuning, chosen_view, shown_with
-from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, elongation, most_damped, slope, stiffest
+from plant.dynamics import (
+    K_LEAST,
+    SUBSTEPS,
+    Obstacle,
+    largest_wall_damping,
+    largest_wall_stiffness,
+    spring_elongation,
+    spring_slope,
+)
 from plant.interface import PlantChoice, PlantKind, T_s
 from plant.parameters import PlantParameters
 from plant.safety_card import CardState
@@ -102,7 +110,7 @@ class Observation:
         """Return how well the loop keeps its period, renewed four times a second."""
         if self._timing is None or self._clock() >= self._timing_due:
             self._timing_due = self._clock() + TIMING_PERIOD_S
-            t = timing(self._ring())
+            t = compute_timing(self._ring())
             self._timing = TimingView(
                 period_s=T_s,
                 rate_Hz=_number(t.rate_Hz),
@@ -271,7 +279,9 @@ NO_WALL_POSSIBLE = WallBounds(0.0, 0.0, 0.0)
 def wall_bounds(parameters: PlantParameters) -> WallBounds:
     """Return what the steps of the simulation resolve of a wall."""
     joint, step_s = parameters.dynamics().joint, T_s / SUBSTEPS
-    return WallBounds(K_LEAST, stiffest(joint, step_s), most_damped(joint, parameters.safety.F_max, step_s))
+    return WallBounds(
+        K_LEAST, largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, parameters.safety.F_max, step_s)
+    )
 
 
 def wall_in_words(wall: Obstacle | None) -> str:
@@ -349,7 +359,7 @@ class LiveState:
     def use(self, parameters: PlantParameters, tuning: ActiveTuning) -> None:
         """Take over the parameters in force, and the tuning that goes with them."""
         self.parameters, self.tuning = parameters, tuning
-        self.bounds = bounds_for(parameters)
+        self.bounds = compute_bounds(parameters)
         self._tensions = _tensions(parameters, self.bounds)
         self._wall_bounds = wall_bounds(parameters)
 
@@ -570,6 +580,6 @@ def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
     r_j = parameters.geometry.r_j
     springs = parameters.identified_spring("A"), parameters.identified_spring("B")
     return [
-        TensionView(F=F, S=r_j**2 * sum(slope(spring, elongation(spring, F)) for spring in springs))
+        TensionView(F=F, S=r_j**2 * sum(spring_slope(spring, spring_elongation(spring, F)) for spring in springs))
         for F in (bounds.F_slack, 10.0, 20.0, 30.0, 40.0, min(bounds.F_max, *(spring.F_solid for spring in springs)))
     ]

@@ -9,12 +9,12 @@ from typing import Any
 
 from backend.auth.authentication import User
 from backend.banks.tuning_settings import TuningSettings
-from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
-from backend.execution.runner import banks_in
+from backend.errors import InvalidValueError, RequestRejectedError
+from backend.execution.runner import bank_lookup
 from backend.experiments import parser
 from backend.experiments.plans import LoopSettings
 from backend.models.run import Value
-from backend.models.settings import describe
+from backend.models.settings import describe_settings
 from backend.plain_text import as_line
 from backend.schemas.experiment import (
     CheckedStudy,
@@ -35,13 +35,14 @@ from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies import maps
-from backend.studies.crew import cores
+from backend.studies.crew import count_cores
 from backend.studies.design import Design
 from backend.studies.maps import Map
-from backend.studies.point import numbers_of, require_version
-from backend.studies.runner import TakenError, is_computed, left_s, local, run_study
-from backend.studies.stored import StudyContext, design_of, new_study
+from backend.studies.point import list_variable_numbers, require_version
+from backend.studies.runner import TakenError, estimate_remaining_s, is_computed, run_study, use_local_processes
+from backend.studies.stored import StudyContext, create_study, parse_design
 from backend.workers import Offload, WorkerDiedError
+from plant.errors import ErrorCode
 from plant.parameters import PlantParameters
 
 # Studies -------------------------------------------------------------------------------------------
@@ -66,7 +67,7 @@ class Studies:
     def begin(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
         """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
         own = OwnExperiments(self._database)
-        new = new_study(written, StudyContext(own.entry, parameters, tuning, banks_in(self._database)), who)
+        new = create_study(written, StudyContext(own.entry, parameters, tuning, bank_lookup(self._database)), who)
         with self._database.session() as session:
             kept = studies.add(session, new)
         return self.view(kept.id)
@@ -78,7 +79,7 @@ class Studies:
             said = parser.document_of(written)[0]
             document = said if isinstance(said, dict) else None
             own = OwnExperiments(self._database)
-            new = new_study(written, StudyContext(own.entry, parameters, tuning, banks_in(self._database)), "")
+            new = create_study(written, StudyContext(own.entry, parameters, tuning, bank_lookup(self._database)), "")
         except InvalidValueError as error:
             return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
         return CheckedStudy(document=document, points=new.points, problem="", path=[])
@@ -112,7 +113,7 @@ class Studies:
     def detail(self, study_id: int, rows: int | None = ROWS_SHOWN, pick: str = maps.WORST) -> StudyDetail:
         """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
         kept, points, design = self._read(study_id)
-        named = maps.figure_names(parser.of_canonical(design.base.experiment))
+        named = maps.list_figure_names(parser.parse_canonical(design.base.experiment))
         spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
         figures = [
             StudyFigure(**vars(named[name]), **{of: value for of, value in vars(item).items() if of != "figure"})
@@ -129,7 +130,9 @@ class Studies:
             study=self.view(study_id),
             text=kept.text,
             axes=[
-                StudyAxis(name=name, symbol=symbol_of(name, design), unit=unit_of(name, design), values=list(values))
+                StudyAxis(
+                    name=name, symbol=axis_symbol(name, design), unit=axis_unit(name, design), values=list(values)
+                )
                 for name, values in design.axes
             ],
             shares=[StudyShare(label=maps.SHARES[item.name].label, **vars(item)) for item in maps.shares(points)],
@@ -148,7 +151,7 @@ class Studies:
     def _read(self, study_id: int) -> tuple[StoredStudy, list[StoredPoint], Design]:
         with self._database.reading() as session:
             kept = studies.get(session, study_id)
-            return kept, studies.points(session, study_id), design_of(kept)
+            return kept, studies.points(session, study_id), parse_design(kept)
 
 
 def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
@@ -167,7 +170,7 @@ def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
         points=kept.points,
         done=done,
         ends=ends,
-        left_s=left_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
+        left_s=estimate_remaining_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
         problem=kept.problem or (_GONE if kept.runner and state == "stopped" else ""),
     )
 
@@ -190,7 +193,7 @@ def _point_view(point: StoredPoint) -> StudyPoint:
     return StudyPoint(**vars(point))
 
 
-def unit_of(name: str, design: Design) -> str:
+def axis_unit(name: str, design: Design) -> str:
     """Return the SI unit of what is varied: a number of the plant, or a setting."""
     if "." in name:
         section, entry, *_ = name.split(".")
@@ -198,16 +201,16 @@ def unit_of(name: str, design: Design) -> str:
     return _settings(design).get(name, ("", "1"))[1]
 
 
-def symbol_of(name: str, design: Design) -> str:
+def axis_symbol(name: str, design: Design) -> str:
     """Return the symbol of a setting that is varied; a number of the plant has its section and entry."""
     return _settings(design).get(name, (name, ""))[0]
 
 
 def _settings(design: Design) -> dict[str, tuple[str, str]]:
     """Symbol and unit of each setting of the experiment and of the loop, by name."""
-    written = parser.of_canonical(design.base.experiment).settings
+    written = parser.parse_canonical(design.base.experiment).settings
     found = {item.name: (item.symbol or item.name, item.unit) for item in written}
-    return found | {item.name: (item.symbol, item.unit) for item in describe(LoopSettings)}
+    return found | {item.name: (item.symbol, item.unit) for item in describe_settings(LoopSettings)}
 
 
 # Studies under way ---------------------------------------------------------------------------------
@@ -285,7 +288,7 @@ class StudyScheduler:
 
     def numbers(self) -> PlantNumbers:
         """Return the numbers of the plant that a study can vary."""
-        return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in numbers_of(self._parameters)])
+        return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in list_variable_numbers(self._parameters)])
 
     async def begin(self, text: str, who: str) -> StudyView:
         """Keep a study and have it computed.
@@ -365,4 +368,4 @@ def _detail(database: Database, study_id: int, pick: str) -> StudyDetail:
 
 
 def _compute(database: Database, study_id: int) -> None:
-    run_study(database, study_id, local(max(1, cores() - 1)))
+    run_study(database, study_id, use_local_processes(max(1, count_cores() - 1)))

@@ -3,9 +3,9 @@
 import asyncio
 from datetime import UTC, datetime
 
-from backend.errors import ErrorCode, RequestRejectedError
-from backend.recording.derived_signals import Derived, derived_from
-from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, left_armed
+from backend.errors import RequestRejectedError
+from backend.recording.derived_signals import Derived, build_derived_signal
+from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, load_armed_trigger
 from backend.sample import UNIT_OF, nearest
 from backend.schemas.state import MarkKind, TriggerOrder, TriggerView
 from backend.services.actuator import ActuatorService
@@ -14,6 +14,7 @@ from backend.storage import formulas
 from backend.storage.database import Database
 from backend.storage.events import EventKind
 from backend.storage.orm import StorageError
+from plant.errors import ErrorCode
 from plant.interface import T_s
 
 
@@ -23,7 +24,7 @@ class Triggers:
     def __init__(self, trigger: Trigger, actuator: ActuatorService, journal: EventLog, database: Database) -> None:
         self._trigger, self._actuator, self._journal, self._database = trigger, actuator, journal, database
         self._turn = asyncio.Lock()
-        left = left_armed(database)
+        left = load_armed_trigger(database)
         if left is not None:
             says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).told()
             journal.record(
@@ -90,7 +91,7 @@ class Triggers:
 
     def _derived(self) -> dict[str, Derived]:
         with self._database.reading() as session:
-            return {one.name: derived_from(one) for one in formulas.find(session)}
+            return {one.name: build_derived_signal(one) for one in formulas.find(session)}
 
     def _note(self, text: str, who: str) -> None:
         self._journal.note(MarkKind.NOTE, text, self._actuator.present.tick, who)

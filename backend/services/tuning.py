@@ -5,8 +5,8 @@ import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
-from backend.banks.tuning_settings import SAVED, SavedParts, TuningSettings, saved_for
-from backend.errors import ErrorCode, RequestRejectedError, check_range
+from backend.banks.tuning_settings import SAVED, SavedParts, TuningSettings, saved_tuning_key
+from backend.errors import RequestRejectedError, check_range
 from backend.realtime.commands import Accepted
 from backend.realtime.gains import NOT_LEARNED
 from backend.realtime.program import SetTuning
@@ -33,6 +33,7 @@ from backend.storage.database import Database
 from backend.storage.settings import StoredSetting
 from backend.supervision import Supervision
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
+from plant.errors import ErrorCode
 
 # Retuning ------------------------------------------------------------------------------------------
 #
@@ -365,4 +366,4 @@ def _saved(stored: StoredSetting) -> SavedTuning:
 
 
 def _setting_of(tuning: ActiveTuning) -> str:
-    return saved_for(None if tuning.bank is None else tuning.bank.id)
+    return saved_tuning_key(None if tuning.bank is None else tuning.bank.id)

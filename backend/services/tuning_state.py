@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from backend.banks import tuning_settings
-from backend.banks.builder import points_of, tuning_command
-from backend.banks.tuning_settings import DefaultTuning, LastTuning, TuningSettings, default_choice
+from backend.banks.builder import build_tuning_command, entry_points
+from backend.banks.tuning_settings import DefaultTuning, LastTuning, TuningSettings, default_tuning_choice
 from backend.data_folder import write_private
 from backend.errors import OutOfRangeError, check_range
 from backend.models.document import UnreadableDocumentError
@@ -40,7 +40,7 @@ from backend.schemas.tuning import (
     TuningView,
 )
 from backend.storage import banks
-from backend.storage.banks import Bank, entry_in_use
+from backend.storage.banks import Bank, active_entry_name
 from backend.storage.database import Database
 from backend.storage.orm import StorageError, UnknownRecordError
 from backend.supervision import KeptTask, Part, Supervision
@@ -49,7 +49,7 @@ from backend.tuning.gains import LAM_MAX, TuningError, TuningParameters, require
 from backend.tuning.preview import Steps, TuningPreviewer, require_budget
 from backend.tuning.robustness import FIGURES, Robustness
 from backend.tuning.simulation import NEAR_RAD, PUSH_N, PushForecast, StepForecast
-from plant.compiled import CACHE
+from plant.compilation import CACHE
 from plant.parameters import PlantParameters
 
 # Kept figures --------------------------------------------------------------------------------------
@@ -153,7 +153,7 @@ class ActiveTuning(ResolvedTuning):
 
     def command(self) -> SetTuning:
         """Return what tells the loop."""
-        return tuning_command(self.parameters, self.choice, self.bank)
+        return build_tuning_command(self.parameters, self.choice, self.bank)
 
     def changed(self, request: TuningRequest) -> "ActiveTuning":
         """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
@@ -181,7 +181,7 @@ class ActiveTuning(ResolvedTuning):
 
     def default(self) -> DefaultTuning:
         """Return what would be in force on these models where nobody had chosen; takes a while at another λ_motor."""
-        return default_choice(self.parameters, points_of(self.bank), self.previewer)
+        return default_tuning_choice(self.parameters, entry_points(self.bank), self.previewer)
 
     def view(self, entry: float) -> TuningView:
         """Return what the page shows; ``entry`` is the active entry of the bank."""
@@ -200,7 +200,7 @@ class ActiveTuning(ResolvedTuning):
             u_plan_max=u_plan_max,
             bank=_reference(self.bank),
             entry=entry,
-            entry_name="" if self.bank is None else entry_in_use(self.bank.entries, entry),
+            entry_name="" if self.bank is None else active_entry_name(self.bank.entries, entry),
         )
 
     def preview(
@@ -283,9 +283,9 @@ def initial(parameters: PlantParameters, choice: TuningSettings, bank: Bank | No
     return _checked(parameters, choice, bank, None)
 
 
-def by_default(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
+def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
     """Return the tuning where nobody has chosen one, and what to say of it: empty where it is the method's."""
-    default = default_choice(parameters)
+    default = default_tuning_choice(parameters)
     return ActiveTuning(default.choice, None, parameters, default.previewer), default.moved
 
 
@@ -302,7 +302,7 @@ def chosen_view(tuning: ResolvedTuning) -> ChosenTuning:
 def shown_with(view: TuningView, chosen: ResolvedTuning, entry: float) -> TuningView:
     """Return what the page shows of a tuning with parts and bank of another one; ``entry`` is the active one."""
     bank = chosen.bank
-    name = "" if bank is None else entry_in_use(bank.entries, entry)
+    name = "" if bank is None else active_entry_name(bank.entries, entry)
     parts = {**parts_of(chosen.choice), "bank": _reference(bank), "entry": entry, "entry_name": name}
     return view.model_copy(update=parts)
 
@@ -321,7 +321,7 @@ def _checked(
     ):
         previewer = before.previewer
     else:
-        previewer = TuningPreviewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=choice.lam_motor, b=choice.b)
     previewer.require_safe(choice.lambdas, choice.budget)
     require_share(choice.k_ext)
     return ActiveTuning(choice, bank, parameters, previewer)
@@ -423,7 +423,7 @@ class TuningStore:
                 return initial(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
             except (OutOfRangeError, TuningError) as error:
                 _log.warning("a tuning is not carried over to other parameters: %s", error)
-        return by_default(parameters)[0]
+        return default_tuning(parameters)[0]
 
     def _left_with(self, parameters: PlantParameters) -> ResolvedTuning | None:
         try:
@@ -444,7 +444,7 @@ class TuningStore:
         try:
             kept = tuning_settings.newest_tuning(self._database, parameters)
             if kept is None:
-                return by_default(parameters)
+                return default_tuning(parameters)
             if not kept.same_plant:
                 return _defaults(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
@@ -456,7 +456,7 @@ class TuningStore:
 
 
 def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
-    tuning, moved = by_default(parameters)
+    tuning, moved = default_tuning(parameters)
     return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
 
 

@@ -11,7 +11,7 @@ dataclasses::
 Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands for a number that is not there.
 """
 
-from backend.storage.database import Database, Session, open_database, require_whole
+from backend.storage.database import Database, Session, open_database, require_intact_database
 from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError
 
 __all__ = [
@@ -22,5 +22,5 @@ __all__ = [
     "StorageError",
     "UnfitError",
     "open_database",
-    "require_whole",
+    "require_intact_database",
 ]

@@ -8,7 +8,7 @@ from functools import cached_property
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as OrmSession
 
-from backend.identification.models import Grade, joint_method
+from backend.identification.models import Grade, joint_method_name
 from backend.models.identification import PartialChannelModel, PartialChannelQuality, PartialReduced
 from backend.models.run import ENTRY, EntryModel
 from backend.plain_text import as_line
@@ -21,10 +21,10 @@ from backend.storage.orm import (
     Document,
     UnknownRecordError,
     require,
-    require_distinct,
+    require_distinct_name,
     to_record,
 )
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 from backend.units import percent
 
 # Banks ---------------------------------------------------------------------------------------------
@@ -69,12 +69,12 @@ def add(
     """
     if not entries:
         raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
-    station = station_of(session)
+    station = session_station(session)
     of_name = (BankRow.name == name, BankRow.station == station)
     newest = session.scalar(select(func.max(BankRow.version)).where(*of_name)) or 0
     if newest == 0 and number is None:
         names = session.scalars(select(BankRow.name).distinct().where(BankRow.station == station))
-        require_distinct("a bank", name, names)
+        require_distinct_name("a bank", name, names)
     row = BankRow(
         id=number,
         name=name,
@@ -100,7 +100,7 @@ def get(session: OrmSession, bank_id: int) -> Bank:
 def own(session: OrmSession, bank_id: int) -> Bank:
     """Return one version of a bank of the station, to drive by it. Raises UnknownRecordError."""
     bank = get(session, bank_id)
-    if bank.station != station_of(session):
+    if bank.station != session_station(session):
         whose = f"is one of station {bank.station}" if bank.station else "is of no station"
         raise UnknownRecordError(f"bank {bank_id} {whose}: export it there and import it here to use it")
     return bank
@@ -115,7 +115,7 @@ def newest_version(session: OrmSession, bank: Bank) -> int:
 
 def find(session: OrmSession, *, name: str | None = None) -> list[Bank]:
     """Return all versions of all banks of the station or of one name, newest first."""
-    query = select(BankRow).where(BankRow.station == station_of(session)).order_by(BankRow.id.desc())
+    query = select(BankRow).where(BankRow.station == session_station(session)).order_by(BankRow.id.desc())
     if name is not None:
         query = query.where(BankRow.name == name)
     return [_with_entries(session, row) for row in session.scalars(query)]
@@ -146,12 +146,12 @@ def entry_name(S_nominal: float, tension_N: float | None) -> str:
     return f"{S_nominal:.2f} N·m/rad" if tension_N is None else f"{tension_N:g} N"
 
 
-def name_of_entry(entry: BankEntry) -> str:
+def stored_entry_name(entry: BankEntry) -> str:
     """Return what a stored entry is called."""
     return entry_name(entry.S_nominal, entry.known.tension_N)
 
 
-def entry_in_use(entries: Sequence[BankEntry], active: float) -> str:
+def active_entry_name(entries: Sequence[BankEntry], active: float) -> str:
     """Return what is in use at the loop's ``active`` entry: "10 N", or between which two it interpolates."""
     if not entries:
         return ""
@@ -159,8 +159,9 @@ def entry_in_use(entries: Sequence[BankEntry], active: float) -> str:
     below = min(max(int(active), 0), last)
     share = active - below
     if below == last or share < 0.005:
-        return name_of_entry(entries[below])
-    return f"{name_of_entry(entries[below])} to {name_of_entry(entries[below + 1])}, {100.0 * share:.0f} % of the way"
+        return stored_entry_name(entries[below])
+    low, high = stored_entry_name(entries[below]), stored_entry_name(entries[below + 1])
+    return f"{low} to {high}, {100.0 * share:.0f} % of the way"
 
 
 @dataclass(frozen=True)
@@ -189,26 +190,26 @@ class StoredFit:
         return ", ".join(parts)
 
 
-def fits_of(found: Identification) -> dict[str, StoredFit]:
+def read_fits(found: Identification) -> dict[str, StoredFit]:
     """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
     model, quality = found.early_model, found.early_quality
     return {"G_q": _fit(model.G_q, quality.G_q), "G_S": _fit(model.G_S, quality.G_S)}
 
 
-def method_of(found: Identification) -> str:
+def read_method_name(found: Identification) -> str:
     """Name the estimators of an actuator's identification, as an early one too should have been named.
 
     Its own method is that of G_q alone where it was stored before both were named.
     """
     channels = {"G_q": found.early_model.G_q, "G_S": found.early_model.G_S}
     named = {name: channel.method if channel else None for name, channel in channels.items()}
-    return joint_method({name: found.method if method is None else method for name, method in named.items()})
+    return joint_method_name({name: found.method if method is None else method for name, method in named.items()})
 
 
-def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, StoredFit]]:
+def load_bank_fits(session: Session, bank: Bank) -> dict[int, dict[str, StoredFit]]:
     """Return the fits behind a bank's entries, by the number of their estimate. Raises UnknownRecordError."""
     named = [entry.identification_id for entry in bank.entries]
-    return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
+    return {number: read_fits(identifications.get(session, number)) for number in named if number is not None}
 
 
 def _fit(model: PartialChannelModel | None, quality: PartialChannelQuality | None) -> StoredFit:

@@ -113,7 +113,7 @@ class HeldClaim:
                 _delete(connection, self._station)
 
 
-def claimed_by(engine: Engine) -> str:
+def describe_claim(engine: Engine) -> str:
     """Say which service works on a database, of whatever schema, under any station; "" where none does."""
     try:
         with engine.connect() as connection:

@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.orm import BringUpRow, to_record
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class StoredStepResult(NewStepResult):
 
 def add(session: Session, new: NewStepResult) -> StoredStepResult:
     """Keep a result."""
-    row = BringUpRow(at=datetime.now(UTC), station=station_of(session), **asdict(new))
+    row = BringUpRow(at=datetime.now(UTC), station=session_station(session), **asdict(new))
     session.add(row)
     session.flush()
     return to_record(StoredStepResult, row)
@@ -46,7 +46,9 @@ def add(session: Session, new: NewStepResult) -> StoredStepResult:
 
 def newest(session: Session) -> dict[str, StoredStepResult]:
     """Return the newest result of each step at the station."""
-    last = select(func.max(BringUpRow.id)).where(BringUpRow.station == station_of(session)).group_by(BringUpRow.step)
+    last = (
+        select(func.max(BringUpRow.id)).where(BringUpRow.station == session_station(session)).group_by(BringUpRow.step)
+    )
     rows = session.scalars(select(BringUpRow).where(BringUpRow.id.in_(last)))
     return {row.step: to_record(StoredStepResult, row) for row in rows}
 
@@ -69,13 +71,13 @@ def told(result: StoredStepResult) -> dict[str, Any]:
 
 def last_failure(session: Session, step: str) -> int:
     """Return the number of the newest result of a step that did not pass, with whatever wiring; 0 for none."""
-    failed = (BringUpRow.step == step, BringUpRow.passed.is_(False), BringUpRow.station == station_of(session))
+    failed = (BringUpRow.step == step, BringUpRow.passed.is_(False), BringUpRow.station == session_station(session))
     query = select(func.max(BringUpRow.id)).where(*failed)
     return session.scalar(query) or 0
 
 
 def passed_with(session: Session, fingerprint: str) -> list[StoredStepResult]:
     """Return all that passed with one wiring, oldest first."""
-    passed = (BringUpRow.fingerprint == fingerprint, BringUpRow.passed, BringUpRow.station == station_of(session))
+    passed = (BringUpRow.fingerprint == fingerprint, BringUpRow.passed, BringUpRow.station == session_station(session))
     query = select(BringUpRow).where(*passed).order_by(BringUpRow.id)
     return [to_record(StoredStepResult, row) for row in session.scalars(query)]

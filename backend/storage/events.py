@@ -11,7 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from backend.storage.orm import Document, EventRow, require, to_record
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 _ONE_TRIP = timedelta(seconds=2)
 """So far apart may be the times that two parts of the service give one trip."""
@@ -72,7 +72,7 @@ def add(
         run_id=run_id,
         tick=tick,
         detail=detail or {},
-        station=station_of(session),
+        station=session_station(session),
     )
     session.add(row)
     session.flush()
@@ -83,7 +83,7 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
     """Return events of the station, newest first."""
     query = (
         select(EventRow)
-        .where(EventRow.station == station_of(session))
+        .where(EventRow.station == session_station(session))
         .order_by(EventRow.at.desc(), EventRow.id.desc())
         .limit(limit)
     )
@@ -101,7 +101,7 @@ def trip_of(session: Session, tick: int, at: datetime) -> Event | None:
     kept at its last tick, its record at the tick that did not come.
     """
     query = select(EventRow).where(
-        EventRow.station == station_of(session),
+        EventRow.station == session_station(session),
         EventRow.kind == EventKind.TRIP,
         EventRow.tick.in_((tick, tick - 1)),
         EventRow.at.between(at - _ONE_TRIP, at + _ONE_TRIP),
@@ -122,7 +122,7 @@ def between(
     session: Session, since: datetime, until: datetime | None, *, station: str | None = None, limit: int = 2000
 ) -> list[Event]:
     """Return the events of a station (None: the own one) from ``since`` to ``until`` (None: to now), oldest first."""
-    whose = station_of(session) if station is None else station
+    whose = session_station(session) if station is None else station
     query = select(EventRow).where(EventRow.station == whose, EventRow.at >= since)
     if until is not None:
         query = query.where(EventRow.at <= until)

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage.orm import ExperimentRow, UnknownRecordError, require_distinct, to_record
-from backend.storage.stations import station_of
+from backend.storage.orm import ExperimentRow, UnknownRecordError, require_distinct_name, to_record
+from backend.storage.stations import session_station
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,12 @@ def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
     if newest is not None and newest.text == text:
         return to_record(StoredExperiment, newest)
     if newest is None:
-        of_station = ExperimentRow.station == station_of(session)
+        of_station = ExperimentRow.station == session_station(session)
         names = session.scalars(select(ExperimentRow.name).distinct().where(of_station))
-        require_distinct("an experiment", name, names)
+        require_distinct_name("an experiment", name, names)
     version = 1 if newest is None else newest.version + 1
     row = ExperimentRow(
-        name=name, version=version, text=text, who=who, created_at=datetime.now(UTC), station=station_of(session)
+        name=name, version=version, text=text, who=who, created_at=datetime.now(UTC), station=session_station(session)
     )
     session.add(row)
     session.flush()
@@ -54,7 +54,7 @@ def get(session: Session, name: str, version: int | None = None) -> StoredExperi
 
 def newest(session: Session) -> list[StoredExperiment]:
     """Return the newest version of each, by name."""
-    of_station = ExperimentRow.station == station_of(session)
+    of_station = ExperimentRow.station == session_station(session)
     last = select(func.max(ExperimentRow.id)).where(of_station).group_by(ExperimentRow.name)
     rows = session.scalars(select(ExperimentRow).where(ExperimentRow.id.in_(last)).order_by(ExperimentRow.name))
     return [to_record(StoredExperiment, row) for row in rows]
@@ -72,4 +72,4 @@ def _newest(session: Session, name: str) -> ExperimentRow | None:
 
 
 def _of_station(session: Session) -> Select[ExperimentRow]:
-    return select(ExperimentRow).where(ExperimentRow.station == station_of(session))
+    return select(ExperimentRow).where(ExperimentRow.station == session_station(session))

@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from backend.storage import runs
 from backend.storage.orm import Document, EventRow, FlightRow, UnknownRecordError, require
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 GIVE_WAY_AT_ONCE = 50
 TRIGGER = "trigger"
@@ -72,7 +72,7 @@ def give_way(session: Session, records: int, size_bytes: int, of: str = "") -> i
     """
     sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).join(EventRow)
     alike = FlightRow.fault == TRIGGER if of == TRIGGER else FlightRow.fault != TRIGGER
-    of_station = sizes.where(EventRow.station == station_of(session), alike).order_by(FlightRow.event_id.desc())
+    of_station = sizes.where(EventRow.station == session_station(session), alike).order_by(FlightRow.event_id.desc())
     total, beyond = 0, []
     for position, (event_id, size) in enumerate(session.execute(of_station)):
         total += size
@@ -97,7 +97,7 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
         FlightRow.count,
         EventRow.who,
     )
-    of_station = select(*columns).join(EventRow).where(EventRow.station == station_of(session))
+    of_station = select(*columns).join(EventRow).where(EventRow.station == session_station(session))
     query = of_station.order_by(FlightRow.event_id.desc()).limit(limit)
     return [
         Flight(

@@ -7,7 +7,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.orm import Document, FormulaRow, UnknownRecordError, to_record
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def remove(session: Session, name: str, who: str) -> None:
 
 def find(session: Session) -> list[Formula]:
     """Return the formulas of the station, by name."""
-    own = FormulaRow.station == station_of(session)
+    own = FormulaRow.station == session_station(session)
     newest = select(func.max(FormulaRow.id)).where(own).group_by(FormulaRow.name)
     rows = select(FormulaRow).where(FormulaRow.id.in_(newest), FormulaRow.removed.is_(False))
     return [to_record(Formula, row) for row in session.scalars(rows.order_by(FormulaRow.name))]
@@ -48,7 +48,9 @@ def find(session: Session) -> list[Formula]:
 
 def ever(session: Session) -> set[str]:
     """Return the names of all formulas that the station has or had."""
-    return set(session.scalars(select(FormulaRow.name).where(FormulaRow.station == station_of(session)).distinct()))
+    return set(
+        session.scalars(select(FormulaRow.name).where(FormulaRow.station == session_station(session)).distinct())
+    )
 
 
 def _add(
@@ -71,7 +73,7 @@ def _add(
         removed=removed,
         who=who,
         at=datetime.now(UTC),
-        station=station_of(session),
+        station=session_station(session),
     )
     session.add(row)
     session.flush()

@@ -27,7 +27,7 @@ from backend.storage.orm import (
     to_record,
 )
 from backend.storage.runs import EndState, RunKind
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 from plant.errors import ErrorCode, SinewError
 
 # Fit -----------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def require_entry(entry: Mapping[str, Any]) -> None:
             raise unfit(f"{name} of a bank entry", number, f"a number above 0, at most {_LARGEST_NUMBER:g}")
 
 
-def require_carried(carried: Mapping[str, Any], *, of_run: bool) -> None:
+def require_identification_document(carried: Mapping[str, Any], *, of_run: bool) -> None:
     """Raise UnfitDocumentError for what goes with no record, or is not what it is called."""
     known = (CALIBRATIONS, BANKS) if of_run else ()
     for name in carried:
@@ -265,7 +265,7 @@ class Identification(NewIdentification):
 
 def add(session: Session, new: NewIdentification) -> Identification:
     """Store an estimate beside all earlier ones."""
-    row = IdentificationRow(**asdict(new), created_at=datetime.now(UTC), station=station_of(session))
+    row = IdentificationRow(**asdict(new), created_at=datetime.now(UTC), station=session_station(session))
     session.add(row)
     session.flush()
     return to_record(Identification, row)
@@ -287,7 +287,7 @@ def of_run(session: Session, run_id: int) -> Identification:
     return found[0]
 
 
-def runs_of(session: Session) -> dict[int, int | None]:
+def find_estimate_runs(session: Session) -> dict[int, int | None]:
     """Return by the number of each stored estimate that of the run it came from; None for data from elsewhere."""
     found = session.execute(select(IdentificationRow.id, IdentificationRow.run_id))
     return {row.id: row.run_id for row in found}
@@ -331,7 +331,7 @@ def find(session: Session, *, kind: str | None = None, run_id: int | None = None
     """Return estimates, newest first: of a run, whoever made it, or all of the station, or those of a kind."""
     query = select(IdentificationRow).order_by(IdentificationRow.id.desc())
     if run_id is None:
-        query = query.where(IdentificationRow.station == station_of(session))
+        query = query.where(IdentificationRow.station == session_station(session))
     if kind is not None:
         query = query.where(IdentificationRow.kind == kind)
     if run_id is not None:

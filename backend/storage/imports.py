@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import Column, func, select
 from sqlalchemy.orm import Session
 
-from backend.models.run import with_banks, without_bank
+from backend.models.run import drop_first_bank, renumber_banks
 from backend.storage import origins
 from backend.storage.identifications import (
     UnfitDocumentError,
@@ -33,7 +33,7 @@ from backend.storage.orm import (
     mark_for_reindex,
     require,
 )
-from backend.storage.stations import one_at_a_time, station_of
+from backend.storage.stations import one_at_a_time, session_station
 
 RUN, IDENTIFICATION, BANK, RESULT = "run", "identification", "bank", "result"
 _TABLES: dict[str, type[Base]] = {RUN: RunRow, IDENTIFICATION: IdentificationRow, BANK: BankRow, RESULT: ResultRow}
@@ -47,7 +47,7 @@ _MADE = {RUN: "started_at"}
 """The moment that tells a record from all others; ``created_at`` where nothing is said."""
 
 
-def document_of(session: Session, kind: str, number: int) -> Document:
+def build_record_document(session: Session, kind: str, number: int) -> Document:
     """Return a record as JSON: instants in ISO 8601, a bank with its entries. Raises UnknownRecordError."""
     row = require(session, _TABLES[kind], number, kind)
     document = {column.name: _plain(getattr(row, column.name)) for column in _columns(_TABLES[kind])}
@@ -61,7 +61,7 @@ def document_of(session: Session, kind: str, number: int) -> Document:
     return document
 
 
-def required(kind: str, document: Any) -> Document:
+def parse_required_record(kind: str, document: Any) -> Document:
     """Return a document that is a record of this kind. Raises UnfitDocumentError."""
     if kind not in _TABLES:
         raise UnfitDocumentError(f"there are no records of kind {str(kind)[:40]!r}")
@@ -91,12 +91,12 @@ def _require_entries(entries: Any) -> None:
         require_entry(entry)
 
 
-def import_alone(session: Session) -> None:
+def exclude_other_imports(session: Session) -> None:
     """Wait until no other import is under way on the database server: two of one file would store it twice."""
     one_at_a_time(session.connection(), "import")
 
 
-def find_same(session: Session, kind: str, document: Document) -> int | None:
+def find_same_record(session: Session, kind: str, document: Document) -> int | None:
     """Return the number of the station's record that was made at the same moment, None where there is none.
 
     A result is one of the run that the document names, by its number here. Raises UnfitDocumentError where the record
@@ -105,9 +105,13 @@ def find_same(session: Session, kind: str, document: Document) -> int | None:
     table: Any = _TABLES[kind]
     made = _MADE.get(kind, "created_at")
     query = select(table).where(getattr(table, made) == datetime.fromisoformat(document[made]))
-    mine = table.station == station_of(session) if issubclass(table, OfStation) else table.run_id == document["run_id"]
+    mine = (
+        table.station == session_station(session)
+        if issubclass(table, OfStation)
+        else table.run_id == document["run_id"]
+    )
     for row in session.scalars(query.where(mine)):
-        here = document_of(session, kind, row.id)
+        here = build_record_document(session, kind, row.id)
         changing = (*_CHANGES.get(kind, ()), *REFERENCES)
         if all(_compared(name, here) == _compared(name, document) for name in here if name not in changing):
             return int(row.id)
@@ -115,7 +119,7 @@ def find_same(session: Session, kind: str, document: Document) -> int | None:
     return None
 
 
-def put(session: Session, kind: str, document: Document) -> int:
+def import_document(session: Session, kind: str, document: Document) -> int:
     """Store a document as a new record of the station and return its number; its references are those of here.
 
     A bank whose version is taken becomes the next of its name.
@@ -128,9 +132,9 @@ def put(session: Session, kind: str, document: Document) -> int:
         for column in _columns(table)
     }
     if issubclass(table, OfStation):
-        values["station"] = station_of(session)
+        values["station"] = session_station(session)
     if kind == BANK:
-        of_name = (BankRow.name == document["name"], BankRow.station == station_of(session))
+        of_name = (BankRow.name == document["name"], BankRow.station == session_station(session))
         taken = set(session.scalars(select(BankRow.version).where(*of_name)))
         newest = session.scalar(select(func.max(BankRow.version)).where(*of_name)) or 0
         values["version"] = newest + 1 if document["version"] in taken else document["version"]
@@ -145,7 +149,7 @@ def put(session: Session, kind: str, document: Document) -> int:
     return int(row.id)
 
 
-def connect(session: Session, run_id: int, document: Document) -> bool:
+def connect_imported_bank(session: Session, run_id: int, document: Document) -> bool:
     """Give a run that was imported without its banks those of a document; return whether it was without them."""
     row = require(session, RunRow, run_id, RUN)
     has_more = row.bank_id is None and document["bank_id"] is not None
@@ -159,7 +163,7 @@ def connect(session: Session, run_id: int, document: Document) -> bool:
 def _compared(name: str, document: Document) -> Any:
     """Return what is compared of a part of a record: settings name banks by their numbers."""
     part = document[name]
-    return with_banks(without_bank(part), lambda _: 0) if name == "settings" else part
+    return renumber_banks(drop_first_bank(part), lambda _: 0) if name == "settings" else part
 
 
 def _names(table: type[Base]) -> list[str]:

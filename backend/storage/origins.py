@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.models.run import OnTheWay, on_the_way
+from backend.models.run import OnTheWay, list_changed_banks
 from backend.storage.orm import Document, OriginRow, to_record
 from backend.storage.runs import Run
 
@@ -53,7 +53,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, Origin]:
 
 def banks_on_the_way(session: Session, run: Run) -> OnTheWay:
     """Return the banks here that a run changed to on its way; of an imported one those that came with it."""
-    named, origin = on_the_way(run.settings), of_runs(session, [run.id]).get(run.id)
+    named, origin = list_changed_banks(run.settings), of_runs(session, [run.id]).get(run.id)
     return named if origin is None or BANKS not in origin.carried else OnTheWay(frozenset(), named.computed)
 
 

@@ -457,7 +457,7 @@ def require(session: Session, row_class: type[Row], identifier: int, what: str) 
     return row
 
 
-def require_distinct(what: str, name: str, others: Iterable[str]) -> None:
+def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
     """Raise RequestRejectedError for a new name that people take for one of the others: "Brief" beside "brief"."""
     folded = as_folded(name)
     for other in others:

@@ -8,7 +8,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.orm import Document, QueuedRow, to_record
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class StoredQueued:
 
 def waiting(session: Session) -> list[StoredQueued]:
     """Return what waits, the next one to run first."""
-    of_station = QueuedRow.station == station_of(session)
+    of_station = QueuedRow.station == session_station(session)
     rows = session.scalars(select(QueuedRow).where(of_station).order_by(QueuedRow.place, QueuedRow.id))
     return [to_record(StoredQueued, row) for row in rows]
 
 
 def add(session: Session, name: str, settings: Document, who: str) -> StoredQueued:
     """Put an experiment at the end."""
-    station = station_of(session)
+    station = session_station(session)
     last = session.scalar(select(func.max(QueuedRow.place)).where(QueuedRow.station == station))
     place = 0 if last is None else last + 1
     row = QueuedRow(place=place, name=name, settings=settings, who=who, added_at=datetime.now(UTC), station=station)
@@ -42,11 +42,11 @@ def add(session: Session, name: str, settings: Document, who: str) -> StoredQueu
 
 def remove(session: Session, item_id: int) -> None:
     """Take an experiment out, where it is still there."""
-    session.execute(delete(QueuedRow).where(QueuedRow.id == item_id, QueuedRow.station == station_of(session)))
+    session.execute(delete(QueuedRow).where(QueuedRow.id == item_id, QueuedRow.station == session_station(session)))
 
 
 def arrange(session: Session, order: Sequence[int]) -> None:
     """Let the experiments of these numbers wait in this order."""
     places = {item_id: place for place, item_id in enumerate(order)}
-    for row in session.scalars(select(QueuedRow).where(QueuedRow.station == station_of(session))):
+    for row in session.scalars(select(QueuedRow).where(QueuedRow.station == session_station(session))):
         row.place = places.get(row.id, len(places))

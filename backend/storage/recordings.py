@@ -20,7 +20,7 @@ from backend.storage.orm import (
     to_record,
 )
 from backend.storage.runs import EndState
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 from plant.errors import SinewError
 
 # Recordings ----------------------------------------------------------------------------------------
@@ -257,7 +257,7 @@ def held(session: Session) -> list[RetentionEntry]:
     ]
     in_use = (RunRow.end_state == EndState.RUNNING.value) | needs[0] | needs[1] | needs[2]
     columns = (RunRow.id, RunRow.kind, RunRow.who, RunRow.note, RunRow.started_at, RecordingRow.size_bytes, in_use)
-    mine = (RecordingRow.size_bytes > 0, RunRow.station == station_of(session))
+    mine = (RecordingRow.size_bytes > 0, RunRow.station == session_station(session))
     query = select(*columns).join(RecordingRow).where(*mine).order_by(RunRow.id)
     return [RetentionEntry(*row[:-1], bool(row[-1])) for row in session.execute(query)]
 

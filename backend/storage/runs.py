@@ -12,10 +12,10 @@ from sqlalchemy.orm import Session
 
 from backend.faults import Fault
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import SETTINGS, KeptWall, RunSettings, joined
+from backend.models.run import SETTINGS, KeptWall, RunSettings, merge_changes
 from backend.plain_text import as_line
 from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_reindex, require, to_record
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 # Runs ----------------------------------------------------------------------------------------------
 #
@@ -126,7 +126,7 @@ def create(session: Session, new: NewRun) -> Run:
         end_state=EndState.RUNNING.value,
         end_detail="",
         evaluation_problem="",
-        station=station_of(session),
+        station=session_station(session),
     )
     row.kind = new.kind.value
     session.add(row)
@@ -143,7 +143,7 @@ def get(session: Session, run_id: int) -> Run:
 def own(session: Session, run_id: int) -> RunRow:
     """Return the row of a run of the station, locked, to change what people say of it. Raises UnknownRecordError."""
     row = session.get(RunRow, run_id, with_for_update={"key_share": True}) or require(session, RunRow, run_id, "run")
-    if row.station != station_of(session):
+    if row.station != session_station(session):
         whose = f"is one of station {row.station}" if row.station else "is of no station"
         raise UnknownRecordError(f"run {run_id} {whose}: what is said of it is changed there")
     return row
@@ -163,7 +163,7 @@ def find(
     limit: int = 200,
 ) -> list[Run]:
     """Return runs of the station, newest first: of these kinds, ended like that. ``run_search`` looks for more."""
-    of_station = RunRow.station == station_of(session)
+    of_station = RunRow.station == session_station(session)
     of_kind = [RunRow.kind.in_([kind.value for kind in kinds])] if kinds else []
     conditions = [*of_kind, *([] if ended is None else [RunRow.end_state == ended.value])]
     query = select(RunRow).where(of_station, *conditions).order_by(RunRow.id.desc()).limit(limit)
@@ -172,7 +172,7 @@ def find(
 
 def count(session: Session) -> int:
     """Count the runs of the station."""
-    query = select(func.count()).select_from(RunRow).where(RunRow.station == station_of(session))
+    query = select(func.count()).select_from(RunRow).where(RunRow.station == session_station(session))
     return session.scalar(query) or 0
 
 
@@ -210,7 +210,7 @@ def keep_walls(session: Session, run_id: int, walls: Sequence[KeptWall]) -> None
     if walls:
         row = require(session, RunRow, run_id, "run")
         earlier = SETTINGS.read(row.settings, f"run {run_id}").walls or ()
-        row.settings = {**row.settings, "walls": [vars(wall) for wall in joined(earlier, walls)]}
+        row.settings = {**row.settings, "walls": [vars(wall) for wall in merge_changes(earlier, walls)]}
 
 
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:
@@ -231,7 +231,7 @@ def end(session: Session, run_id: int, end_state: EndState, detail: str = "") ->
 
 def open_ones(session: Session) -> bool:
     """Whether runs of the station are not over."""
-    of_station = (RunRow.end_state == EndState.RUNNING.value, RunRow.station == station_of(session))
+    of_station = (RunRow.end_state == EndState.RUNNING.value, RunRow.station == session_station(session))
     return session.scalar(select(RunRow.id).where(*of_station).limit(1)) is not None
 
 
@@ -244,7 +244,7 @@ def close_interrupted(
     """
     ended = session.scalars(
         update(RunRow)
-        .where(RunRow.end_state == EndState.RUNNING.value, RunRow.station == station_of(session))
+        .where(RunRow.end_state == EndState.RUNNING.value, RunRow.station == session_station(session))
         .values(
             end_state=EndState.SERVICE_DIED.value,
             end_detail=detail,
@@ -262,14 +262,14 @@ def close_interrupted(
 # What was run, by name and in words, from what a stored run was set to.
 
 
-def title_of(run: Run) -> str:
+def run_title(run: Run) -> str:
     """Return what was run, in words on one line; of an experiment that is data its own title."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
     return as_line(_written(run, "title")) or "Experiment that cannot be read"
 
 
-def experiment_of(run: Run) -> str:
+def run_experiment_name(run: Run) -> str:
     """Return what was run as it is called when it is ordered, "" where that cannot be read."""
     return _written(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
 

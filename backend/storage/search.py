@@ -13,12 +13,13 @@ from unicodedata import normalize
 from sqlalchemy import ColumnElement, and_, false, func, not_, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.models.run import Outcome
 from backend.storage.orm import ParameterValueRow, RunIndexRow, RunTagRow, RunValueRow, ValueNameRow
 from backend.storage.runs import EndState, RunKind
 from backend.storage.search_index import NO_OUTCOME, ValueSource
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
+from plant.errors import ErrorCode
 
 # Run query -----------------------------------------------------------------------------------------
 #
@@ -131,7 +132,7 @@ _SIGN = re.compile(r"<=|>=|!=|[<>=~(),]")
 _TOKEN = re.compile(r'\s*(?:(<=|>=|!=|[<>=~(),])|"((?:[^"\\]|\\.)*)"|([^\s<>=!~(),"]+))', re.DOTALL)
 
 
-def parse(text: str) -> Query:
+def parse_query(text: str) -> Query:
     """Return what a search asks. Raises QueryError."""
     if len(text) > LONGEST:
         raise QueryError(LONGEST, f"a search has {LONGEST} characters at most: shorten it")
@@ -288,7 +289,7 @@ _DATES = (("%Y-%m-%d", timedelta(days=1)), ("%Y-%m-%dT%H:%M", timedelta(minutes=
 
 def stations(session: Session) -> list[str]:
     """Return the stations that have made runs, and the one at work."""
-    return sorted({*session.scalars(select(RunIndexRow.station).distinct()), station_of(session)})
+    return sorted({*session.scalars(select(RunIndexRow.station).distinct()), session_station(session)})
 
 
 def kinds(session: Session) -> list[str]:
@@ -546,7 +547,7 @@ def search(session: Session, query: Query, *, everywhere: bool, limit: int | Non
 def _fits(session: Session, query: Query, *, everywhere: bool) -> list[Condition]:
     conditions = [_condition(session, query)]
     if not everywhere and "station" not in names_in(query):
-        conditions.append(RunIndexRow.station == station_of(session))
+        conditions.append(RunIndexRow.station == session_station(session))
     return conditions
 
 

@@ -12,8 +12,8 @@ from typing import Any, TypeGuard
 from sqlalchemy import Select, delete, insert, or_, select
 from sqlalchemy.orm import Session
 
-from backend.models.document import UnreadableDocumentError, digest_of
-from backend.models.run import outcome_of
+from backend.models.document import UnreadableDocumentError, document_digest
+from backend.models.run import judge_run
 from backend.storage import results, runs
 from backend.storage.orm import (
     VALUE_NAME_MAX,
@@ -27,7 +27,7 @@ from backend.storage.orm import (
     require_lengths,
     to_record,
 )
-from backend.storage.runs import EndState, Run, RunKind, experiment_of, title_of
+from backend.storage.runs import EndState, Run, RunKind, run_experiment_name, run_title
 from backend.storage.stations import one_at_a_time
 
 VERSION = 1
@@ -89,8 +89,8 @@ def _write(session: Session, run: Run) -> None:
     settings = _settings(run)
     tags = list(session.scalars(select(RunTagRow.tag).where(RunTagRow.run_id == run.id)))
     bank = None if run.bank_id is None else session.get(BankRow, run.bank_id)
-    digest = digest_of(run.parameters)
-    title, experiment = title_of(run), experiment_of(run)
+    digest = document_digest(run.parameters)
+    title, experiment = run_title(run), run_experiment_name(run)
     bank_name, bank_version = ("", "") if bank is None else (bank.name, f"{bank.name}@{bank.version}")
     texts = (run.kind.replace("_", " "), experiment, title, run.plant, run.parameters_name, run.who, run.note)
     others = (run.station, run.end_state, run.end_detail, bank_version, *tags)
@@ -127,12 +127,12 @@ def _judged(session: Session, run: Run) -> tuple[dict[str, float | str], str]:
     try:
         result = results.newest(session, run.id)
     except UnreadableDocumentError:
-        return {}, outcome_of(None, ())
+        return {}, judge_run(None, ())
     if result is None and (run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING):
         return {}, NO_OUTCOME
     figures = () if result is None else result.metrics.figures
     found: dict[str, float | str] = {item.name: item.value for item in figures if _is_number(item.value)}
-    return found, outcome_of(None if result is None else result.metrics, () if result is None else result.criteria)
+    return found, judge_run(None if result is None else result.metrics, () if result is None else result.criteria)
 
 
 def _is_number(value: object) -> TypeGuard[float]:
@@ -178,7 +178,7 @@ def _write_parameters(session: Session, digest: str, document: Mapping[str, Any]
         return
     rows = [
         {"parameters_sha256": digest, "name_id": _number_of(session, ValueSource.PARAMETER, name), "value": value}
-        for name, value in dict(numbers_of(document)).items()
+        for name, value in dict(iterate_parameters(document)).items()
         if len(name) <= VALUE_NAME_MAX
     ]
     if rows:
@@ -186,7 +186,7 @@ def _write_parameters(session: Session, digest: str, document: Mapping[str, Any]
         insert_new(session, ParameterValueRow, rows)
 
 
-def numbers_of(document: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+def iterate_parameters(document: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
     """Yield the numbers of a set of parameters as section.name; of a row of numbers as section.name.0 and so on."""
     for section, entries in document.items():
         for name, entry in entries.items() if isinstance(entries, Mapping) else ():

@@ -8,7 +8,7 @@ from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.orm import SettingRow, to_record
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class StoredSetting:
 
 def put(session: Session, name: str, value: Any, who: str) -> StoredSetting:
     """Give a setting a new value (anything JSON can say)."""
-    row = SettingRow(name=name, value=value, who=who, at=datetime.now(UTC), station=station_of(session))
+    row = SettingRow(name=name, value=value, who=who, at=datetime.now(UTC), station=session_station(session))
     session.add(row)
     session.flush()
     return to_record(StoredSetting, row)
@@ -42,12 +42,12 @@ def history(session: Session, name: str) -> list[StoredSetting]:
 
 def newest_under(session: Session, prefix: str) -> list[StoredSetting]:
     """Return the values in force of all settings whose names begin like that, by name."""
-    of_station = (SettingRow.station == station_of(session), SettingRow.name.startswith(prefix, autoescape=True))
+    of_station = (SettingRow.station == session_station(session), SettingRow.name.startswith(prefix, autoescape=True))
     last = select(func.max(SettingRow.id)).where(*of_station).group_by(SettingRow.name)
     rows = session.scalars(select(SettingRow).where(SettingRow.id.in_(last)).order_by(SettingRow.name))
     return [to_record(StoredSetting, row) for row in rows]
 
 
 def _of(session: Session, name: str) -> Select[SettingRow]:
-    of_station = SettingRow.station == station_of(session)
+    of_station = SettingRow.station == session_station(session)
     return select(SettingRow).where(SettingRow.name == name, of_station).order_by(SettingRow.id.desc())

@@ -7,7 +7,7 @@ from sqlalchemy import Connection, Engine, func, select, text, update
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.storage.orm import (
     BankRow,
     BringUpRow,
@@ -22,6 +22,7 @@ from backend.storage.orm import (
     StudyPointRow,
     StudyRow,
 )
+from plant.errors import ErrorCode
 
 # Station names -------------------------------------------------------------------------------------
 #
@@ -43,7 +44,7 @@ _TABLES = (
 )
 
 
-def give_all(session: Session, station: str) -> int:
+def assign_unowned_rows(session: Session, station: str) -> int:
     """Give all rows that are of no station to this one; return how many runs.
 
     Raises RequestRejectedError where it has any. What runs are searched by is renewed at the next opening.
@@ -90,7 +91,7 @@ def info_of(station: str) -> dict[str, str]:
     return {_KEY: station}
 
 
-def station_of(session: Session) -> str:
+def session_station(session: Session) -> str:
     """Return the station that a session works for."""
     return str(session.info.get(_KEY, ""))
 

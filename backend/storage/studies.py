@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from backend.storage.orm import Document, StudyPointRow, StudyRow, UnknownRecordError, to_record
 from backend.storage.search_index import insert_new
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def add(session: Session, new: NewStudy) -> StoredStudy:
         begun_with=0,
         stop_asked=False,
         problem="",
-        station=station_of(session),
+        station=session_station(session),
     )
     session.add(row)
     session.flush()
@@ -74,7 +74,9 @@ def get(session: Session, study_id: int) -> StoredStudy:
 
 def newest(session: Session, limit: int) -> list[StoredStudy]:
     """Return the newest studies of the station, newest first."""
-    query = select(StudyRow).where(StudyRow.station == station_of(session)).order_by(StudyRow.id.desc()).limit(limit)
+    query = (
+        select(StudyRow).where(StudyRow.station == session_station(session)).order_by(StudyRow.id.desc()).limit(limit)
+    )
     return [to_record(StoredStudy, row) for row in session.scalars(query)]
 
 
@@ -119,7 +121,7 @@ def ask_to_stop(session: Session, study_id: int) -> None:
 
 def add_points(session: Session, study_id: int, points: Sequence[StoredPoint]) -> None:
     """Keep rows but for those that are there already."""
-    own: dict[str, Any] = {"study_id": study_id, "station": station_of(session)}
+    own: dict[str, Any] = {"study_id": study_id, "station": session_station(session)}
     if points:
         insert_new(session, StudyPointRow, [{**own, **asdict(point)} for point in points])
 
@@ -156,6 +158,6 @@ def points(session: Session, study_id: int, first: int = 0, limit: int | None = 
 
 def _own(session: Session, study_id: int) -> StudyRow:
     row = session.get(StudyRow, study_id)
-    if row is None or row.station != station_of(session):
+    if row is None or row.station != session_station(session):
         raise UnknownRecordError(f"there is no study {study_id}")
     return row

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.storage import runs
 from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, mark_for_reindex
 from backend.storage.search import NONE, tag_as_kept
 from backend.storage.search_index import insert_new
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
+from plant.errors import ErrorCode
 
 _TAG = re.compile(r"[\w.:+-]+")
 
@@ -46,7 +47,7 @@ def rename(session: Session, before: str, after: str) -> int:
     """Call a tag otherwise on all runs of the station; return on how many. Raises TagError, UnknownRecordError."""
     old, new = read_tag(before), read_tag(after)
     mine = select(RunTagRow.run_id).join(RunRow, RunRow.id == RunTagRow.run_id)
-    of_station = mine.where(RunTagRow.tag == old, RunRow.station == station_of(session)).order_by(RunTagRow.run_id)
+    of_station = mine.where(RunTagRow.tag == old, RunRow.station == session_station(session)).order_by(RunTagRow.run_id)
     tagged = list(session.scalars(of_station))
     if not tagged:
         raise UnknownRecordError(f"there is no run with the tag {old}")

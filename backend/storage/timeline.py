@@ -10,14 +10,15 @@ from typing import Any
 from sqlalchemy import Row, Select, func, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.storage import recordings
 from backend.storage.events import EventKind
 from backend.storage.orm import EventRow, FlightRow, RemarkRow, RunIndexRow, RunRow, UnknownRecordError
 from backend.storage.search import Condition
-from backend.storage.stations import station_of
+from backend.storage.stations import session_station
 from backend.storage.tags import read_tag
 from backend.units import AngleUnit, format_angles
+from plant.errors import ErrorCode
 
 NOTE_MAX = 2000
 TAGS_MAX = 20
@@ -96,7 +97,7 @@ def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who:
     Raises UnknownRecordError, TagError, RequestRejectedError for a note that is too long or too many tags.
     """
     event = session.get(EventRow, event_id)
-    if event is None or event.station != station_of(session):
+    if event is None or event.station != session_station(session):
         raise UnknownRecordError(f"there is no event {event_id}")
     if len(note) > NOTE_MAX or len(tags) > TAGS_MAX:
         raise RequestRejectedError(
@@ -180,7 +181,7 @@ def _of_events(session: Session, asked: LogQuery) -> _Query:
         select(EventRow, RemarkRow, FlightRow.event_id)
         .outerjoin(RemarkRow, RemarkRow.event_id == EventRow.id)
         .outerjoin(FlightRow, FlightRow.event_id == EventRow.id)
-        .where(EventRow.station == station_of(session), *_within(EventRow.at, asked))
+        .where(EventRow.station == session_station(session), *_within(EventRow.at, asked))
         .order_by(EventRow.at.desc(), EventRow.id.desc())
     )
     if asked.kinds:
@@ -233,7 +234,7 @@ def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: LogQue
     query = (
         select(RunRow.id, moment, RunRow.who, index.title, index.words, RunRow.end_state, RunRow.end_detail)
         .join(RunIndexRow, RunIndexRow.run_id == RunRow.id)
-        .where(RunRow.station == station_of(session), moment.is_not(None), *_within(moment, asked))
+        .where(RunRow.station == session_station(session), moment.is_not(None), *_within(moment, asked))
         .order_by(moment.desc(), RunRow.id.desc())
     )
     for word in asked.words:
@@ -269,7 +270,7 @@ def _placed(session: Session, found: list[LogEntry]) -> list[LogEntry]:
     if not ticked:
         return found
     overlap = select(RunRow.id, RunRow.started_at, RunRow.ended_at).where(
-        RunRow.station == station_of(session),
+        RunRow.station == session_station(session),
         RunRow.started_at <= ticked[0].at,
         or_(RunRow.ended_at.is_(None), RunRow.ended_at >= ticked[-1].at),
     )

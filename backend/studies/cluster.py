@@ -20,7 +20,7 @@ _GONE = "the scheduler is gone: start it again, and go on with --resume"
 _SET_UP = "; set up their machines like this one, and go on with --resume"
 
 
-def on_cluster(address: str, work: Work = run_point) -> Callable[[StudyBase], "ClusterCrew"]:
+def use_cluster(address: str, work: Work = run_point) -> Callable[[StudyBase], "ClusterCrew"]:
     """Return what makes a crew of the workers of a scheduler, tcp://host:8786."""
     return lambda base: ClusterCrew(base, address, work)
 

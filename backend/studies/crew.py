@@ -132,6 +132,6 @@ class LocalCrew:
         return self._deaths.get(point.number, 0) >= DEATHS_MAX - 1
 
 
-def cores() -> int:
+def count_cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0))

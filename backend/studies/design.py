@@ -13,11 +13,11 @@ from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass as validated
 
 from backend.errors import Path, check_range
-from backend.experiments.parser import ExperimentError, Lines, at, line_of
+from backend.experiments.parser import ExperimentError, Lines, error_context, find_line
 from backend.experiments.plans import LoopSettings
 from backend.experiments.schema import Experiment, Name, Title, Words
 from backend.models.run import Value
-from backend.models.settings import Setting, SettingError, describe
+from backend.models.settings import Setting, SettingError, describe_settings
 from backend.studies.point import Point, StudyBase, number_of, planned, plant_with
 from plant.parameters import ParameterError
 
@@ -180,7 +180,7 @@ def designed(study: Study, lines: Lines, base: StudyBase, settings: tuple[Settin
     What only their combination forbids is told by the row of the point. ``settings`` are those of the experiment.
     Raises ExperimentError naming line, value, bound and unit.
     """
-    known = {setting.name: setting for setting in (*settings, *describe(LoopSettings))}
+    known = {setting.name: setting for setting in (*settings, *describe_settings(LoopSettings))}
     for name, value in study.settings.items():
         _require_setting(known, name, value, ("settings", name), lines)
     taken: set[str] = set()
@@ -205,7 +205,7 @@ def designed(study: Study, lines: Lines, base: StudyBase, settings: tuple[Settin
     try:
         planned(base, design.point(0))
     except ParameterError as error:
-        raise ExperimentError(str(error), ("spread",), line_of(("spread",), lines)) from None
+        raise ExperimentError(str(error), ("spread",), find_line(("spread",), lines)) from None
     return design
 
 
@@ -216,7 +216,7 @@ def _outermost(values: tuple[Value, ...]) -> tuple[Value, ...]:
 
 
 def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axis: bool) -> None:
-    with at((), lines):
+    with error_context((), lines):
         check_range("points", len(design), 1, POINTS_MAX, "1", words="runs of the study")
     if study.draws > 1 and not study.spread:
         raise ExperimentError("nothing is drawn: name a spread, or leave draws out", ("draws",), _line("draws", lines))
@@ -225,33 +225,33 @@ def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axi
 
 
 def _line(name: str, lines: Lines) -> int | None:
-    return line_of((name,), lines)
+    return find_line((name,), lines)
 
 
 def _require_new(name: str, taken: set[str], path: Path, lines: Lines) -> None:
     if name in taken:
-        raise ExperimentError(f"{name} is varied twice", path, line_of(path, lines))
+        raise ExperimentError(f"{name} is varied twice", path, find_line(path, lines))
     taken.add(name)
 
 
 def _require_apart(values: tuple[Value, ...], path: Path, lines: Lines) -> None:
     twice = next((value for value, count in Counter(values).items() if count > 1), None)
     if twice is not None:
-        raise ExperimentError(f"{twice} is gone through more than once", path, line_of(path, lines))
+        raise ExperimentError(f"{twice} is gone through more than once", path, find_line(path, lines))
 
 
 def _require_axis(axis: VariedSetting, path: Path, lines: Lines) -> None:
     ends = (axis.first, axis.last, axis.count)
     if bool(axis.values) == any(end is not None for end in ends) or (not axis.values and None in ends):
         why = "say either values, or first, last and count"
-        raise ExperimentError(why, path, line_of(path, lines))
+        raise ExperimentError(why, path, find_line(path, lines))
     if axis.first is not None and axis.last is not None and axis.spacing == "factor" and axis.first * axis.last <= 0:
         why = f"by equal factors one does not come from {axis.first:g} to {axis.last:g}: choose spacing even"
-        raise ExperimentError(why, (*path, "spacing"), line_of((*path, "spacing"), lines))
+        raise ExperimentError(why, (*path, "spacing"), find_line((*path, "spacing"), lines))
 
 
 def _require_setting(known: dict[str, Setting], name: str, value: Value, path: Path, lines: Lines) -> None:
-    with at(path, lines):
+    with error_context(path, lines):
         if name not in known:
             raise SettingError(name, value, f"unknown setting; known are {', '.join(known)}", legal=tuple(known))
         known[name].parse(value)
@@ -259,12 +259,12 @@ def _require_setting(known: dict[str, Setting], name: str, value: Value, path: P
 
 def _require_spread(base: StudyBase, spread: Spread, path: Path, lines: Lines) -> None:
     if (spread.relative is None) == (spread.absolute is None):
-        raise ExperimentError("say either relative or absolute", path, line_of(path, lines))
+        raise ExperimentError("say either relative or absolute", path, find_line(path, lines))
     nominal = _require_number(base, spread.of, None, (*path, "of"), lines)
     reach = scale_of(spread, nominal) * (SIGMAS if spread.by == "normal" else 1.0)
     if reach == 0.0:
         why = f"{spread.of} is 0, of which nothing relative can be drawn: say absolute"
-        raise ExperimentError(why, (*path, "relative"), line_of((*path, "relative"), lines))
+        raise ExperimentError(why, (*path, "relative"), find_line((*path, "relative"), lines))
     for end in (nominal - reach, nominal + reach):
         _require_number(base, spread.of, end, path, lines)
 
@@ -280,7 +280,7 @@ def _require_number(base: StudyBase, name: str, value: Any, path: Path, lines: L
             plant_with(base.parameters_name, base.parameters, {name: float(value)})
     except (KeyError, IndexError, TypeError, ValueError) as error:
         told = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such number"
-        raise ExperimentError(told, path, line_of(path, lines)) from None
+        raise ExperimentError(told, path, find_line(path, lines)) from None
     return nominal
 
 

@@ -154,7 +154,7 @@ class Share:
     high: float | None
 
 
-def figure_names(experiment: Experiment) -> dict[str, FigureName]:
+def list_figure_names(experiment: Experiment) -> dict[str, FigureName]:
     """Return the figures that the runs of a study have, those that are drawn first in front."""
     named = {
         item.name: FigureName(item.name, item.metadata["label"], item.metadata["unit"])
@@ -247,7 +247,7 @@ def worst_of(figure: str) -> str:
     return "least" if figure in LEAST_IS_WORST else "largest"
 
 
-def axis_labels(values: Sequence[Value], unit: str, angles: AngleUnit) -> list[str]:
+def format_axis_labels(values: Sequence[Value], unit: str, angles: AngleUnit) -> list[str]:
     """Write the values of an axis as they are read, each apart from the others."""
     numbers = {value: read(value, unit, angles) for value in values if not isinstance(value, bool | str)}
     digits = digits_apart(numbers.values())

@@ -9,19 +9,20 @@ from types import MappingProxyType
 from typing import Any
 
 from backend import __version__
-from backend.banks.builder import points_of
-from backend.errors import ErrorCode, InvalidValueError, RequestRejectedError
+from backend.banks.builder import entry_points
+from backend.errors import InvalidValueError, RequestRejectedError
 from backend.execution.runner import NotPlayedError
 from backend.execution.simulation import play_in_memory
 from backend.experiments import parser
-from backend.experiments.library import ExperimentDefinition, entry_of
+from backend.experiments.library import ExperimentDefinition, build_library_entry
 from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
-from backend.models.run import Value, with_motion
+from backend.models.run import Value, complete_motion
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
 from backend.tuning.gains import PointModel, TuningError
-from backend.tuning.robustness import Robustness, loop_margins
-from plant.parameters import ParameterError, PlantParameters, parameters_of
+from backend.tuning.robustness import Robustness, compute_loop_margins
+from plant.errors import ErrorCode
+from plant.parameters import ParameterError, PlantParameters, parse_parameters
 
 # Loop figures --------------------------------------------------------------------------------------
 #
@@ -60,7 +61,7 @@ def loop_figures(
     """
     found: dict[str, float | None] = {}
     for ending in _PLANTS:
-        margins = loop_margins(parameters, points, loop.lambdas, true_plant=ending == TRUE)
+        margins = compute_loop_margins(parameters, points, loop.lambdas, true_plant=ending == TRUE)
         for name in _LOOPS:
             found |= {f"{kind}_{name}{ending}": value for kind, value in _of(getattr(margins, name))}
     return {name: found[name] for name in LOOP_FIGURES}
@@ -177,7 +178,9 @@ def without_run(
 def planned(base: StudyBase, point: Point) -> tuple[PlantParameters, ExperimentPlan, LoopSettings]:
     """Return what a point is a run of. Raises SettingError, OutOfRangeError, ExperimentError, ParameterError."""
     entry = _entry(base.experiment, base.run_kind)
-    plan, loop = split_values(entry.settings, entry.make, {**with_motion(base.settings), **with_motion(point.settings)})
+    plan, loop = split_values(
+        entry.settings, entry.make, {**complete_motion(base.settings), **complete_motion(point.settings)}
+    )
     assert isinstance(plan, ExperimentPlan)
     return plant_with(base.parameters_name, base.parameters, point.plant), plan, loop
 
@@ -199,7 +202,7 @@ def plant_with(name: str, document: Mapping[str, Any], numbers: Mapping[str, flo
             held["value"][int(place[0])] = number
         else:
             held["value"] = number
-    return parameters_of(name, changed)
+    return parse_parameters(name, changed)
 
 
 def number_of(value: Any, place: list[str]) -> float:
@@ -221,7 +224,7 @@ class NamedPlantNumber:
     unit: str
 
 
-def numbers_of(parameters: PlantParameters) -> list[NamedPlantNumber]:
+def list_variable_numbers(parameters: PlantParameters) -> list[NamedPlantNumber]:
     """Return every number of a plant that a study can vary, by section and entry, of a row each."""
     found: list[NamedPlantNumber] = []
     for section, entries in parameters.document().items():
@@ -245,7 +248,7 @@ def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -
             raise UnknownRecordError(f"there is no bank {number}")
         return banks[number]
 
-    figures |= loop_figures(parameters, points_of(bank_of(loop.bank) if loop.bank else None), loop)
+    figures |= loop_figures(parameters, entry_points(bank_of(loop.bank) if loop.bank else None), loop)
     played = play_in_memory(parameters, plan, loop, bank_of)
     judged = [item.passed for item in played.criteria]
     passed = None if not judged or (None in judged and False not in judged) else all(judged)
@@ -259,4 +262,4 @@ def _values(point: Point) -> dict[str, Value]:
 
 @lru_cache(maxsize=8)
 def _entry(experiment: str, run_kind: str) -> ExperimentDefinition:
-    return entry_of(parser.of_canonical(experiment), run_kind=run_kind)
+    return build_library_entry(parser.parse_canonical(experiment), run_kind=run_kind)

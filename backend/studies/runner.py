@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import islice
 
-from backend.errors import ErrorCode, RequestRejectedError
-from backend.models.document import json_ready
+from backend.errors import RequestRejectedError
+from backend.models.document import replace_non_finite
 from backend.storage import studies
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
@@ -19,7 +19,8 @@ from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
 from backend.studies.point import FAILED, LOST, UNSTABLE, PointResult, StudyBase, require_version
-from backend.studies.stored import design_of
+from backend.studies.stored import parse_design
+from plant.errors import ErrorCode
 
 BEAT_S = 1.0
 """How often whoever computes a study tells that it is alive, and looks whether to stop."""
@@ -50,7 +51,7 @@ class TakenError(RequestRejectedError):
         )
 
 
-def local(jobs: int) -> MakeCrew:
+def use_local_processes(jobs: int) -> MakeCrew:
     """Return what makes a crew of ``jobs`` processes of this machine."""
     return lambda base: LocalCrew(base, jobs)
 
@@ -80,7 +81,7 @@ def run_study(
             return False
     problem = "it was interrupted"
     try:
-        design = design_of(study)
+        design = parse_design(study)
         crew = make_crew(design.base)
         try:
             whole = _Work(database, study_id, runner, design, crew, notify).through()
@@ -134,10 +135,12 @@ class _Work:
 
     def _tell(self) -> None:
         done, points = len(self._there), len(self._design)
-        self._notify(Progress(done, points, left_s(done, self._begun_with, points, time.monotonic() - self._begun)))
+        self._notify(
+            Progress(done, points, estimate_remaining_s(done, self._begun_with, points, time.monotonic() - self._begun))
+        )
 
 
-def left_s(done: int, begun_with: int, points: int, lasted_s: float) -> float | None:
+def estimate_remaining_s(done: int, begun_with: int, points: int, lasted_s: float) -> float | None:
     """Return how long [s] a study takes on, as fast as it went so far; None where nothing came yet."""
     computed = done - begun_with
     return None if computed <= 0 else lasted_s / computed * (points - done)
@@ -168,4 +171,6 @@ def as_stored(result: PointResult) -> StoredPoint:
     figures = {
         name: UNSTABLE if value is not None and math.isinf(value) else value for name, value in result.figures.items()
     }
-    return StoredPoint(**{**asdict(result), "values": json_ready(result.values), "figures": json_ready(figures)})
+    return StoredPoint(
+        **{**asdict(result), "values": replace_non_finite(result.values), "figures": replace_non_finite(figures)}
+    )

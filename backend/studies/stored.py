@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from pydantic import TypeAdapter
 
 from backend.errors import Path
-from backend.execution.runner import BankOf, banks_of
+from backend.execution.runner import BankOf, list_plan_banks
 from backend.experiments import parser
-from backend.experiments.library import ExperimentDefinition, entry_of
-from backend.experiments.parser import ExperimentError, Lines, line_of
+from backend.experiments.library import ExperimentDefinition, build_library_entry
+from backend.experiments.parser import ExperimentError, Lines, find_line
 from backend.experiments.plans import KIND
 from backend.models.document import DocumentCodec
-from backend.models.run import Value, with_motion
+from backend.models.run import Value, complete_motion
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredStudy
@@ -45,26 +45,26 @@ def read(written: str, *, stored: bool = False) -> tuple[Study, Lines]:
     return parser.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
-def new_study(written: str, around: StudyContext, who: str) -> NewStudy:
+def create_study(written: str, around: StudyContext, who: str) -> NewStudy:
     """Return a study as it is to be kept. Raises ExperimentError naming line, value, bound and unit."""
     study, lines = read(written)
     entry = _entry(study, lines, around)
     if entry.written is None:
         why = f"{entry.name} is no experiment that is data: write it as one"
-        raise ExperimentError(why, ("experiment",), line_of(("experiment",), lines))
+        raise ExperimentError(why, ("experiment",), find_line(("experiment",), lines))
     base = StudyBase(
         parser.canonical(entry.written),
         entry.run_kind,
         around.parameters.name,
         around.parameters.document(),
-        {**around.tuning, **with_motion(study.settings)},
+        {**around.tuning, **complete_motion(study.settings)},
     )
     design = designed(study, lines, base, entry.settings)
     base = replace(base, banks=_banks(design, around.bank_of, lines))
     return NewStudy(study.name, study.title, written, _BASE.dump_python(base, mode="json"), len(design), who)
 
 
-def design_of(stored: StoredStudy) -> Design:
+def parse_design(stored: StoredStudy) -> Design:
     """Return the points of a stored study. Raises UnreadableDocumentError, ExperimentError."""
     return Design(read(stored.text, stored=True)[0], BASE.read(stored.base, f"study {stored.id}"))
 
@@ -74,7 +74,7 @@ def _entry(study: Study, lines: Lines, around: StudyContext) -> ExperimentDefini
         return around.entry_named(study.experiment)
     inner = {path[1:]: line for path, line in lines.items() if path[:1] == ("written",)}
     try:
-        return entry_of(study.written, inner, run_kind=KIND)
+        return build_library_entry(study.written, inner, run_kind=KIND)
     except ExperimentError as error:
         raise ExperimentError(error.why, ("written", *error.path), error.line) from None
 
@@ -82,7 +82,7 @@ def _entry(study: Study, lines: Lines, around: StudyContext) -> ExperimentDefini
 def _banks(design: Design, bank_of: BankOf, lines: Lines) -> tuple[Bank, ...]:
     """Return the banks that are used: of the tuning, of an axis, or on the way of the first point."""
     _, plan, loop = planned(design.base, design.point(0))
-    said_at: dict[int, Path] = dict.fromkeys((loop.bank, *banks_of(plan)), ())
+    said_at: dict[int, Path] = dict.fromkeys((loop.bank, *list_plan_banks(plan)), ())
     if "bank" in design.study.settings:
         said_at[loop.bank] = ("settings", "bank")
     for place, (name, values) in enumerate(design.axes):
@@ -95,4 +95,4 @@ def _bank(bank_of: BankOf, number: int, path: Path, lines: Lines) -> Bank:
     try:
         return bank_of(number)
     except UnknownRecordError as error:
-        raise ExperimentError(str(error), path, line_of(path, lines)) from None
+        raise ExperimentError(str(error), path, find_line(path, lines)) from None

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from backend.control import baselines, cascade, pid, trajectory
 from backend.control.cascade import Following
-from backend.control.decoupler import Bounds, Decoupler, Schedule, bounds_for, decoupler_for, stiffness_slope
+from backend.control.decoupler import Bounds, Decoupler, Schedule, build_decoupler, compute_bounds, stiffness_slope
 from backend.control.disturbance_observer import Rejection
 from backend.errors import check_range
-from plant.dynamics import smoothed
+from plant.dynamics import smooth_friction
 from plant.errors import ErrorCode, SinewError
 from plant.interface import T_s
 from plant.parameters import PlantParameters, Side
@@ -147,7 +147,7 @@ def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) ->
         S_nominal=S_NOMINAL_20_N,
         K_q=g.r_m / (2.0 * g.r_j),
         T_q=4.0 * lam_motor,
-        K_S=stiffness_slope(decoupler_for(parameters), S_NOMINAL_20_N),
+        K_S=stiffness_slope(build_decoupler(parameters), S_NOMINAL_20_N),
         T_S=4.0 * lam_motor,
     )
 
@@ -182,12 +182,12 @@ LARGEST_PER_LAG = 8.0
 """The single loop takes a λ below so many motor lags T_m."""
 
 
-def single_loop_tuning(parameters: PlantParameters, lambdas: TuningParameters) -> baselines.SingleLoopTuning:
+def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParameters) -> baselines.SingleLoopTuning:
     """Table 2, first column, for the mean motor seen at q and, at 20 N, at S: 1/(λ s + 1)^4 with half the cascade's λ.
 
     Raises TuningError where λ_q or λ_S is not below 8 T_m: half of it is the λ of a motor loop.
     """
-    d, bounds = decoupler_for(parameters), bounds_for(parameters)
+    d, bounds = build_decoupler(parameters), compute_bounds(parameters)
     A, B = motor_model(parameters, "A"), motor_model(parameters, "B")
     K_m, T_m = 0.5 * (A.K_m + B.K_m), 0.5 * (A.T_m + B.T_m)
     for symbol, lam in (("λ_q", lambdas.lam_q), ("λ_S", lambdas.lam_S)):
@@ -202,7 +202,7 @@ def single_loop_tuning(parameters: PlantParameters, lambdas: TuningParameters) -
     return baselines.SingleLoopTuning(gains, d, bounds.omega_max, bounds.u_max)
 
 
-def feedback_linearization_tuning(
+def make_feedback_linearization_tuning(
     parameters: PlantParameters, lambdas: TuningParameters
 ) -> baselines.FeedbackLinearizationTuning:
     """Choose reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)²; the model is the simulator's, friction and all.
@@ -212,9 +212,9 @@ def feedback_linearization_tuning(
     gains = baselines.FeedbackLinearizationGains(
         lambdas.lam_q / 2.0, lambdas.lam_S, ERROR_POLE, ERROR_POLE, OBSERVER_POLE
     )
-    bounds = bounds_for(parameters)
+    bounds = compute_bounds(parameters)
     return baselines.FeedbackLinearizationTuning(
-        gains, smoothed(parameters.dynamics()), decoupler_for(parameters), bounds.omega_max, bounds.u_max
+        gains, smooth_friction(parameters.dynamics()), build_decoupler(parameters), bounds.omega_max, bounds.u_max
     )
 
 
@@ -247,7 +247,7 @@ class PlantModel(NamedTuple):
     q_count: float
 
 
-def knowledge(parameters: PlantParameters) -> PlantModel:
+def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
     known = parameters.identified_dynamics()
     A, B = parameters.identified_of("A"), parameters.identified_of("B")
@@ -255,7 +255,7 @@ def knowledge(parameters: PlantParameters) -> PlantModel:
     model = trajectory.TrajectoryModel(
         A.K_m, A.T_m, B.K_m, B.T_m, motor_A.K_t, motor_B.K_t, joint.J_j, joint.B_j, motor_A.tau_e, motor_B.tau_e
     )
-    return PlantModel(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
+    return PlantModel(build_decoupler(parameters), compute_bounds(parameters), model, parameters.sensors.joint_step)
 
 
 def following(known: PlantModel, u_plan: float) -> Following:
@@ -302,16 +302,18 @@ def position_process(parameters: PlantParameters, point: PointModel) -> tuple[fl
 
 def stiffness_process(parameters: PlantParameters, point: PointModel) -> tuple[float, float]:
     """K [1] and T [s] from S_c to S through the decoupler."""
-    return stiffness_loop_gain(point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal)), point.T_S
+    return stiffness_loop_gain(point.K_S, stiffness_slope(build_decoupler(parameters), point.S_nominal)), point.T_S
 
 
-def motor_loops(parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None) -> pid.MotorPairGains:
+def make_motor_loops(
+    parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None
+) -> pid.MotorPairGains:
     """I-PD gains of both motor loops; without a ``motor`` for both, each side as identified. Raises TuningError."""
     A, B = motor or motor_model(parameters, "A"), motor or motor_model(parameters, "B")
     return pid.MotorPairGains(motor_gains(A.K_m, A.T_m, lam_motor), motor_gains(B.K_m, B.T_m, lam_motor))
 
 
-def cascade_tuning(
+def make_cascade_tuning(
     parameters: PlantParameters,
     lambdas: TuningParameters,
     points: Sequence[PointModel] = (),
@@ -330,12 +332,12 @@ def cascade_tuning(
     for point in points:
         q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
         rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
-    known = knowledge(parameters)
-    inner = motor_loops(parameters, lambdas.lam_motor, motor)
-    return tuning_with(known, inner, np.array(rows), interpolate, u_plan, k_ext)
+    known = collect_plant_knowledge(parameters)
+    inner = make_motor_loops(parameters, lambdas.lam_motor, motor)
+    return combine_tuning(known, inner, np.array(rows), interpolate, u_plan, k_ext)
 
 
-def tuning_with(
+def combine_tuning(
     known: PlantModel,
     inner: pid.MotorPairGains,
     entries: NDArray[np.float64],

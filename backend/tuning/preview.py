@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from backend.control import cascade, decoupler, pid
-from backend.control.decoupler import bounds_for, decoupler_for
+from backend.control.decoupler import build_decoupler, compute_bounds
 from backend.errors import check_range
 from backend.tuning.gains import (
     LAM_MAX,
@@ -17,11 +17,11 @@ from backend.tuning.gains import (
     PointModel,
     TuningError,
     TuningParameters,
-    cascade_tuning,
+    collect_plant_knowledge,
     designed_point,
-    knowledge,
+    make_cascade_tuning,
+    make_motor_loops,
     motor_gains,
-    motor_loops,
     motor_model,
     position_gains,
     position_process,
@@ -35,7 +35,7 @@ from backend.tuning.robustness import (
     OuterProcess,
     Robustness,
     cached,
-    common_range,
+    common_lambda_range,
     decoupled_model,
     motor_lambda,
     motor_robustness,
@@ -51,10 +51,10 @@ from backend.tuning.simulation import (
     held_plant,
     push_forecast,
     rig_of,
-    run,
+    simulate_cascade,
     step_forecast,
 )
-from plant.dynamics import root
+from plant.dynamics import find_root
 from plant.interface import T_s
 from plant.parameters import SIDES, PlantParameters
 
@@ -193,9 +193,9 @@ class TuningPreviewer:
 
     def _new_models(self, S: float) -> tuple[OuterProcess, OuterProcess, Sampled]:
         """Return what the outer loops of q and S control at S [N·m/rad], and the plant in ticks."""
-        gains = motor_loops(self._parameters, self._lam_motor, self._motor)
+        gains = make_motor_loops(self._parameters, self._lam_motor, self._motor)
         model = decoupled_model(self._parameters, gains, S)
-        held = held_plant(self._parameters, decoupler_for(self._parameters), S)
+        held = held_plant(self._parameters, build_decoupler(self._parameters), S)
         return OuterProcess(model[0, 0]), OuterProcess(model[1, 1]), held
 
     @cached_property
@@ -214,7 +214,7 @@ class TuningPreviewer:
 
     def motor_range(self) -> tuple[float, float]:
         """Smallest and largest lam_motor [s] that are offered for both motors. Raises TuningError."""
-        return common_range(self._motors)
+        return common_lambda_range(self._motors)
 
     def is_for(self, lam_motor: float, b: float) -> bool:
         """Return whether its models and ranges are those of this λ_motor [s] and weight b."""
@@ -240,7 +240,7 @@ class TuningPreviewer:
 
     def steps_at(self, S: float) -> Steps:
         """Return the steps that are shown where no others are asked for, from q = 0 and S [N·m/rad]."""
-        up = bounds_for(self._parameters).S_max >= S + SHOWN_STEP_S
+        up = compute_bounds(self._parameters).S_max >= S + SHOWN_STEP_S
         return Steps((0.0, STEP_Q), (S, S + (SHOWN_STEP_S if up else -SHOWN_STEP_S)))
 
     def preview(
@@ -268,10 +268,10 @@ class TuningPreviewer:
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
         S = self.points[0].S_nominal if S is None else S
         steps = steps or self.steps_at(S)
-        tuning = cascade_tuning(self._parameters, lambdas, self.points, self._motor, interpolate, u_plan)
-        known = knowledge(self._parameters)
-        active = decoupler.select(tuning.schedule, entry, S)
-        gains = decoupler.gains_at(tuning.schedule, active)
+        tuning = make_cascade_tuning(self._parameters, lambdas, self.points, self._motor, interpolate, u_plan)
+        known = collect_plant_knowledge(self._parameters)
+        active = decoupler.select_entry(tuning.schedule, entry, S)
+        gains = decoupler.interpolate_gains(tuning.schedule, active)
         process_q, process_S, held = self._models_at(S)
         processes = process_q, process_S
         plant, rig = self._expected
@@ -380,9 +380,9 @@ class TuningPreviewer:
         lam: float,
     ) -> float:
         """Simulate steps from the first to the second reference, for 6 λ and more; return the largest voltage [V]."""
-        tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor)
+        tuning = make_cascade_tuning(self._parameters, lambdas, [point], self._motor)
         ticks = 100, round((0.9 + 6.0 * lam) / T_s)
-        trajectory = run(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
+        trajectory = simulate_cascade(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
         return float(np.nanmax(np.abs([trajectory.u_A, trajectory.u_B])))
 
 
@@ -444,4 +444,4 @@ def _time(turn: float, speed: float, T_m: float) -> float:
     def missing(t: float) -> float:
         return speed * (t - T_m * (1.0 - math.exp(-t / T_m))) - turn
 
-    return root(missing, 0.0, turn / speed + T_m)
+    return find_root(missing, 0.0, turn / speed + T_m)

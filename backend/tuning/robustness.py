@@ -19,14 +19,14 @@ from backend.tuning.gains import (
     TuningError,
     TuningParameters,
     designed_point,
+    make_motor_loops,
     motor_gains,
-    motor_loops,
     motor_model,
     position_gains,
     stiffness_gains,
     true_motor_model,
 )
-from plant.dynamics import Dynamics, Motor, PlantState, derivative, tension
+from plant.dynamics import Dynamics, Motor, PlantState, state_derivative, tendon_tension
 from plant.interface import NO_LOAD, T_s
 from plant.parameters import SIDES, PlantParameters
 
@@ -60,7 +60,7 @@ def decoupled_model(
     """
     import control
 
-    d = decoupler.decoupler_for(parameters)
+    d = decoupler.build_decoupler(parameters)
     system = control.interconnect(
         [
             linear_plant(parameters, d, S, true_plant=true_plant),
@@ -76,7 +76,7 @@ def decoupled_model(
     return system
 
 
-def one_motor_point(parameters: PlantParameters, gains: pid.MotorPairGains, S: float) -> PointModel:
+def linearize_one_motor(parameters: PlantParameters, gains: pid.MotorPairGains, S: float) -> PointModel:
     """Return what geometry, springs and motor loops say of theta_A_ref to q and to S at S [N·m/rad], motor B held.
 
     Static gain, and the sum of lags: minus the slope of the phase at zero frequency, of the linear plant without
@@ -84,7 +84,7 @@ def one_motor_point(parameters: PlantParameters, gains: pid.MotorPairGains, S: f
     """
     import control
 
-    d = decoupler.decoupler_for(parameters)
+    d = decoupler.build_decoupler(parameters)
     system = control.interconnect(
         [linear_plant(parameters, d, S), _motor_loop(gains.A, "A"), _motor_loop(gains.B, "B"), _outputs(d, S)],
         inputs=["theta_A_ref"],
@@ -114,13 +114,13 @@ def linear_plant(
         theta_A, theta_B = _at_rest(plant, theta_A + theta_B)
     else:
         plant = parameters.identified_dynamics()
-    load_A = d.r_m * tension(plant.spring_A, d.r_m * theta_A)
-    load_B = d.r_m * tension(plant.spring_B, d.r_m * theta_B)
+    load_A = d.r_m * tendon_tension(plant.spring_A, d.r_m * theta_A)
+    load_B = d.r_m * tendon_tension(plant.spring_B, d.r_m * theta_B)
     at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))[:_STATES]
     u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
     def rate(x: NDArray[np.float64], u_A: float, u_B: float, tau_ext: float = 0.0) -> NDArray[np.float64]:
-        return np.array(derivative(plant, PlantState(*x), u_A, u_B, tau_ext, NO_LOAD))[:_STATES]
+        return np.array(state_derivative(plant, PlantState(*x), u_A, u_B, tau_ext, NO_LOAD))[:_STATES]
 
     A = np.column_stack(
         [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(_STATES)]
@@ -155,8 +155,8 @@ def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
     r_m, half = plant.joint.r_m, 0.5 * turned
 
     def excess(offset: float) -> float:
-        tension_A = tension(plant.spring_A, r_m * (half + offset))
-        return float(tension_A - tension(plant.spring_B, r_m * (half - offset)))
+        tension_A = tendon_tension(plant.spring_A, r_m * (half + offset))
+        return float(tension_A - tendon_tension(plant.spring_B, r_m * (half - offset)))
 
     offset = float(brentq(excess, -half, half, xtol=1e-12))
     return half + offset, half - offset
@@ -175,7 +175,7 @@ def _motor_loop(gains: pid.IPDGains, side: str) -> "control.StateSpace":
     return control.ss(A, B, C, D, inputs=names, outputs=[f"u_{side}"], name=f"motor_{side}")
 
 
-def decoupling(d: Decoupler, S: float) -> NDArray[np.float64]:
+def decoupling_matrix(d: Decoupler, S: float) -> NDArray[np.float64]:
     """Motor references per q_c and S_c, shape (2, 2), about q = 0 and S [N·m/rad]."""
 
     def positions(q_c: float, S_c: float) -> NDArray[np.float64]:
@@ -192,7 +192,7 @@ def decoupling(d: Decoupler, S: float) -> NDArray[np.float64]:
 def _decoupler(d: Decoupler, S: float) -> "control.StateSpace":
     import control
 
-    D, names = decoupling(d, S), ["theta_A_ref", "theta_B_ref"]
+    D, names = decoupling_matrix(d, S), ["theta_A_ref", "theta_B_ref"]
     return control.ss([], [], [], D, inputs=["q_c", "S_c"], outputs=names, name="decoupler")
 
 
@@ -437,7 +437,7 @@ def motor_range(motor: MotorModel) -> tuple[float, float]:
     return low, high
 
 
-def common_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
+def common_lambda_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
     """Smallest and largest λ [s] offered for all of these motors. Raises TuningError."""
     ranges = [motor_range(motor) for motor in motors]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
@@ -534,7 +534,7 @@ class LoopMargins:
     motor: Robustness
 
 
-def loop_margins(
+def compute_loop_margins(
     parameters: PlantParameters, points: Sequence[PointModel], lambdas: TuningParameters, *, true_plant: bool
 ) -> LoopMargins:
     """Return the robustness that the gains of ``lambdas`` at ``points`` have, on the true plant or on its model.
@@ -544,7 +544,7 @@ def loop_margins(
     that has no gains.
     """
     points = points or (designed_point(parameters, lambdas.lam_motor),)
-    loops = motor_loops(parameters, lambdas.lam_motor)
+    loops = make_motor_loops(parameters, lambdas.lam_motor)
     q, S = [], []
     for point in points:
         model = decoupled_model(parameters, loops, point.S_nominal, true_plant=true_plant)

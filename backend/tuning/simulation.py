@@ -9,15 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import cascade, decoupler, disturbance_observer, pid, trajectory
-from backend.control.decoupler import Decoupler, gains_at, select, stiffness_slope, tension_under
+from backend.control.decoupler import Decoupler, interpolate_gains, select_entry, stiffness_slope, tension_under
 from backend.control.disturbance_observer import Rejection
 from backend.control.trajectory import LANDING_S, LoopReferences
-from backend.tuning.robustness import decoupling, linear_plant
-from plant.compiled import compiled, compiled_run
-from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tension
+from backend.tuning.robustness import decoupling_matrix, linear_plant
+from plant.compilation import compiled, compiled_run
+from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tendon_tension
 from plant.interface import Measurement, MotorCommand, T_s
 from plant.parameters import SIDES, Asymmetry, PlantParameters
-from plant.simulator import DELAY_SLOTS, SafetyBounds, SensorModel, actuate, exceeded, sense, sensor_model
+from plant.simulator import (
+    DELAY_SLOTS,
+    SafetyBounds,
+    SensorModel,
+    actuate_plant,
+    is_limit_exceeded,
+    sense_state,
+    sensor_model,
+)
 
 # Closed loop ---------------------------------------------------------------------------------------
 #
@@ -59,7 +67,7 @@ class ClosedLoopInputs(NamedTuple):
 def fill_delay_line(rig: SimulatedRig, x: PlantState, line: Array) -> None:
     """Let the load cells have seen the state x for as long as they remember; the first tick is DELAY_SLOTS."""
     for slot in range(DELAY_SLOTS):
-        sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
+        sense_state(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
@@ -91,12 +99,12 @@ def simulate(
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(tuning, controller, r, True, m)
         record(out[k], m, y)
-        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
-        if exceeded(rig.plant, rig.bounds, x):
+        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if is_limit_exceeded(rig.plant, rig.bounds, x):
             return x, controller, k
     return x, controller, -1
 
@@ -121,15 +129,15 @@ def simulate_feeling(
     felt, bias = disturbance_observer.UNKNOWN, math.nan
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
         felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
         if k == learned_at:
             bias = felt.mean
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(tuning, controller, r, True, m, felt.tau_ext - bias)
         record(out[k], m, y)
-        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
-        if exceeded(rig.plant, rig.bounds, x):
+        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if is_limit_exceeded(rig.plant, rig.bounds, x):
             return k
     return -1
 
@@ -176,8 +184,8 @@ def rest_state(rig: SimulatedRig, theta_A: float, theta_B: float) -> tuple[Plant
 
     def forces(q: float) -> tuple[float, float]:
         return (
-            tension(plant.spring_A, elongation_A(plant.joint, theta_A, q)),
-            tension(plant.spring_B, elongation_B(plant.joint, theta_B, q)),
+            tendon_tension(plant.spring_A, elongation_A(plant.joint, theta_A, q)),
+            tendon_tension(plant.spring_B, elongation_B(plant.joint, theta_B, q)),
         )
 
     low, high = -rig.bounds.q_max, rig.bounds.q_max
@@ -190,7 +198,7 @@ def rest_state(rig: SimulatedRig, theta_A: float, theta_B: float) -> tuple[Plant
     return x, load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
 
-def run(
+def simulate_cascade(
     parameters: PlantParameters,
     tuning: cascade.CascadeTuning,
     q_ref: Array,
@@ -328,7 +336,7 @@ class SampledLoop:
     slope: float
 
 
-def sampled_loop(
+def make_sampled_loop(
     parameters: PlantParameters,
     tuning: cascade.CascadeTuning,
     S: float,
@@ -343,8 +351,8 @@ def sampled_loop(
     """
     d = tuning.decoupler
     plant = plant or held_plant(parameters, d, S)
-    split, slope = decoupling(d, S), stiffness_slope(d, S)
-    gains_q, gains_S = gains_at(tuning.schedule, select(tuning.schedule, -1.0, S))
+    split, slope = decoupling_matrix(d, S), stiffness_slope(d, S)
+    gains_q, gains_S = interpolate_gains(tuning.schedule, select_entry(tuning.schedule, -1.0, S))
     inner = tuning.motors
 
     def law(x: Array, w: Array) -> tuple[Array, Array]:
@@ -452,7 +460,7 @@ def planned_response(
 ) -> Complex:
     """Response from (q_ref, S_ref) to (q, S) at ``f`` (n,) [Hz] about S [N·m/rad], shape (n, 2, 2)."""
     model = tuning.following.model
-    loop = sampled_loop(parameters, tuning, S, position_loop=position_loop)
+    loop = make_sampled_loop(parameters, tuning, S, position_loop=position_loop)
     axis, joint = axis_response(model, f), joint_response(model, S, f)
     modelled = np.empty((axis.theta.size, 3, 2), dtype=np.complex128)
     modelled[:, 0, :] = (axis.theta * joint)[:, None] * np.array([1.0, 0.0])
@@ -568,7 +576,7 @@ def step_forecast(
     where it is at hand.
     """
     ticks = round(HELD_S / T_s), round(seconds / T_s)
-    trajectory = run(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks), entry=entry, rig=rig)
+    trajectory = simulate_cascade(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks), entry=entry, rig=rig)
     moves_q = q[0] != q[1]
     (start, end), signal = (q, trajectory.q) if moves_q else (S, trajectory.S)
     after = slice(ticks[0], None)
@@ -677,7 +685,7 @@ def push_forecast(
     rejects = tuning.rejection.k_ext > 0.0
     rest, pushed = round((LEARNED_S if rejects else HELD_S) / T_s), round((2.0 + _LASTS * lam_q) / T_s)
     force = np.repeat((0.0, F_push), (rest, pushed))
-    trajectory = run(
+    trajectory = simulate_cascade(
         expected_plant(parameters),
         tuning,
         np.full(force.size, q),
@@ -692,13 +700,13 @@ def push_forecast(
     back = int(away[-1]) + 1 if away.size else 0
     back_s = back * T_s if back < off.size else np.nan
     shown = shown_ticks(off.size, back_s)
-    closed = sampled_loop(parameters, tuning, S, plant=held).closed
+    closed = make_sampled_loop(parameters, tuning, S, plant=held).closed
     felt_slow, felt_fast = map(float, np.abs(felt_stiffness(closed, tuning.rejection, S, np.array(FELT_HZ))))
     give = float(np.nanmax(np.abs(off)))
     return PushForecast(give, back_s, felt_slow, felt_fast, np.asarray(shown * T_s, dtype=np.float64), off[shown])
 
 
-def answered(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
+def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
     """Return what the rejection adds under a torque (n,) [N·m]: the loop's inputs ``q_e`` and ``q_off``, each (n,).
 
     The torque is the observer's, three lags of its pole behind; what it sees comes at once, as in the tick.

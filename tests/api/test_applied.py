@@ -263,7 +263,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
 def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(database: Database) -> None:
     """With both tendons pulled, S = r_j² (F_A'(x_A) + F_B'(x_B)) of the springs that the loop knows."""
     applied = applied_parameters.proposal(IDEAL, IDEAL, stored(database, spring()))
-    sections = applied_parameters.sections_of(applied)
+    sections = applied_parameters.changed_sections(applied)
     then = IDEAL.with_identified(sections)
 
     async def pulled() -> Sample:

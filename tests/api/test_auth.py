@@ -10,10 +10,10 @@ from starlette.requests import HTTPConnection
 
 from backend.api.errors import STATUS
 from backend.auth.authentication import ATTEMPTS, ATTEMPTS_WINDOW_S, GRACE_S, SIGN_INS, Authentication, User
-from backend.auth.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions, TokenFiles, rotate
+from backend.auth.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions, TokenFiles, replace_tokens
 from backend.errors import RequestRejectedError
 from backend.schemas.session import Role
-from backend.server.security import COOKIE, forget, grant, shown_by
+from backend.server.security import COOKIE, end_session, read_credentials, set_session_cookie
 
 
 class Clock:
@@ -39,21 +39,21 @@ class Door:
     def cookie(self, name: str = "Ana", role: Role = Role.OPERATOR, **headers: str) -> str:
         """Sign in; return the pair that the browser sends from then on."""
         asks = connection(headers)
-        return self.granted(asks, self.authentication.sign_in(shown_by(asks), self.token(role), name))
+        return self.granted(asks, self.authentication.sign_in(read_credentials(asks), self.token(role), name))
 
     def granted(self, asks: HTTPConnection, person: User) -> str:
         response = Response()
-        grant(self.authentication, asks, response, person)
+        set_session_cookie(self.authentication, asks, response, person)
         return response.headers["set-cookie"].partition(";")[0]
 
     def who(self, cookie: str) -> User | None:
-        return self.authentication.recognise(shown_by(connection({"cookie": cookie})))
+        return self.authentication.recognise(read_credentials(connection({"cookie": cookie})))
 
     def who_stops(self, cookie: str) -> User | None:
-        return self.authentication.recognise_for_stop(shown_by(connection({"cookie": cookie})))
+        return self.authentication.recognise_for_stop(read_credentials(connection({"cookie": cookie})))
 
     def sign_out(self, cookie: str) -> None:
-        forget(self.authentication, connection({"cookie": cookie}), Response())
+        end_session(self.authentication, connection({"cookie": cookie}), Response())
 
 
 @pytest.fixture
@@ -74,14 +74,15 @@ def status(error: pytest.ExceptionInfo[RequestRejectedError]) -> int:
 def refused(door: Door, token: str, address: str = "here", **headers: str) -> int:
     with pytest.raises(RequestRejectedError) as error:
         door.authentication.sign_in(
-            shown_by(connection({name.replace("_", "-"): value for name, value in headers.items()}, address)), token
+            read_credentials(connection({name.replace("_", "-"): value for name, value in headers.items()}, address)),
+            token,
         )
     return status(error)
 
 
 def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
-    assert door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana").role is Role.OPERATOR
-    viewer = door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER))
+    assert door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana").role is Role.OPERATOR
+    viewer = door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER))
     assert (viewer.role, viewer.name) == (Role.VIEWER, "viewer")
     assert len(viewer.session) >= 16
     assert refused(door, door.token()[:-1]) == 401
@@ -91,8 +92,8 @@ def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
 def test_the_cookie_is_recognised_with_the_same_tokens_only(door: Door, tmp_path: Path) -> None:
     response = Response()
     asks = connection({})
-    ana = door.authentication.sign_in(shown_by(asks), door.token(), "Ana")
-    grant(door.authentication, asks, response, ana)
+    ana = door.authentication.sign_in(read_credentials(asks), door.token(), "Ana")
+    set_session_cookie(door.authentication, asks, response, ana)
     header = response.headers["set-cookie"]
     assert "HttpOnly" in header
     assert "SameSite=strict" in header
@@ -166,7 +167,10 @@ def test_two_services_on_one_host_leave_each_other_their_cookies(tmp_path: Path)
     jar = dict(pair.split("=", 1) for pair in (ours, theirs))  # as a browser keeps them: by name, for all ports
     sent = "; ".join(f"{name}={value}" for name, value in jar.items())
     assert here.who(sent) is not None
-    assert there.authentication.recognise(shown_by(connection({"cookie": sent, "host": "localhost:8001"}))) is not None
+    assert (
+        there.authentication.recognise(read_credentials(connection({"cookie": sent, "host": "localhost:8001"})))
+        is not None
+    )
 
 
 def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door) -> None:
@@ -177,30 +181,33 @@ def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door)
 def test_any_host_header_has_a_cookie_name(host: str) -> None:
     raw = [(b"host", host.encode())]
     door_less = Authentication(None)
-    assert door_less.recognise(shown_by(HTTPConnection({"type": "http", "headers": raw}))) is not None
+    assert door_less.recognise(read_credentials(HTTPConnection({"type": "http", "headers": raw}))) is not None
 
 
 def test_new_sessions_have_a_rate_for_each_role_and_address(door: Door) -> None:
     """Who may begin no more sessions goes on with those that there are, and slows nobody else."""
     ours = [
-        door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER)) for _ in range(SIGN_INS)
+        door.authentication.sign_in(read_credentials(connection({}, "here")), door.token(Role.VIEWER))
+        for _ in range(SIGN_INS)
     ]
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER))
+        door.authentication.sign_in(read_credentials(connection({}, "here")), door.token(Role.VIEWER))
     assert status(error) == 429
     assert door.authentication.sessions.is_live(ours[0].session)
-    assert door.authentication.sign_in(shown_by(connection({}, "here")), door.token()).role is Role.OPERATOR
-    assert door.authentication.sign_in(shown_by(connection({}, "there")), door.token(Role.VIEWER))
+    assert door.authentication.sign_in(read_credentials(connection({}, "here")), door.token()).role is Role.OPERATOR
+    assert door.authentication.sign_in(read_credentials(connection({}, "there")), door.token(Role.VIEWER))
     door.clock.now += ATTEMPTS_WINDOW_S + 1
-    assert door.authentication.sign_in(shown_by(connection({}, "here")), door.token(Role.VIEWER))
+    assert door.authentication.sign_in(read_credentials(connection({}, "here")), door.token(Role.VIEWER))
 
 
 def test_no_sign_in_pushes_out_a_session_with_an_open_page(door: Door) -> None:
-    ana = door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana")
+    ana = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
     with door.authentication.people.attending(ana, is_page=True):
         for number in range(LIVE_OF_A_ROLE + 1):
             door.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
-            last = door.authentication.sign_in(shown_by(connection({}, f"10.0.0.{number}")), door.token(), f"{number}")
+            last = door.authentication.sign_in(
+                read_credentials(connection({}, f"10.0.0.{number}")), door.token(), f"{number}"
+            )
         assert door.authentication.sessions.is_live(ana.session)
         assert door.authentication.sessions.is_live(last.session)
 
@@ -208,10 +215,10 @@ def test_no_sign_in_pushes_out_a_session_with_an_open_page(door: Door) -> None:
 def test_wrong_tokens_are_slowed_and_the_right_one_never(door: Door) -> None:
     assert [refused(door, "wrong") for _ in range(ATTEMPTS)] == [401] * ATTEMPTS
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.sign_in(shown_by(connection({}, "here")), "wrong")
+        door.authentication.sign_in(read_credentials(connection({}, "here")), "wrong")
     assert status(error) == 429
     assert error.value.retry_after_s <= ATTEMPTS_WINDOW_S + 1
-    assert door.authentication.sign_in(shown_by(connection({}, "here")), door.token()).role is Role.OPERATOR
+    assert door.authentication.sign_in(read_credentials(connection({}, "here")), door.token()).role is Role.OPERATOR
     assert refused(door, "wrong", "elsewhere") == 401
     door.clock.now += ATTEMPTS_WINDOW_S + 1
     assert refused(door, "wrong") == 401
@@ -228,12 +235,12 @@ def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
         asks = connection({"authorization": "Bearer nonsense"})
         for _ in range(3):
             with pytest.raises(RequestRejectedError) as error:
-                door.authentication.recognise(shown_by(asks))
+                door.authentication.recognise(read_credentials(asks))
             assert status(error) == 401
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.recognise(shown_by(connection({"authorization": "Bearer nonsense"})))
+        door.authentication.recognise(read_credentials(connection({"authorization": "Bearer nonsense"})))
     assert status(error) == 429
-    person = door.authentication.recognise(shown_by(connection({"authorization": f"Bearer {door.token()}"})))
+    person = door.authentication.recognise(read_credentials(connection({"authorization": f"Bearer {door.token()}"})))
     assert person is not None
     assert person.role is Role.OPERATOR
 
@@ -241,36 +248,38 @@ def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
 def test_a_browser_goes_on_with_its_session_or_ends_it(door: Door) -> None:
     pair = door.cookie("Ana")
     ana = door.who(pair)
-    again = door.authentication.sign_in(shown_by(connection({"cookie": pair})), door.token())
+    again = door.authentication.sign_in(read_credentials(connection({"cookie": pair})), door.token())
     assert again == ana
-    vera = door.authentication.sign_in(shown_by(connection({"cookie": pair})), door.token(), "Vera")
+    vera = door.authentication.sign_in(read_credentials(connection({"cookie": pair})), door.token(), "Vera")
     assert vera.session != again.session
     assert door.who(pair) is None
 
 
 def test_persons_of_one_name_are_told_apart_while_they_are_there(door: Door) -> None:
-    ana = door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana")
+    ana = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
     with door.authentication.people.attending(ana, is_page=True):
-        second = door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana")
-        viewer = door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER), "Ana")
+        second = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
+        viewer = door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER), "Ana")
         there = door.authentication.people
         with there.attending(second, is_page=True), there.attending(viewer, is_page=True):
             assert [one.name for one in door.authentication.people.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
-        pretender = door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER), " Ana (2)\n\u202e")
+        pretender = door.authentication.sign_in(
+            read_credentials(connection({})), door.token(Role.VIEWER), " Ana (2)\n\u202e"
+        )
         assert pretender.name == "Ana 2 (viewer)"
     assert door.authentication.people.view() == []
-    assert door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana").name == "Ana"
+    assert door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana").name == "Ana"
 
 
 def test_new_tokens_end_the_sessions_of_their_role(door: Door) -> None:
     ana, vera, vic = door.cookie("Ana"), door.cookie("Vera"), door.cookie("Vic", Role.VIEWER)
     asks = connection({"cookie": ana})
-    rotating = door.authentication.recognise(shown_by(asks))
+    rotating = door.authentication.recognise(read_credentials(asks))
     assert rotating is not None
     before = door.token()
     tokens = asyncio.run(door.authentication.rotate([Role.OPERATOR], rotating))
     assert refused(door, before) == 401
-    assert door.authentication.sign_in(shown_by(connection({})), tokens.operator).role is Role.OPERATOR
+    assert door.authentication.sign_in(read_credentials(connection({})), tokens.operator).role is Role.OPERATOR
     assert door.who(vera) is None
     assert door.who_stops(vera) is None
     assert door.who(vic) is not None
@@ -291,11 +300,11 @@ def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(d
     assert person is not None
     (tmp_path / "viewer-token").unlink()
     with door.authentication.people.attending(person, is_page=True) as over:
-        rotate(tmp_path, [Role.OPERATOR])
+        replace_tokens(tmp_path, [Role.OPERATOR])
         asyncio.run(notice(over))
     assert door.token() != before
     assert door.who(ana) is None
-    assert door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER)).role is Role.VIEWER
+    assert door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER)).role is Role.VIEWER
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"ran_s": 1, "live": {"a": 3}, "ended": []}', "\x00"])

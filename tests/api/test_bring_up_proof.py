@@ -53,7 +53,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
 
     async def work(parts: Parts) -> None:
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL)
-        parts.supervisor.started_with = standing.brought_up_of(database, parts.supervisor.setup.plant)
+        parts.supervisor.started_with = standing.find_completed_commissioning(database, parts.supervisor.setup.plant)
         bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
         await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "keeping the result":
@@ -90,7 +90,7 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
 
     async def work(parts: Parts) -> None:
         choice = PlantChoice(PlantKind.VIRTUAL_CARD, str(file))
-        parts.supervisor.started_with = standing.brought_up_of(database, choice)
+        parts.supervisor.started_with = standing.find_completed_commissioning(database, choice)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=choice, brought_up=parts.supervisor.started_with)
         bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
         assert (await bring_up.view()).steps[0].blocked == ""
@@ -121,7 +121,7 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
     standing.keep(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
 
     async def work(parts: Parts) -> None:
-        known = standing.brought_up_of(database, VIRTUAL)
+        known = standing.find_completed_commissioning(database, VIRTUAL)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
         parts.supervisor.started_with = known
         bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))

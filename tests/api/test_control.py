@@ -18,9 +18,10 @@ from backend.auth.control_lease import (
     LeaseHolder,
     read_stamp,
 )
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.faults import Fault
 from backend.schemas.session import Role
+from plant.errors import ErrorCode
 from tests.api.conftest import ended, once_told, problem, wait_for
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms

@@ -11,7 +11,7 @@ import pytest
 
 from backend.exports.importer import import_bundle
 from backend.exports.importer import import_export as take_in_samples
-from backend.exports.mcap import layout
+from backend.exports.mcap import foxglove_layout
 from backend.storage import runs
 from backend.storage.database import open_database
 from tests.api.conftest import ended, once_told, until, wait_for
@@ -56,7 +56,7 @@ def test_a_bundle_is_taken_in_elsewhere(operator: httpx.Client, run: int, tmp_pa
 def test_what_cannot_be_had_is_refused_before_the_first_byte(operator: httpx.Client, viewer: httpx.Client) -> None:
     for path in ("data.csv", "data.mcap", "bundle.zip"):
         assert operator.get(f"/api/runs/999999/{path}").status_code == 404
-    assert viewer.get("/api/runs/foxglove-layout.json").raise_for_status().text == layout()
+    assert viewer.get("/api/runs/foxglove-layout.json").raise_for_status().text == foxglove_layout()
 
 
 def test_a_viewer_reads_what_the_operator_recorded(viewer: httpx.Client, run: int) -> None:

@@ -13,7 +13,7 @@ from backend.errors import RequestRejectedError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import RunRequest
 from backend.execution.simulation import _Progress
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.schemas.session import Role
 from backend.services.queue import DryRuns
@@ -28,7 +28,7 @@ def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-    order = RunRequest(ready_plan("tracking"), LoopSettings(), VIEWER.name)
+    order = RunRequest(build_ready_plan("tracking"), LoopSettings(), VIEWER.name)
 
     async def whole() -> None:
         dry_runs = DryRuns(Offload(lambda _cause: None))
@@ -50,7 +50,7 @@ class Halfway(Offload):
 
 
 def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
-    order = RunRequest(ready_plan("tracking"), LoopSettings(), VIEWER.name)
+    order = RunRequest(build_ready_plan("tracking"), LoopSettings(), VIEWER.name)
     left = asyncio.Event()
 
     async def has_left() -> bool:

@@ -7,10 +7,11 @@ import httpx
 import pytest
 
 from backend.auth.control_lease import ControlLease
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.faults import FAULTS, Fault
 from backend.services.actuator import ActuatorService
-from backend.services.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
+from backend.services.fault_injection import BY_HAND, LEADS_TO, apply_fault, describe_faults
+from plant.errors import ErrorCode
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
 
@@ -31,7 +32,7 @@ def test_every_fault_has_its_injection_or_a_button() -> None:
 
 
 def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:
-    here, there = fault_list(SIMULATOR), fault_list(PlantChoice(PlantKind.VIRTUAL_CARD))
+    here, there = describe_faults(SIMULATOR), describe_faults(PlantChoice(PlantKind.VIRTUAL_CARD))
     assert here.card == []
     assert {fault.injection.kind.value for fault in there.card} >= set(ONLY_OF_A_CARD)
     assert all(fault.leads_to for fault in there.card)
@@ -126,7 +127,7 @@ def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
     with pytest.raises(
         RequestRejectedError, match="only into what is simulated, and what is driven is the rig"
     ) as error:
-        asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
+        asyncio.run(apply_fault(rig, control, LEADS_TO[fault], "Ana"))
     assert error.value.category is ErrorCode.NOT_NOW
 
 

@@ -8,9 +8,10 @@ import pytest
 from backend.auth.authentication import BEARER, ActiveUsers, User
 from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, CommandToken, ControlLease, LeaseHolder
 from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, ControlHandover
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.session import Role
 from backend.schemas.state import HandoverAnswer
+from plant.errors import ErrorCode
 
 ANA, VERA, ODA = (User(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
 VIC = User("Vic (viewer)", Role.VIEWER, "vic", "Vic")

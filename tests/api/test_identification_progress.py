@@ -18,7 +18,7 @@ from backend.recording.reader import read_samples
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
 from backend.schemas.run import Planned
 from backend.schemas.state import TaskView
-from backend.services.runs import planned as planned_in
+from backend.services.runs import read_planned_run as planned_in
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState

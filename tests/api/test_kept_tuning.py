@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TUNING_NAME, TuningSettings, default_choice
+from backend.banks.tuning_settings import TUNING_NAME, TuningSettings, default_tuning_choice
 from backend.schemas.tuning import TuningParts, TuningRequest
 from backend.services.tuning import SavedTunings
 from backend.services.tuning_state import ActiveTuning, TuningStore, initial
@@ -69,7 +69,7 @@ def test_another_plant_starts_with_its_defaults(
     kept.put(chosen, "A. Operator")
     lab = load_parameters("lab")
     restored, said = kept.restore(lab)
-    assert restored.choice == default_choice(lab).choice
+    assert restored.choice == default_tuning_choice(lab).choice
     assert "other parameters" in said
 
 
@@ -133,5 +133,5 @@ def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
         assert stored is not None
         settings.put(session, TUNING_NAME, {**stored.value, name: value}, "A. Operator")
     restored, said = kept.restore(ideal)
-    assert restored.choice == default_choice(ideal).choice
+    assert restored.choice == default_tuning_choice(ideal).choice
     assert str(value) in said

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from backend.errors import RequestRejectedError
-from backend.schemas.preferences import ChartLayout, look_over
+from backend.schemas.preferences import ChartLayout, check_preferences
 
 ERRORS = {"title": "Errors", "signals": ["q - q_ref"], "over": None, "share": 1.5}
 PLANE = {"title": "S over q", "signals": ["S", "S_ref"], "over": "q", "share": 2.0}
@@ -37,12 +37,12 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
 )
 def test_what_no_chart_can_show_is_refused_in_words(layouts: list[dict[str, Any]], said: str) -> None:
     with pytest.raises(RequestRejectedError) as refused:
-        look_over([ChartLayout.model_validate(one) for one in layouts])
+        check_preferences([ChartLayout.model_validate(one) for one in layouts])
     assert said in str(refused.value)
 
 
 def test_an_axis_may_have_another_unit_than_what_is_drawn_over_it() -> None:
-    look_over([ChartLayout.model_validate(layout(ERRORS, PLANE))])
+    check_preferences([ChartLayout.model_validate(layout(ERRORS, PLANE))])
 
 
 def test_layouts_are_kept_for_a_person_and_a_refused_one_changes_nothing(

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from backend.banks.tuning_settings import TuningSettings, default_choice
+from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.models.settings import SettingError
 from backend.realtime.commands import Stop
@@ -57,7 +57,7 @@ def bank(database: Database) -> Bank:
 
 
 def own(bank: Bank) -> TuningSettings:
-    return replace(default_choice(IDEAL).choice, lam_q=0.55, lam_S=0.45, bank=bank.id)
+    return replace(default_tuning_choice(IDEAL).choice, lam_q=0.55, lam_S=0.45, bank=bank.id)
 
 
 async def started(parts: Parts, bank: Bank) -> None:

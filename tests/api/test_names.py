@@ -5,8 +5,9 @@ import pytest
 
 from backend.auth.authentication import BEARER, ActiveUsers, User
 from backend.auth.control_lease import HEADER
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.session import Role
+from plant.errors import ErrorCode
 from tests.e2e.service import Service
 
 

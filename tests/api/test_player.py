@@ -9,10 +9,10 @@ import httpx
 import numpy as np
 import pytest
 
-from backend.exports.base import of_run
-from backend.exports.formats import DataFormat, pieces
+from backend.exports.base import export_run
+from backend.exports.formats import DataFormat, stream_export
 from backend.faults import EXPLAINED, FAULT_CODE, Fault
-from backend.services.player import played_recording
+from backend.services.player import describe_recording
 from backend.storage import events, recordings, runs
 from backend.storage.database import open_database
 from backend.storage.events import EventKind
@@ -167,8 +167,8 @@ def test_the_log_tells_what_happened_where_the_run_is_stored_and_the_columns_els
             begun, first = runs.get(session, run).started_at, recordings.span(session, run).first_tick
             events.add(session, EventKind.NOTE, "the tendon creaks", who="Mara", tick=first + 250, at=begun)
         file = tmp_path / f"run.{format}"
-        file.write_bytes(b"".join(pieces(of_run(here, run), format, tmp_path)))
-        played, elsewhere = played_recording(file, here), played_recording(file, there)
+        file.write_bytes(b"".join(stream_export(export_run(here, run), format, tmp_path)))
+        played, elsewhere = describe_recording(file, here), describe_recording(file, there)
     assert (played.title, played.run) == (elsewhere.title, elsewhere.run) == (f"run {run}", run)
     assert [(mark.t, mark.text, mark.who) for mark in played.marks] == [(0.25, "the tendon creaks", "Mara")]
     assert all(mark.kind in (EventKind.MODE, EventKind.TRIP) for mark in elsewhere.marks)
@@ -177,4 +177,4 @@ def test_the_log_tells_what_happened_where_the_run_is_stored_and_the_columns_els
 def test_a_file_that_says_nothing_of_itself_goes_by_its_name(tmp_path: Path) -> None:
     (tmp_path / "bench.csv").write_bytes(b"".join(to_csv(recorded()).splitlines(keepends=True)[-SAMPLES - 1 :]))
     with closing(open_database(tmp_path)) as database:
-        assert played_recording(tmp_path / "bench.csv", database).title == "bench.csv"
+        assert describe_recording(tmp_path / "bench.csv", database).title == "bench.csv"

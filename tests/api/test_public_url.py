@@ -174,9 +174,9 @@ def cookie_lines(public: PublicUrl | None, headers: dict[str, str], path: str = 
             response, connection = Response(), HTTPConnection(scope)
             given: Any = Granting()
             if granted:
-                security.grant(given, connection, response, given)
+                security.set_session_cookie(given, connection, response, given)
             else:
-                security.forget(given, connection, response)
+                security.end_session(given, connection, response)
             said.extend(response.headers.getlist("set-cookie"))
         await Response()(scope, receive, send)
 
@@ -252,7 +252,7 @@ def test_a_person_at_a_browser_reads_a_refusal_as_a_page() -> None:
 def test_what_is_wrong_with_the_way_of_a_page_is_found(
     page: str, public: PublicUrl | None, peer: str, headers: dict[str, str], found: list[str]
 ) -> None:
-    problems = deployment.findings(page, public, Headers(headers), peer)
+    problems = deployment.find_deployment_problems(page, public, Headers(headers), peer)
     assert [problem.code for problem in problems] == found
     for problem in problems:
         assert ("--public-url" in problem.message) != ("--trusted-proxy" in problem.message)

@@ -9,7 +9,7 @@ import pytest
 from backend.auth.authentication import User
 from backend.auth.control_lease import LOOK_S, LOST_S, ControlLease
 from backend.errors import OutOfRangeError, RequestRejectedError
-from backend.experiments.library import experiments
+from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
 from backend.realtime.modes import Mode
 from backend.sample import INDEX
@@ -74,7 +74,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
     async def offered(parts: Parts) -> None:
         def why_not(kind: PlantKind) -> dict[str, str]:
-            tuning, offers = parts.present.tuning.view(0.0), experiments().values()
+            tuning, offers = parts.present.tuning.view(0.0), experiments_by_name().values()
             return {one.name: one.why_not for one in experiment_kinds(offers, LoopSettings(), tuning, kind)}
 
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}

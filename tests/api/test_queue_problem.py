@@ -6,12 +6,13 @@ from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.experiment import ExperimentRequest
 from backend.services.queue import Queue, Start
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
+from plant.errors import ErrorCode
 
 SHORT = ExperimentRequest(name="sequence", settings={})
 WITHOUT_BANK = ExperimentRequest(name="sequence", settings={"bank": 99})

@@ -7,7 +7,7 @@ import pytest
 
 from backend.execution.progress import RunPhase
 from backend.experiments.forecast import Expected
-from backend.experiments.library import experiment
+from backend.experiments.library import find_experiment
 from backend.services.jobs import Ordered, run_progress
 
 
@@ -15,7 +15,7 @@ from backend.services.jobs import Ordered, run_progress
     ("name", "kind", "title"), [("hold_at_rest", "experiment", "Hold at rest"), ("tracking", "tracking", "")]
 )
 def test_an_experiment_that_is_data_is_named_by_its_title(name: str, kind: str, title: str) -> None:
-    plan = experiment(name).usual
+    plan = find_experiment(name).usual
     present: Any = SimpleNamespace(task=None)
     order = Ordered(plan, run=14, expected=Expected(before_s=2.0, program_s=30.0))
     run_progress(present, order, cast(Any, SimpleNamespace(following=0, wanted=False)))(RunPhase.PRETENSION, 1.5)

@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.experiments.library import experiments
+from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
 from backend.tuning.gains import TuningParameters, designed_point
 from plant.parameters import load_parameters
@@ -47,7 +47,7 @@ def sinew(*words: str, folder: Path) -> str:
     return played.stdout
 
 
-@pytest.mark.parametrize("name", sorted(experiments()))
+@pytest.mark.parametrize("name", sorted(experiments_by_name()))
 def test_page_and_command_line_agree(operator: httpx.Client, tmp_path: Path, name: str) -> None:
     settings = SHORT.get(name, {})
     if name == "sequence":

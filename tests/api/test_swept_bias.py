@@ -14,7 +14,7 @@ from backend.sample import INDEX
 from backend.schemas.state import SweepView
 from backend.services.contact import SWEEP_POINTS
 from backend.storage.database import Database, open_database
-from plant.dynamics import elongation, slope, tension
+from plant.dynamics import spring_elongation, spring_slope, tendon_tension
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.api.stepped_service import Parts, stepped
@@ -41,11 +41,11 @@ def bias_of_springs(parameters: PlantParameters, S: np.ndarray) -> np.ndarray:
     true_A, true_B = parameters.dynamics().spring_A, parameters.dynamics().spring_B
     told_A, told_B = parameters.identified_spring("A"), parameters.identified_spring("B")
     held = np.linspace(5.0, 47.0, 800)
-    x_A, x_B = (np.array([elongation(spring, F) for F in held]) for spring in (true_A, true_B))
+    x_A, x_B = (np.array([spring_elongation(spring, F) for F in held]) for spring in (true_A, true_B))
     stiff = parameters.geometry.r_j**2 * np.array(
-        [slope(told_A, a) + slope(told_B, b) for a, b in zip(x_A, x_B, strict=True)]
+        [spring_slope(told_A, a) + spring_slope(told_B, b) for a, b in zip(x_A, x_B, strict=True)]
     )
-    said = np.array([tension(told_B, b) - tension(told_A, a) for a, b in zip(x_A, x_B, strict=True)])
+    said = np.array([tendon_tension(told_B, b) - tendon_tension(told_A, a) for a, b in zip(x_A, x_B, strict=True)])
     between: np.ndarray = np.interp(S, stiff, said)
     return between
 
@@ -68,8 +68,8 @@ class Truth:
         off_A, off_B = np.mean(said, axis=0)
         spring_A, spring_B = self._springs
         r_m, r_j, x = self._geometry.r_m, self._geometry.r_j, self._plant.x
-        F_A = tension(spring_A, r_m * (x.theta_A + off_A) - r_j * x.q)
-        F_B = tension(spring_B, r_m * (x.theta_B + off_B) + r_j * x.q)
+        F_A = tendon_tension(spring_A, r_m * (x.theta_A + off_A) - r_j * x.q)
+        F_B = tendon_tension(spring_B, r_m * (x.theta_B + off_B) + r_j * x.q)
         return float(F_B - F_A)
 
 

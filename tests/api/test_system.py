@@ -9,7 +9,7 @@ import pytest
 
 from backend.data_folder import AlreadyRunningError, only_service_on
 from backend.storage import runs
-from backend.storage.database import BackupError, open_database, restore
+from backend.storage.database import BackupError, open_database, restore_database
 from tests.api.conftest import problem
 from tests.storage.test_lineage import NEW_RUN
 
@@ -63,7 +63,7 @@ def test_a_restored_database_is_the_copy_and_the_one_before_is_kept(tmp_path: Pa
     with database.session() as session:
         second = runs.create(session, NEW_RUN).id
     database.close()
-    restore(tmp_path / "copy.db", tmp_path / "sinew.db")
+    restore_database(tmp_path / "copy.db", tmp_path / "sinew.db")
     database = open_database(tmp_path)
     with database.reading() as session:
         assert [run.id for run in runs.find(session)] == [first]
@@ -96,7 +96,7 @@ def test_a_bad_file_is_refused_and_nothing_changes(tmp_path: Path, bad: str) -> 
             assert bad == "missing"
     content = target.read_bytes()
     with pytest.raises(BackupError):
-        restore(copy, target)
+        restore_database(copy, target)
     assert target.read_bytes() == content
     assert not list(tmp_path.glob("*.restoring"))
     assert not list(tmp_path.glob("*before-restore*"))

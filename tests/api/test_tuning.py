@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from backend.tuning.gains import motor_loops, motor_model
+from backend.tuning.gains import make_motor_loops, motor_model
 from backend.tuning.robustness import motor_robustness
 from plant.parameters import load_parameters
 from tests.api.conftest import problem, wait_for
@@ -158,7 +158,7 @@ def test_the_motor_loop_can_be_asked_for_at_any_lambda_that_is_offered(off: http
     """What the form of an experiment shows beside λ_motor is what the sampled loop gives."""
     told = off.get("/api/tuning/motor", params={"lam_motor": lam_motor}).raise_for_status().json()
     parameters = load_parameters("ideal")
-    expected = motor_robustness(motor_model(parameters, "A"), motor_loops(parameters, lam_motor).A)
+    expected = motor_robustness(motor_model(parameters, "A"), make_motor_loops(parameters, lam_motor).A)
     assert told["M_s"] == pytest.approx(expected.M_s, rel=1e-6)
     assert told["gain_margin"] == pytest.approx(expected.gain_margin, rel=1e-6)
     assert told["phase_margin_deg"] == pytest.approx(math.degrees(expected.phase_margin), rel=1e-6)

@@ -10,7 +10,7 @@ from starlette.responses import Response
 
 from backend.server import connections, security
 from backend.server.connections import ConnectionLimiter
-from backend.server.security import MAX_BODY_BYTES, SHEETS, HostOriginMiddleware, most_bytes
+from backend.server.security import MAX_BODY_BYTES, SHEETS, HostOriginMiddleware, body_limit
 from tests.api.conftest import PATIENCE_S
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from, is_closed, many, seconds_until_refused
@@ -81,7 +81,7 @@ def test_a_sheet_has_as_much_longer_as_it_may_be_larger(
     address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It would not come over a slow link in the time of other bodies."""
-    assert connections.body_s(SHEETS) / connections.body_s("/thing") == most_bytes(SHEETS) / MAX_BODY_BYTES > 1.0
+    assert connections.body_s(SHEETS) / connections.body_s("/thing") == body_limit(SHEETS) / MAX_BODY_BYTES > 1.0
     # as much larger that its time does not end here
     monkeypatch.setattr(connections, "most_bytes", lambda path: MAX_BODY_BYTES * (10_000 if path == SHEETS else 1))
     monkeypatch.setattr(connections, "BODY_S", SHORT_S)

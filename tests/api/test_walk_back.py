@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TuningSettings, default_choice
+from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
 from backend.errors import RequestRejectedError
 from backend.schemas.tuning import TrialRequest, TuningRequest
 from backend.storage import banks, events
@@ -17,7 +17,7 @@ from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
 IDEAL = load_parameters("ideal")
-DEFAULT = default_choice(IDEAL).choice
+DEFAULT = default_tuning_choice(IDEAL).choice
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 WHO = OPERATOR.name
 CHANGES = [

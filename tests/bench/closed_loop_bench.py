@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 from backend.tuning import simulation
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench import python_control
 from tests.bench.batch import run_batch
@@ -86,7 +86,7 @@ class BothWays:
 
     def __init__(self, twin: CTwin, parameters: PlantParameters) -> None:
         q_ref, S_ref = steps(TICKS)
-        tuning = cascade_tuning(parameters, TuningParameters())
+        tuning = make_cascade_tuning(parameters, TuningParameters())
         rig = simulation.rig_of(parameters)
         x, controller = simulation.at_rest(rig, tuning, q_ref[0], S_ref[0])
         inputs = simulation.inputs_of(parameters, q_ref, S_ref)
@@ -113,9 +113,9 @@ def _against_twin(twin: CTwin, parameters: PlantParameters) -> tuple[float, str]
 def _against_python_control() -> Ratio:
     parameters = load_parameters("ideal")
     q_ref, S_ref = steps(PYTHON_CONTROL_TICKS)
-    tuning = cascade_tuning(parameters, TuningParameters())
+    tuning = make_cascade_tuning(parameters, TuningParameters())
     rig = simulation.rig_of(parameters)
-    run = partial(simulation.run, parameters, tuning, q_ref, S_ref)
+    run = partial(simulation.simulate_cascade, parameters, tuning, q_ref, S_ref)
     trajectory = run()
     system = python_control.closed_loop(rig, tuning)
     start = python_control.initial_state(*simulation.at_rest(rig, tuning, q_ref[0], S_ref[0]))
@@ -134,11 +134,11 @@ def _against_python_control() -> Ratio:
 
 def _over_cores() -> Ratio:
     parameters = load_parameters("lab")
-    tuning = cascade_tuning(parameters, TuningParameters())
+    tuning = make_cascade_tuning(parameters, TuningParameters())
     q_ref, S_ref = steps(RUN_TICKS)
 
     def least_tension(seed: int) -> float:
-        trajectory = simulation.run(parameters, tuning, q_ref, S_ref, seed=seed)
+        trajectory = simulation.simulate_cascade(parameters, tuning, q_ref, S_ref, seed=seed)
         return float(min(trajectory.F_A.min(), trajectory.F_B.min()))
 
     quotients = []

@@ -10,11 +10,16 @@ from rich.table import Table
 from backend.analysis.step_metrics import Overall, tracking_metrics
 from backend.control import setpoint_player
 from backend.control.motion_types import Setpoint
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan
-from backend.realtime.motions import player_of
-from backend.tuning.gains import TuningParameters, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
-from backend.tuning.simulation import Array, Trajectory, run
+from backend.realtime.motions import make_segment_player
+from backend.tuning.gains import (
+    TuningParameters,
+    make_cascade_tuning,
+    make_feedback_linearization_tuning,
+    make_single_loop_tuning,
+)
+from backend.tuning.simulation import Array, Trajectory, simulate_cascade
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
@@ -29,11 +34,15 @@ Law = Callable[[PlantParameters, PlantParameters, Array, Array, Array], Trajecto
 """Runs a law that knows the second parameter set on the plant of the first: q_ref, S_ref, F_push (ticks,)."""
 
 LAWS: dict[str, Law] = {
-    "cascade": lambda plant, known, *inputs: run(plant, cascade_tuning(known, LAMBDAS), *inputs),
-    "cascade, λ = 0.39 s": lambda plant, known, *inputs: run(plant, cascade_tuning(known, AS_QUICK), *inputs),
-    "single loop": lambda plant, known, *inputs: run_single_loop(plant, single_loop_tuning(known, LAMBDAS), *inputs),
+    "cascade": lambda plant, known, *inputs: simulate_cascade(plant, make_cascade_tuning(known, LAMBDAS), *inputs),
+    "cascade, λ = 0.39 s": lambda plant, known, *inputs: simulate_cascade(
+        plant, make_cascade_tuning(known, AS_QUICK), *inputs
+    ),
+    "single loop": lambda plant, known, *inputs: run_single_loop(
+        plant, make_single_loop_tuning(known, LAMBDAS), *inputs
+    ),
     "feedback linearization": lambda plant, known, *inputs: run_feedback_linearization(
-        plant, feedback_linearization_tuning(known, LAMBDAS), *inputs
+        plant, make_feedback_linearization_tuning(known, LAMBDAS), *inputs
     ),
 }
 
@@ -87,7 +96,7 @@ def plants() -> dict[str, tuple[PlantParameters, PlantParameters]]:
 
 def tracking(play: Law, true: PlantParameters, known: PlantParameters) -> list[str]:
     """Play the tracking experiment; one cell per entry of COLUMNS."""
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     q_ref, S_ref = references(plan)
     trajectory = play(true, known, q_ref, S_ref, np.zeros(q_ref.size))
     if trajectory.tripped_at >= 0:
@@ -111,7 +120,7 @@ def references(plan: ExperimentPlan) -> tuple[Array, Array]:
     """Return q_ref and S_ref (ticks,) of the whole program, from its first reference on."""
     segments = plan.program().segments
     target = Setpoint(segments[0].q_ref, segments[0].S_ref, 0.0)
-    playing = player_of(segments, target)
+    playing = make_segment_player(segments, target)
     targets: list[Setpoint] = []
     while True:
         ended, target, playing = setpoint_player.play(playing, target)

@@ -17,10 +17,10 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.fitting import fit_arx
 from backend.identification.initialization import WHITE, FitProblem
-from backend.identification.models import structure
+from backend.identification.models import find_structure
 from backend.identification.records import Controller, IdentificationError, Record
 from tests.bench.table import Ratio, print_ratios
 from tests.identification.closed_loop_records import (
@@ -113,7 +113,7 @@ def cramer_rao(case: Case) -> Array:
 def default_estimate(case: Case, seed: int) -> tuple[Array, Array | None] | None:
     u, y, _ = case.signals(seed)
     try:
-        found = estimate(Record(PERIOD_S, u, y, controller=Controller(K_P, K_I)), case.name)
+        found = estimate_model(Record(PERIOD_S, u, y, controller=Controller(K_P, K_I)), case.name)
     except IdentificationError:
         return None
     truth = np.array(list(case.truth.values()))
@@ -125,7 +125,7 @@ def default_estimate(case: Case, seed: int) -> tuple[Array, Array | None] | None
 def arx_estimate(case: Case, seed: int, low_pass: bool) -> tuple[Array, Array | None] | None:
     u, y, _ = case.signals(seed)
     try:
-        parameters, _ = fit_arx(FitProblem(Record(PERIOD_S, u, y), structure(case.name), WHITE), low_pass)
+        parameters, _ = fit_arx(FitProblem(Record(PERIOD_S, u, y), find_structure(case.name), WHITE), low_pass)
     except IdentificationError:
         return None
     return parameters / np.array(list(case.truth.values())) - 1.0, None
@@ -156,7 +156,7 @@ def seconds_per_estimate(samples: int) -> float:
     durations = []
     for _ in range(REPETITIONS):
         begun = time.process_time()
-        estimate(record, "third")
+        estimate_model(record, "third")
         durations.append(time.process_time() - begun)
     return min(durations)
 

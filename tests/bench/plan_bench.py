@@ -10,13 +10,13 @@ import numpy as np
 from rich.console import Console
 from scipy.optimize import brentq
 
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetReferences
 from backend.realtime.control_loop import Loop
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import usual_budget
-from backend.tuning.simulation import run
+from backend.tuning.simulation import simulate_cascade
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.closed_loop_bench import HIGH, seconds
 from tests.bench.table import Ratio, print_ratios
@@ -53,8 +53,8 @@ def _step(name: str) -> Ratio:
 
 
 def _to_90_percent_s(parameters: PlantParameters, u_plan: float) -> float:
-    tuning = cascade_tuning(parameters, LAMBDAS, u_plan=u_plan)
-    trajectory = run(parameters, tuning, np.repeat([-HIGH, HIGH], (1000, 4000)), np.full(5000, 10.0))
+    tuning = make_cascade_tuning(parameters, LAMBDAS, u_plan=u_plan)
+    trajectory = simulate_cascade(parameters, tuning, np.repeat([-HIGH, HIGH], (1000, 4000)), np.full(5000, 10.0))
     return float(np.argmax(trajectory.q[1000:] >= 0.8 * HIGH)) / 1000.0
 
 
@@ -62,7 +62,7 @@ def _cost() -> list[Ratio]:
     """Two loops in run, alike but for the plan, driven to and fro in turns: the machine is the same for both."""
     parameters = load_parameters("lab")
     with closing(loop_in_run(parameters)) as planned, closing(loop_in_run(parameters)) as governed:
-        tuning = tuning_command(parameters, LoopSettings(), None)
+        tuning = build_tuning_command(parameters, LoopSettings(), None)
         planned.handle(0, replace(tuning, u_plan=usual_budget(parameters)))
         compiled = more_us(planned, governed, drive_batches, TICKS, REPEATS)
         live = more_us(planned, governed, drive_ticks, LIVE_TICKS, REPEATS)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetMode
 from backend.realtime.control_loop import Loop
@@ -69,7 +69,7 @@ def _tick_s(choice: PlantChoice, *, in_run: bool = False) -> float:
     """Time a tick with the motors off, or under control in run."""
     parameters = load_parameters("lab")
     plant: Plant = make_plant(choice, parameters, 0)
-    loop = Loop(plant, parameters, Ring.create(), tuning_command(parameters, LoopSettings(), None))
+    loop = Loop(plant, parameters, Ring.create(), build_tuning_command(parameters, LoopSettings(), None))
     try:
         if in_run:
             loop.handle(0, SetMode(Mode.PRETENSION))

@@ -15,7 +15,7 @@ from backend.banks.tuning_settings import TuningSettings
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database, open_database
-from backend.studies.runner import local, run_study
+from backend.studies.runner import run_study, use_local_processes
 from plant.parameters import load_parameters
 from tests.bench.table import Ratio, print_ratios
 
@@ -45,7 +45,7 @@ def _took_s(database: Database, runs: int, jobs: int) -> float:
     text = STUDY.format(runs=runs)
     study = Studies(database).begin(text, "bench", load_parameters("lab"), TuningSettings().document()).id
     begun = time.perf_counter()
-    run_study(database, study, local(jobs))
+    run_study(database, study, use_local_processes(jobs))
     took_s = time.perf_counter() - begun
     with database.reading() as session:
         if studies.states(session, study) != {"completed": runs}:

@@ -6,19 +6,19 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import simulate_cascade
 from plant.parameters import load_parameters
 from tests.bench.batch import run_batch
 
 
 def test_results_do_not_depend_on_the_number_of_workers() -> None:
     parameters = load_parameters("lab")
-    tuning = cascade_tuning(parameters, TuningParameters())
+    tuning = make_cascade_tuning(parameters, TuningParameters())
     q_ref, S_ref = np.repeat([0.0, 0.5], 200), np.full(400, 10.0)
 
     def mean_force(seed: int) -> float:
-        return float(run(parameters, tuning, q_ref, S_ref, seed=seed).F_A.mean())
+        return float(simulate_cascade(parameters, tuning, q_ref, S_ref, seed=seed).F_A.mean())
 
     alone = [mean_force(seed) for seed in range(12)]
     assert len(set(alone)) == 12

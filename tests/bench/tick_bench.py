@@ -13,7 +13,7 @@ from typing import IO
 import numpy as np
 from rich.console import Console
 
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SetMode, SetReferences
 from backend.realtime.control_loop import Loop
@@ -40,7 +40,7 @@ def bench(console: Console) -> bool:
 
 def loop_in_run(parameters: PlantParameters, ring: Ring | None = None) -> Loop:
     """Return a loop on a simulator that follows references, with tendons taut."""
-    ring, tuning = ring or Ring.create(), tuning_command(parameters, LoopSettings(), None)
+    ring, tuning = ring or Ring.create(), build_tuning_command(parameters, LoopSettings(), None)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
     loop.handle(0, SetMode(Mode.PRETENSION))
     while not loop.pretension_done:

@@ -13,7 +13,7 @@ from backend.realtime.control_loop import Loop
 from backend.realtime.program import ConfigureContactDetection
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from plant.compiled import STRICT
+from plant.compilation import STRICT
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.plan_bench import COMPILED_US, LIVE_US, drive_batches, drive_ticks, more_us
 from tests.bench.table import Ratio, print_ratios

@@ -11,7 +11,7 @@ from backend.auth.sessions import load_tokens
 from backend.cli.server import link
 from backend.data_folder import address_of_service, addresses_of_service, only_service_on
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
-from backend.server.listening import listening_on, served_by
+from backend.server.listening import describe_served_addresses, listening_socket
 from backend.settings import Settings
 
 
@@ -103,7 +103,7 @@ def test_proxies_are_given_with_commas_in_the_environment(monkeypatch: pytest.Mo
     [("::", ["127.0.0.1", "::1"], []), ("0.0.0.0", ["127.0.0.1"], ["::1"]), ("::1", ["::1"], ["127.0.0.1"])],
 )
 def test_what_a_host_serves_is_what_it_says(host: str, served: list[str], refused: list[str]) -> None:
-    with listening_on(host, 0) as listening:
+    with listening_socket(host, 0) as listening:
         port = listening.getsockname()[1]
         listening.listen()
         for address in served:
@@ -111,7 +111,7 @@ def test_what_a_host_serves_is_what_it_says(host: str, served: list[str], refuse
         for address in refused:
             with pytest.raises(ConnectionRefusedError):
                 socket.create_connection((address, port), 5)
-    said = served_by(host)
+    said = describe_served_addresses(host)
     assert ("IPv4" in said, "IPv6" in said) == ((True, True) if host != "::1" else (False, False))
     assert ("over IPv6 and IPv4" in said) == (host == "::")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.parser import derived_of
+from backend.experiments.parser import parse_derived_signal
 from backend.storage import formulas
 from backend.storage.database import open_database
 from tests.cli.conftest import Command
@@ -18,7 +18,7 @@ def test_formulas_are_further_columns_of_an_export(command: Command, tmp_path: P
     folder, file = tmp_path / "data", tmp_path / "run.csv"
     with closing(open_database(folder)) as database, database.session() as session:
         run = recorded(session)
-        steps = [asdict(step) for step in derived_of("F_mean", "N", "(F_A + F_B) / 2").steps]
+        steps = [asdict(step) for step in parse_derived_signal("F_mean", "N", "(F_A + F_B) / 2").steps]
         formulas.put(session, "F_mean", "(F_A + F_B) / 2", steps, "N", "", "Ana")
     told = command("runs", "export", str(run), str(file), "--formula", "F_mean", folder=folder)
     assert told.returncode == 0, told.stderr

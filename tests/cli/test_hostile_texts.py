@@ -12,11 +12,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from backend.exports.base import of_run
-from backend.exports.formats import DataFormat, write_file
+from backend.exports.base import export_run
+from backend.exports.formats import DataFormat, write_export
 from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.plain_text import as_line
-from backend.reports.build import write_files
+from backend.reports.build import write_report_files
 from backend.schemas.comparison import ComparisonAsked, DifferencesAsked
 from backend.services.comparison import curves_file, table_file
 from backend.storage import banks, experiments, results
@@ -139,7 +139,7 @@ def test_no_cell_of_a_file_is_a_formula(stored: tuple[Path, list[int], int], tmp
     }
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
-    write_file(of_run(database, made[0]), DataFormat.CSV, tmp_path / "run.csv")
+    write_export(export_run(database, made[0]), DataFormat.CSV, tmp_path / "run.csv")
     database.close()
     for name in ("table.csv", "curves.csv", "run.csv"):
         lines = (tmp_path / name).read_bytes().decode().split("\n")
@@ -160,7 +160,7 @@ def test_a_report_has_nothing_that_turns_the_text_around(
 ) -> None:
     folder, made, _ = stored
     database = open_database(folder)
-    write_files(database, made[0], tmp_path, AngleUnit.DEGREES)
+    write_report_files(database, made[0], tmp_path, AngleUnit.DEGREES)
     database.close()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     title = re.search(r"<h1[^>]*>(.*?)</h1>", page, re.DOTALL)

@@ -10,7 +10,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from subprocess import DEVNULL
 
-from backend.recording.codec import pack, unpack
+from backend.recording.codec import pack_table, unpack
 from backend.storage import recordings
 from backend.storage.database import open_database
 from backend.storage.orm import UnknownRecordError
@@ -66,7 +66,7 @@ def change_a_sample(folder: Path, run: int, of: str, by: float) -> None:
         first_tick, packed = chunks.fetchall()[1]
         table = unpack(packed, len(json.loads(fields))).copy()
         table[123, column] += by
-        changed = (pack(table), run, first_tick)
+        changed = (pack_table(table), run, first_tick)
         database.execute("update chunk set samples = ? where run_id = ? and first_tick = ?", changed)
 
 

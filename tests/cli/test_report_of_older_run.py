@@ -10,7 +10,7 @@ import numpy as np
 from pypdf import PdfReader
 
 from backend.models.run import DEFINITIONS
-from backend.recording.codec import pack, unpack
+from backend.recording.codec import pack_table, unpack
 from backend.sample import ADDED_LATER
 from tests.cli.conftest import Command
 
@@ -29,7 +29,7 @@ def make_older(folder: Path) -> None:
             for column in ("samples", "summary"):
                 chunks = database.execute(f"select first_tick, {column} from chunk where run_id = ?", (run,)).fetchall()
                 for first_tick, packed in chunks:
-                    fewer = pack(np.ascontiguousarray(unpack(packed, len(fields))[:, kept]))
+                    fewer = pack_table(np.ascontiguousarray(unpack(packed, len(fields))[:, kept]))
                     database.execute(
                         f"update chunk set {column} = ?, sha256 = '' where run_id = ? and first_tick = ?",
                         (fewer, run, first_tick),

@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from backend.experiments.library import kept_values, ready_plan
+from backend.experiments.library import build_ready_plan, plan_values
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import SEAL, ImportRefusedError
-from backend.models.document import digest_of
+from backend.models.document import document_digest
 from backend.services.downloads import look_over
-from backend.services.runs import planned
+from backend.services.runs import read_planned_run
 from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import Run
@@ -55,7 +55,7 @@ def sealed(text: str, change: Callable[[dict[str, Any]], None]) -> str:
     said = json.loads(line.removeprefix(MARK))
     said.pop(SEAL)
     change(said["run"])
-    return f"{head}{MARK}{json.dumps(said | {SEAL: digest_of(said)}, ensure_ascii=False)}\n{tail}"
+    return f"{head}{MARK}{json.dumps(said | {SEAL: document_digest(said)}, ensure_ascii=False)}\n{tail}"
 
 
 def test_an_export_that_was_sealed_again_is_not_taken_in(played: tuple[Path, Path], tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_a_run_that_is_stored_so_is_refused_by_all_that_opens_it(played: tuple[P
         assert "-15 to 15" in refused.stderr, words
     database = open_database(tmp_path)
     with pytest.raises(ExperimentError):
-        planned(database, 1)
+        read_planned_run(database, 1)
     with database.reading() as session, pytest.raises(ImportRefusedError):
         look_over(runs.get(session, 1))
     database.close()
@@ -112,7 +112,7 @@ def run_with(**settings: Any) -> Run:
     return replace(run, settings={**run.settings, **settings})
 
 
-OF_PLAN = kept_values(ready_plan("tracking"))
+OF_PLAN = plan_values(build_ready_plan("tracking"))
 
 
 @pytest.mark.parametrize(

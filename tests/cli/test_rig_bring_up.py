@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.cli import main
 from backend.cli.experiments import current_user
 from backend.cli.rig import GivenUpError, Terminal
 from backend.commissioning import status as standing
 from backend.commissioning.procedure import StepFinding
-from backend.commissioning.session import Prompt, session
+from backend.commissioning.session import Prompt, open_session
 from backend.commissioning.steps import STEPS, StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.ipc import Setup
@@ -172,7 +172,7 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
     done(tmp_path, StepId.WIRING_TEST)
     parameters = load_parameters("lab")
     choice = PlantChoice(PlantKind.VIRTUAL_CARD)
-    setup = Setup(choice, "lab", 0, tuning_command(parameters, LoopSettings(), None))
+    setup = Setup(choice, "lab", 0, build_tuning_command(parameters, LoopSettings(), None))
 
     async def confirmed(_words: str) -> None:
         """Do what is asked for at once."""
@@ -180,7 +180,7 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
     async def given_up() -> tuple[Supervisor, float, float]:
         with closing(open_database(tmp_path)) as database:
             person = Prompt("Ada", confirmed, lambda _phase: None)
-            async with session(database, setup, parameters, person) as at_rig:
+            async with open_session(database, setup, parameters, person) as at_rig:
                 supervisor = at_rig.supervisor
                 await at_rig.play(StepId.ZERO, {})
                 playing = asyncio.create_task(at_rig.play(StepId.DIRECTION, {}))

@@ -15,11 +15,11 @@ from backend.tuning.simulation import (
     rig_of,
     trajectory_of,
 )
-from plant.compiled import compiled_run
+from plant.compilation import compiled_run
 from plant.dynamics import PlantState
 from plant.interface import Measurement, MotorCommand
 from plant.parameters import PlantParameters
-from plant.simulator import DELAY_SLOTS, actuate, exceeded, sense
+from plant.simulator import DELAY_SLOTS, actuate_plant, is_limit_exceeded, sense_state
 
 
 @compiled_run
@@ -35,11 +35,11 @@ def _single_loop(
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
         y, controller = baselines.step_single_loop(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
         record(out[k], m, y)
-        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
-        if exceeded(rig.plant, rig.bounds, x):
+        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if is_limit_exceeded(rig.plant, rig.bounds, x):
             return k
     return -1
 
@@ -58,11 +58,11 @@ def _feedback_linearization(
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
         y, controller = baselines.step_feedback_linearization(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
         record(out[k], m, y)
-        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
-        if exceeded(rig.plant, rig.bounds, x):
+        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if is_limit_exceeded(rig.plant, rig.bounds, x):
             return k
     return -1
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from backend.control import disturbance_observer
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import Array, Trajectory, run
-from plant.compiled import compiled_run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import Array, Trajectory, simulate_cascade
+from plant.compilation import compiled_run
 from plant.interface import Measurement
 from plant.parameters import PlantParameters
 
@@ -44,8 +44,8 @@ def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> A
 
 def held(parameters: PlantParameters, S: float, F_push: Array, q: Array | float = 0.0) -> Trajectory:
     ticks = F_push.size
-    tuning = cascade_tuning(parameters, TuningParameters(0.355, 0.345), u_plan=8.5)
-    return run(parameters, tuning, np.broadcast_to(q, ticks).copy(), np.full(ticks, S), F_push)
+    tuning = make_cascade_tuning(parameters, TuningParameters(0.355, 0.345), u_plan=8.5)
+    return simulate_cascade(parameters, tuning, np.broadcast_to(q, ticks).copy(), np.full(ticks, S), F_push)
 
 
 def learned(parameters: PlantParameters) -> Array:

@@ -12,12 +12,12 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from backend.realtime.commands import Accepted, ApplyPush, Command, SetMode, SetReferences
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import Mode
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from backend.tuning.gains import PointModel, TuningParameters, designed_point, motor_loops
+from backend.tuning.gains import PointModel, TuningParameters, designed_point, make_motor_loops
 from backend.tuning.preview import Steps, TuningPreviewer
 from backend.tuning.simulation import BAND, NEAR_RAD, PUSH_N, Array
 from plant.interface import T_s
@@ -107,7 +107,7 @@ class Bench:
         self._rows: list[Array] = []
         self._read = 0
         parameters = load_parameters(case.name)
-        tuning = tuning_for(parameters, case.lambdas, case.points, None, case.interpolate, case.u_plan)
+        tuning = make_tuning_command(parameters, case.lambdas, case.points, None, case.interpolate, case.u_plan)
         self._loop = SimulatedLoop(Simulator(parameters, seed=1), parameters, tuning, self._keep)
         self.send(SetMode(Mode.PRETENSION))
         for _ in range(300):
@@ -170,7 +170,7 @@ def differences(case: Case) -> dict[str, float]:
         F_push=case.F_push,
     )
     relative, counts = RELATIVE[case.name], COUNTS[case.name]
-    loop = motor_loops(parameters, lambdas.lam_motor).A
+    loop = make_motor_loops(parameters, lambdas.lam_motor).A
     volts = counts * (loop.k_p + loop.k_d / loop.t_f) * MOTOR_COUNT
     newtons = counts * _steepest(parameters) * parameters.geometry.r_j * JOINT_COUNT
     held_V = _held_by_friction(parameters, max(case.S))

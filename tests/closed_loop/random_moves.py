@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from backend.control.decoupler import bounds_for
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.control.decoupler import compute_bounds
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import plan_range
-from backend.tuning.simulation import Trajectory, run
+from backend.tuning.simulation import Trajectory, simulate_cascade
 from plant.parameters import PlantParameters
 
 
 def random_moves(parameters: PlantParameters, seed: int, moves: int) -> Trajectory:
     """Play so many moves from rest by one tuning; the same seed gives the same ones."""
     random = np.random.default_rng(seed)
-    bounds = bounds_for(parameters)
+    bounds = compute_bounds(parameters)
     lambdas = TuningParameters(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
     budget = random.uniform(*plan_range(parameters)) if random.random() < 0.8 else 0.0
     q, S = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0)
@@ -22,4 +22,6 @@ def random_moves(parameters: PlantParameters, seed: int, moves: int) -> Trajecto
         S = random.uniform(bounds.S_min, bounds.S_max) if random.random() < 0.5 else S
         legs.append((q, S, int(random.uniform(100, 1500))))
     q_ref, S_ref = (np.concatenate([np.full(leg[2], leg[at]) for leg in legs]) for at in (0, 1))
-    return run(parameters, cascade_tuning(parameters, lambdas, u_plan=budget), q_ref, S_ref, seed=seed)
+    return simulate_cascade(
+        parameters, make_cascade_tuning(parameters, lambdas, u_plan=budget), q_ref, S_ref, seed=seed
+    )

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from backend.control import cascade, decoupler
-from backend.control.decoupler import bounds_for
+from backend.control.decoupler import compute_bounds
 from backend.tuning import simulation
-from backend.tuning.gains import PointModel, TuningParameters, cascade_tuning, designed_point
+from backend.tuning.gains import PointModel, TuningParameters, designed_point, make_cascade_tuning
 from backend.tuning.preview import plan_range
 from plant.parameters import PlantParameters
 
@@ -25,14 +25,14 @@ class Played(NamedTuple):
 def random_program(plant: PlantParameters, seed: int) -> Played:
     """Play ten legs from rest; the same seed gives the same program."""
     random = np.random.default_rng(seed)
-    rig, bounds = simulation.rig_of(plant), bounds_for(plant)
+    rig, bounds = simulation.rig_of(plant), compute_bounds(plant)
     points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
 
     def tuning() -> cascade.CascadeTuning:
         lambdas = TuningParameters(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
         bank: list[PointModel] = points if random.random() < 0.5 else []
         budget = random.uniform(*plan_range(plant)) if random.random() < 0.8 else 0.0
-        return cascade_tuning(plant, lambdas, bank, interpolate=bool(random.random() < 0.5), u_plan=budget)
+        return make_cascade_tuning(plant, lambdas, bank, interpolate=bool(random.random() < 0.5), u_plan=budget)
 
     q_ref, S_ref, F_push, chosen = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0), 0.0, tuning()
     x, law = simulation.at_rest(rig, chosen, q_ref, S_ref)

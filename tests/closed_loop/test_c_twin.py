@@ -8,7 +8,7 @@ import pytest
 
 from backend.control.decoupler import Envelope
 from backend.tuning import simulation
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from plant.parameters import load_parameters
 from tests.bench.c_twin import CTwin
 
@@ -18,7 +18,7 @@ from tests.bench.c_twin import CTwin
 @pytest.mark.parametrize("pushed_N", [5.0, 30.0])
 def test_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     parameters = load_parameters(name)
-    tuning = cascade_tuning(parameters, TuningParameters())._replace(u_max=4.0)
+    tuning = make_cascade_tuning(parameters, TuningParameters())._replace(u_max=4.0)
     # The twin has the paper's law alone: no dead zones at rest (decision 0053).
     tuning = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
     q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], 800), np.repeat([10.0, 10.0, 14.0], 800)

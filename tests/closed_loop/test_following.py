@@ -11,9 +11,9 @@ import pytest
 from backend.control import cascade
 from backend.control.trajectory import SMOOTHED, TrajectoryState
 from backend.tuning import simulation
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import usual_budget
-from backend.tuning.simulation import Array, Trajectory, run
+from backend.tuning.simulation import Array, Trajectory, simulate_cascade
 from plant.dynamics import PlantState
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH
@@ -34,9 +34,9 @@ class Reached(NamedTuple):
 def stepped(
     plant: PlantParameters, q: tuple[float, float], S: tuple[float, float], budget: float, known: PlantParameters
 ) -> Trajectory:
-    tuning = cascade_tuning(known, LAMBDAS, u_plan=budget)
+    tuning = make_cascade_tuning(known, LAMBDAS, u_plan=budget)
     ticks = AT, 4000
-    return run(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks))
+    return simulate_cascade(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks))
 
 
 def reached(y: Array, start: float, end: float) -> Reached:
@@ -81,9 +81,9 @@ def test_the_electrical_lag_makes_no_overshoot(tau_e: float, lambdas: TuningPara
     """The plan's model has it; without it S overshoots by 0.6 to 2.1 % of the step from 8 to 10 N·m/rad."""
     ideal = load_parameters("ideal")
     plant = replace(ideal, motor=replace(ideal.motor, tau_e=tau_e))
-    tuning = cascade_tuning(plant, lambdas, u_plan=usual_budget(plant))
+    tuning = make_cascade_tuning(plant, lambdas, u_plan=usual_budget(plant))
     ticks = AT, 3000
-    found = run(plant, tuning, np.zeros(sum(ticks)), np.repeat(S, ticks))
+    found = simulate_cascade(plant, tuning, np.zeros(sum(ticks)), np.repeat(S, ticks))
     assert reached(found.S, *S).overshoot_percent <= 0.02
     assert np.max(np.abs(found.q)) <= 1e-4
 
@@ -133,7 +133,9 @@ def test_a_sine_is_followed(name: str) -> None:
     q_ref = 0.5 * np.sin(2.0 * np.pi * 0.3 * np.maximum(t - 1.0, 0.0))
     errors = {}
     for budget in (0.0, usual_budget(plant)):
-        found = run(plant, cascade_tuning(plant, LAMBDAS, u_plan=budget), q_ref, np.full(t.size, 10.0))
+        found = simulate_cascade(
+            plant, make_cascade_tuning(plant, LAMBDAS, u_plan=budget), q_ref, np.full(t.size, 10.0)
+        )
         errors[budget > 0.0] = float(np.sqrt(np.mean((found.q - q_ref)[AT:] ** 2)))
     assert errors[True] <= 0.01
     assert errors[False] > 0.3  # the paper's law lags
@@ -173,7 +175,7 @@ TICKS = [150, 230, 700, 1500, 6000]
 def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
     ideal = load_parameters("ideal")
     without, with_plan, _, _, after = without_and_with(
-        cascade_tuning(ideal, LAMBDAS), cascade_tuning(ideal, LAMBDAS, u_plan=8.5), at
+        make_cascade_tuning(ideal, LAMBDAS), make_cascade_tuning(ideal, LAMBDAS, u_plan=8.5), at
     )
     d, c = after.plan.window_d, after.plan.window_c
     own = np.array([c[0] - c[1] + d[0] - d[1], c[0] - c[1] - d[0] + d[1]]) / SMOOTHED
@@ -185,7 +187,7 @@ def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
 def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
     ideal = load_parameters("ideal")
     without, by_governor, _, planned, after = without_and_with(
-        cascade_tuning(ideal, LAMBDAS, u_plan=8.5), cascade_tuning(ideal, LAMBDAS), at
+        make_cascade_tuning(ideal, LAMBDAS, u_plan=8.5), make_cascade_tuning(ideal, LAMBDAS), at
     )
     own = mean_voltages(after.plan) - mean_voltages(planned.plan)
     assert np.max(np.abs(by_governor - without - own)) < 1e-3
@@ -198,8 +200,8 @@ def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
 def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tuple[float, float]) -> None:
     """Changed over at any moment of a move between the ends of S: neither goes beyond them, nor takes long to stop."""
     plant = load_parameters(name)
-    rig, planned = simulation.rig_of(plant), cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
-    governed = cascade_tuning(plant, LAMBDAS)
+    rig, planned = simulation.rig_of(plant), make_cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
+    governed = make_cascade_tuning(plant, LAMBDAS)
     x, law = simulation.at_rest(rig, planned, 0.3, way[0])
 
     def play(tuning: cascade.CascadeTuning, x: PlantState, law: cascade.CascadeState, ticks: int) -> tuple[Any, ...]:
@@ -226,8 +228,8 @@ def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tupl
 def test_no_change_of_gains_shows_under_a_plan(changed: dict[str, float], at: int) -> None:
     ideal = load_parameters("ideal")
     without, with_change, *_ = without_and_with(
-        cascade_tuning(ideal, TuningParameters(), u_plan=8.5),
-        cascade_tuning(ideal, TuningParameters(**changed), u_plan=8.5),
+        make_cascade_tuning(ideal, TuningParameters(), u_plan=8.5),
+        make_cascade_tuning(ideal, TuningParameters(**changed), u_plan=8.5),
         at,
     )
     assert np.max(np.abs(with_change - without)) < 1e-3

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import SimulatedRig, at_rest, rig_of, run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import SimulatedRig, at_rest, rig_of, simulate_cascade
 from plant.parameters import PlantParameters, load_parameters
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def rate(rig: SimulatedRig, x: Array, u: tuple[float, float]) -> list[float]:
 
 def cascade_anew(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tuple[Array, Array, Array]:
     """Return q, S and voltages (ticks, 2)."""
-    tuning, rig = cascade_tuning(parameters, TuningParameters()), rig_of(parameters)
+    tuning, rig = make_cascade_tuning(parameters, TuningParameters()), rig_of(parameters)
     d = tuning.decoupler
     r_m, r_j, k_1, k_2 = d.r_m, d.r_j, d.k_1, d.k_2
     _, p_q, i_q, r_q, p_S, i_S, r_S = tuning.schedule.entries[0]
@@ -88,7 +88,7 @@ def test_both_references_step(name: str) -> None:
     ticks = 500
     q_ref, S_ref = np.full(ticks, 0.3), np.full(ticks, 11.0)
     q_ref[:20], S_ref[:20] = 0.0, 10.0
-    trajectory = run(parameters, cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
     q, S, u = cascade_anew(parameters, q_ref, S_ref)
     assert np.ptp(trajectory.q) > 0.02, "the joint has to move for this to mean anything"
     assert trajectory.q == pytest.approx(q, abs=1e-8)

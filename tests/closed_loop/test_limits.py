@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from backend.control.decoupler import Envelope
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import Trajectory, run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import Trajectory, simulate_cascade
 from plant.parameters import PlantParameters, load_parameters
 
 WITHOUT = Envelope(F_floor=-1e3, F_ceiling=1e3, q_max=1e3)
@@ -24,11 +24,11 @@ class Push:
     ramp_s: float
 
     def play(self, parameters: PlantParameters, envelope: Envelope | None = None) -> Trajectory:
-        tuning = cascade_tuning(parameters, TuningParameters())
+        tuning = make_cascade_tuning(parameters, TuningParameters())
         tuning = tuning if envelope is None else tuning._replace(envelope=envelope)
         t = 1e-3 * np.arange(TICKS)
         F_push = np.interp(t, [1.0, 1.0 + self.ramp_s, 8.0, 8.0 + self.ramp_s], [0.0, self.force_N, self.force_N, 0.0])
-        return run(parameters, tuning, np.full(TICKS, self.q), np.full(TICKS, self.S), F_push)
+        return simulate_cascade(parameters, tuning, np.full(TICKS, self.q), np.full(TICKS, self.S), F_push)
 
 
 def least_tension(trajectory: Trajectory) -> float:

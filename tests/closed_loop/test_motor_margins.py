@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.control import pid
-from backend.tuning.gains import motor_loops, motor_model
+from backend.tuning.gains import make_motor_loops, motor_model
 from backend.tuning.robustness import motor_robustness
 from plant.interface import MotorCommand, T_s
 from plant.parameters import PlantParameters, load_parameters
@@ -39,7 +39,7 @@ def readings(
 
 @pytest.mark.parametrize("lam", [0.05, 0.065, 0.0854, 0.11, 0.15])
 def test_M_s_is_how_much_of_a_sine_on_the_encoder_stays(ideal: PlantParameters, lam: float) -> None:
-    gains, settled = motor_loops(ideal, lam), round(12.0 * lam / T_s)
+    gains, settled = make_motor_loops(ideal, lam), round(12.0 * lam / T_s)
     t = np.arange(settled + 1600) * T_s
     sines = np.sin(SINES[:, :, np.newaxis] * t)
     read = readings(ideal, gains, AMPLITUDE * sines.sum(axis=0).T)[settled:]
@@ -53,18 +53,18 @@ def test_M_s_is_how_much_of_a_sine_on_the_encoder_stays(ideal: PlantParameters, 
 
 @pytest.mark.parametrize("lam", [0.05, 0.0854, 0.15])
 def test_the_loop_bears_as_much_gain_as_is_shown_and_no_more(ideal: PlantParameters, lam: float) -> None:
-    law = motor_loops(ideal, lam).A
+    law = make_motor_loops(ideal, lam).A
     margin = motor_robustness(motor_model(ideal, "A"), law).gain_margin
     assert grows(ideal, times(law, 1.05 * margin), 0.9)
     assert not grows(ideal, times(law, 0.95 * margin), 0.9)
 
 
 def test_a_conditionally_stable_loop_bears_as_little_gain_as_is_shown_and_no_less(ideal: PlantParameters) -> None:
-    law = motor_loops(ideal, 0.05).A
+    law = make_motor_loops(ideal, 0.05).A
     least = motor_robustness(motor_model(ideal, "A"), law).gain_reduction
     assert grows(ideal, times(law, 0.7 * least), 7.5)
     assert not grows(ideal, times(law, 1.4 * least), 7.5)
-    assert motor_robustness(motor_model(ideal, "A"), motor_loops(ideal, 0.0854).A).gain_reduction == 0.0
+    assert motor_robustness(motor_model(ideal, "A"), make_motor_loops(ideal, 0.0854).A).gain_reduction == 0.0
 
 
 def times(law: pid.IPDGains, factor: float) -> pid.IPDGains:

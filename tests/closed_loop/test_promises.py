@@ -10,9 +10,9 @@ import pytest
 
 from backend.control import cascade
 from backend.tuning import simulation
-from backend.tuning.gains import LAM_MAX, PointModel, TuningParameters, cascade_tuning, designed_point
+from backend.tuning.gains import LAM_MAX, PointModel, TuningParameters, designed_point, make_cascade_tuning
 from backend.tuning.preview import TuningPreviewer, least_reach_time
-from backend.tuning.simulation import Array, run
+from backend.tuning.simulation import Array, simulate_cascade
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 
@@ -40,7 +40,9 @@ def test_any_lambda_that_is_offered_keeps_the_promise(name: str, S_nominal: floa
         hold = max(8.0, 12.0 * lam_q, 12.0 * lam_S)
         corners = ((-HIGH, 8.0), (HIGH, 8.0), (HIGH, 14.0), (-HIGH, 14.0), (-HIGH, 8.0), (HIGH, 14.0), (-HIGH, 8.0))
         q_ref, S_ref = references(tuple((q, S, hold) for q, S in corners))
-        trajectory = run(parameters, cascade_tuning(parameters, TuningParameters(lam_q, lam_S), [point]), q_ref, S_ref)
+        trajectory = simulate_cascade(
+            parameters, make_cascade_tuning(parameters, TuningParameters(lam_q, lam_S), [point]), q_ref, S_ref
+        )
         quality = assess(trajectory, q_ref, S_ref)
         assert trajectory.tripped_at == -1, (lam_q, lam_S)
         assert quality.overshoot_percent <= 2.0, (lam_q, lam_S)
@@ -54,7 +56,7 @@ def test_any_lambda_that_is_offered_keeps_the_promise(name: str, S_nominal: floa
 def test_defaults(name: str, stiffness: float) -> None:
     parameters = load_parameters(name)
     q_ref, S_ref = references(STEPS)
-    trajectory = run(parameters, cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
     quality = assess(trajectory, q_ref, S_ref)
     assert quality.overshoot_percent <= 1.0
     assert quality.stiffness_deviation <= stiffness
@@ -73,7 +75,7 @@ def test_fastest_admissible_setting(name: str) -> None:
     assert lam_q_min <= lambdas.lam_q
     assert lam_S_min <= lambdas.lam_S
     q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0), (-HIGH, 10.0, 8.0)))
-    trajectory = run(parameters, cascade_tuning(parameters, lambdas), q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, lambdas), q_ref, S_ref)
     quality = assess(trajectory, q_ref, S_ref)
     reached_s = 1e-3 * (int(np.argmax(trajectory.q > -HIGH + 0.9 * 2.0 * HIGH)) - 1000)
     assert reached_s <= 1.35
@@ -96,12 +98,12 @@ def mismatched(parameters: PlantParameters) -> Iterator[PlantParameters]:
 @pytest.mark.parametrize("name", SETS)
 def test_constants_a_fifth_off(name: str) -> None:
     parameters = load_parameters(name)
-    tuning = cascade_tuning(parameters, TuningParameters())
+    tuning = make_cascade_tuning(parameters, TuningParameters())
     # A spring that is a fifth stiffer carries a fifth more at the same angles: 14 N·m/rad would be 47.5 N.
     steps = ((0.0, 10.0, 1.0), (HIGH, 10.0, 6.0), (-HIGH, 10.0, 6.0), (-HIGH, 14.0, 5.0), (HIGH, 8.0, 6.0))
     q_ref, S_ref = references(steps)
     for plant in mismatched(parameters):
-        trajectory = run(plant, tuning, q_ref, S_ref)
+        trajectory = simulate_cascade(plant, tuning, q_ref, S_ref)
         quality = assess(trajectory, q_ref, S_ref)
         assert trajectory.tripped_at == -1, plant.asymmetry
         assert quality.overshoot_percent <= 5.0, plant.asymmetry
@@ -117,17 +119,20 @@ def four_points(parameters: PlantParameters, scale: float = 1.0) -> list[PointMo
 
 
 CHANGES: dict[str, Change] = {
-    "λ_q": lambda p: (cascade_tuning(p, TuningParameters()), cascade_tuning(p, TuningParameters(lam_q=1.2))),
-    "λ_S": lambda p: (cascade_tuning(p, TuningParameters()), cascade_tuning(p, TuningParameters(lam_S=0.9))),
-    "λ_motor": lambda p: (cascade_tuning(p, TuningParameters()), cascade_tuning(p, TuningParameters(lam_motor=0.1))),
-    "b": lambda p: (cascade_tuning(p, TuningParameters()), cascade_tuning(p, TuningParameters(b=1.0))),
+    "λ_q": lambda p: (make_cascade_tuning(p, TuningParameters()), make_cascade_tuning(p, TuningParameters(lam_q=1.2))),
+    "λ_S": lambda p: (make_cascade_tuning(p, TuningParameters()), make_cascade_tuning(p, TuningParameters(lam_S=0.9))),
+    "λ_motor": lambda p: (
+        make_cascade_tuning(p, TuningParameters()),
+        make_cascade_tuning(p, TuningParameters(lam_motor=0.1)),
+    ),
+    "b": lambda p: (make_cascade_tuning(p, TuningParameters()), make_cascade_tuning(p, TuningParameters(b=1.0))),
     "bank": lambda p: (
-        cascade_tuning(p, TuningParameters()),
-        cascade_tuning(p, TuningParameters(), four_points(p, 1.1)),
+        make_cascade_tuning(p, TuningParameters()),
+        make_cascade_tuning(p, TuningParameters(), four_points(p, 1.1)),
     ),
     "to interpolation": lambda p: (
-        cascade_tuning(p, TuningParameters(), four_points(p)),
-        cascade_tuning(p, TuningParameters(), four_points(p, 1.05), interpolate=True),
+        make_cascade_tuning(p, TuningParameters(), four_points(p)),
+        make_cascade_tuning(p, TuningParameters(), four_points(p, 1.05), interpolate=True),
     ),
 }
 
@@ -165,9 +170,9 @@ def test_the_bank_switches_by_itself_without_a_bump() -> None:
     """Entries whose gains differ by a tenth: the tick of a switch is no rougher than its neighbours."""
     parameters = load_parameters("ideal")
     points = [replace(point, K_S=point.K_S * (1.0 + 0.1 * k)) for k, point in enumerate(four_points(parameters))]
-    tuning = cascade_tuning(parameters, TuningParameters(), points)
+    tuning = make_cascade_tuning(parameters, TuningParameters(), points)
     q_ref, S_ref = references(((0.0, 8.0, 0.5), (0.5, 14.0, 6.0)))
-    rough = run(parameters, tuning, q_ref, S_ref)
+    rough = simulate_cascade(parameters, tuning, q_ref, S_ref)
     schedule = tuning.schedule.entries[:, 0]
     borders = 0.5 * (schedule[1:] + schedule[:-1]) + 0.2
     switches = [int(np.argmax(rough.S_ref_gov > border)) for border in borders]
@@ -182,6 +187,6 @@ def test_a_trajectory_begins_at_rest_under_its_first_references() -> None:
     parameters = load_parameters("ideal")
     q_ref, S_ref = np.full(20, 0.5), np.full(20, 12.0)
     q_ref[0], S_ref[0] = 0.1, 9.0
-    trajectory = run(parameters, cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
     assert trajectory.q[0] == pytest.approx(0.1, abs=COUNT)
     assert trajectory.S[0] == pytest.approx(9.0, abs=0.02)

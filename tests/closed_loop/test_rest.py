@@ -10,7 +10,7 @@ import pytest
 from backend.control import cascade, decoupler
 from backend.control.pid import beyond
 from backend.control.trajectory import LoopReferences
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import usual_budget
 from backend.tuning.simulation import at_rest, rig_of
 from plant.interface import Measurement
@@ -68,7 +68,7 @@ def after_move(
 ) -> Hold:
     (q_0, S_0), (q, S) = way
     ticks = 1000, 1000 * (settled_s + HOLD_S)
-    tuning = cascade_tuning(plant, LAMBDAS, u_plan=budget)
+    tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=budget)
     if not rests:
         tuning = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
     states = true_states.run(plant, tuning, np.repeat([q_0, q], ticks), np.repeat([S_0, S], ticks))
@@ -100,7 +100,7 @@ def test_a_hold_is_quiet(name: str, motion: str) -> None:
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
 def test_a_hold_from_rest_is_quiet(name: str, u_plan: float) -> None:
     plant = load_parameters(name)
-    tuning = cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
+    tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
     for q, S in ((0.3, 10.0), (-0.7001, 14.0), (1.1, 8.5)):
         states = true_states.run(plant, tuning, np.full(30_000, q), np.full(30_000, S))
         hold = held(states, 10_000, q)
@@ -127,7 +127,7 @@ def test_rest_does_not_change_the_approach_in_lambda() -> None:
     without_friction = replace(plant, motor=replace(plant.motor, c0=0.0, c1=0.0))
     for degrees in (1.0, 5.0, 20.0):
         for known in (plant, without_friction):
-            tuning = cascade_tuning(known, TuningParameters(lam_q=lam))
+            tuning = make_cascade_tuning(known, TuningParameters(lam_q=lam))
             restless = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
             q_ref = np.repeat([0.0, math.radians(degrees)], (1000, 6000))
             t_90 = []
@@ -144,7 +144,7 @@ def test_rest_does_not_change_the_approach_in_lambda() -> None:
 def test_a_push_at_rest_is_pushed_back(name: str, u_plan: float) -> None:
     """Integrators that rest begin again: joint and stiffness come back to where they rested, within a dead zone."""
     plant = load_parameters(name)
-    tuning = cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
+    tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
     F_push = np.zeros(30_000)
     F_push[10_000:] = 5.0
     states = true_states.run(plant, tuning, np.full(F_push.size, 0.3), np.full(F_push.size, 12.0), F_push)
@@ -172,7 +172,7 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
 ) -> None:
     """Not where a reference moves, however slowly; with the position loop open where the equilibrium is as wanted."""
     lab = load_parameters("lab")
-    tuning = cascade_tuning(lab, LAMBDAS, u_plan=u_plan)
+    tuning = make_cascade_tuning(lab, LAMBDAS, u_plan=u_plan)
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, 0.3, 10.0)
     _, law = at_rest(rig_of(lab), tuning, 0.3, 10.0)
     beside = turned * MOTOR_COUNT

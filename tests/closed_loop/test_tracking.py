@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import simulate_cascade
 from plant.parameters import Asymmetry, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 
@@ -21,7 +21,7 @@ from tests.closed_loop.quality import HIGH, STEPS, assess, references
 def test_tracking(name: str, lambdas: TuningParameters, overshoot: float, stiffness: float, tension: float) -> None:
     parameters = load_parameters(name)
     q_ref, S_ref = references(STEPS)
-    trajectory = run(parameters, cascade_tuning(parameters, lambdas), q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, lambdas), q_ref, S_ref)
     quality = assess(trajectory, q_ref, S_ref)
     assert trajectory.tripped_at == -1
     assert quality.overshoot_percent < overshoot
@@ -33,8 +33,8 @@ def test_naive_cascade_reproduces_the_figures_of_the_method_page() -> None:
     """Without governor, λ = 0.5 touches 10 V harmlessly: 1.9 s to 90 % of a 2π/3 step, no overshoot."""
     parameters = load_parameters("ideal")
     q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0)))
-    tuning = cascade_tuning(parameters, TuningParameters(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
-    trajectory = run(parameters, tuning, q_ref, S_ref)
+    tuning = make_cascade_tuning(parameters, TuningParameters(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
+    trajectory = simulate_cascade(parameters, tuning, q_ref, S_ref)
     reached = int(np.argmax(trajectory.q > -HIGH + 0.9 * 2.0 * HIGH)) - 1000
     assert reached == pytest.approx(1900, abs=30)
     assert np.max(np.abs(trajectory.u_A)) == 10.0
@@ -47,9 +47,9 @@ def test_swapping_sides_and_negating_q_mirrors_the_run(targets: list[tuple[float
     parameters = replace(load_parameters("lab"), sensors=load_parameters("ideal").sensors)
     parameters = replace(parameters, asymmetry=Asymmetry(1.03, 0.97, 0.98, 1.02))
     mirrored = replace(parameters, asymmetry=Asymmetry(0.97, 1.03, 1.02, 0.98))
-    tuning = cascade_tuning(parameters, TuningParameters())
+    tuning = make_cascade_tuning(parameters, TuningParameters())
     q_ref, S_ref = references(tuple((q, S, 1.0) for q, S in targets))
-    run_A, run_B = run(parameters, tuning, q_ref, S_ref), run(mirrored, tuning, -q_ref, S_ref)
+    run_A, run_B = simulate_cascade(parameters, tuning, q_ref, S_ref), simulate_cascade(mirrored, tuning, -q_ref, S_ref)
     for mine, other in (("q", "q"), ("theta_A", "theta_B"), ("F_A", "F_B"), ("u_A", "u_B")):
         sign = -1.0 if mine == "q" else 1.0
         assert getattr(run_A, mine) == pytest.approx(sign * getattr(run_B, other), abs=1e-7)

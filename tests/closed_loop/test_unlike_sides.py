@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import simulate_cascade
 from plant.parameters import PlantParameters, load_parameters
 
 HOLD = 6000
@@ -26,10 +26,10 @@ def unlike_sides() -> PlantParameters:
 
 def test_steps_of_position_and_stiffness() -> None:
     parameters = unlike_sides()
-    tuning = cascade_tuning(parameters, TuningParameters())
+    tuning = make_cascade_tuning(parameters, TuningParameters())
     q_ref = np.repeat([0.0, np.pi / 3, -np.pi / 3, -np.pi / 3, -np.pi / 3], HOLD)
     S_ref = np.repeat([10.0, 10.0, 10.0, 13.0, 9.0], HOLD)
-    trajectory = run(parameters, tuning, q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, tuning, q_ref, S_ref)
     assert trajectory.tripped_at == -1
     assert min(trajectory.F_A.min(), trajectory.F_B.min()) > 5.0
     for k in range(1, 5):

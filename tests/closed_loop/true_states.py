@@ -17,11 +17,11 @@ from backend.tuning.simulation import (
     inputs_of,
     rig_of,
 )
-from plant.compiled import compiled_run
+from plant.compilation import compiled_run
 from plant.dynamics import PlantState
 from plant.interface import MotorCommand
 from plant.parameters import PlantParameters
-from plant.simulator import DELAY_SLOTS, actuate, sense
+from plant.simulator import DELAY_SLOTS, actuate_plant, sense_state
 
 
 class TrueStates(NamedTuple):
@@ -48,12 +48,12 @@ def _simulate(
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, law = cascade.step(tuning, law, r, True, m)
         row = out[k]
         row[0], row[1], row[2], row[3], row[4], row[5] = x.q, m.S_true, x.theta_A, x.theta_B, y.u_A, y.u_B
-        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
 
 
 def run(

@@ -5,9 +5,9 @@ from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.commissioning.procedure import ProcedureContext, StepFinding
-from backend.commissioning.session import run_step, values_of
+from backend.commissioning.session import collect_values, run_step
 from backend.commissioning.steps import StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import SwitchDrives
@@ -39,7 +39,7 @@ class BroughtUpRig:
     def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:
         self.simulator = Simulator(PARAMETERS, 0)
         self.rig = VirtualRig(declared, self.simulator, None, true, load_cells_measured=True)
-        self.loop = SimulatedLoop(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
+        self.loop = SimulatedLoop(self.rig, PARAMETERS, build_tuning_command(PARAMETERS, LoopSettings(), None))
         self.declared = declared
         self.asked: list[str] = []
         self.meanwhile: Callable[[str], Awaitable[None]] | None = None
@@ -65,7 +65,7 @@ class BroughtUpRig:
             self.loop,
             self.declared,
             PARAMETERS,
-            values_of(step, values),
+            collect_values(step, values),
             computed=True,
             confirmed=self._confirmed,
             switch=lambda on: self.loop.send(SwitchDrives(on)),

@@ -8,7 +8,7 @@ import pytest
 
 from backend.commissioning.session import KeptHands, switch_drives
 from backend.realtime.commands import Accepted, Command, Refused
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.ipc import Setup
 from backend.realtime.program import SetTuning
 from backend.realtime.supervisor import LoopExitedError, Supervisor
@@ -22,7 +22,7 @@ RIG, VIRTUAL = PlantChoice(PlantKind.RIG), PlantChoice(PlantKind.VIRTUAL_CARD)
 
 @pytest.fixture(scope="module")
 def tuning() -> SetTuning:
-    return tuning_for(load_parameters("ideal"), TuningParameters())
+    return make_tuning_command(load_parameters("ideal"), TuningParameters())
 
 
 def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobody_is(tmp_path: Path) -> None:

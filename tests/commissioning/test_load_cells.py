@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from backend.commissioning.procedure import StepFinding
-from backend.commissioning.session import values_of
+from backend.commissioning.session import collect_values
 from backend.commissioning.steps import WEIGHT_MAX_N, StepId
 from backend.errors import OutOfRangeError
 from backend.realtime.commands import Inject
@@ -77,4 +77,4 @@ def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
 )
 def test_weights_that_tell_nothing_are_refused_before_anything_is_hung(given: dict[str, Any], said: str) -> None:
     with pytest.raises(OutOfRangeError, match=said):
-        values_of(StepId.CALIBRATE, given)
+        collect_values(StepId.CALIBRATE, given)

@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 
 import plant
-from backend.banks.builder import tuning_command
-from backend.banks.tuning_settings import default_choice
+from backend.banks.builder import build_tuning_command
+from backend.banks.tuning_settings import default_tuning_choice
 from backend.commissioning import status
 from backend.commissioning.procedure import MeasuredNumber, StepFinding
 from backend.commissioning.session import BlockedError, KeptHands, Prompt, Session
-from backend.commissioning.status import StepState, blocked_by
+from backend.commissioning.status import StepState, find_blocking_steps
 from backend.commissioning.steps import STEP, STEPS, StepId
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
-from plant.calibration import BroughtUp, CellCalibration, calibrated, fingerprint
+from plant.calibration import BroughtUp, CellCalibration, apply_calibration, wiring_fingerprint
 from plant.factory import make_plant
 from plant.interface import PlantChoice, PlantKind
 from plant.rig import Rig
@@ -42,11 +42,11 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
     found = status.in_effect(database, WIRING)
     assert found.directions_proven
-    in_force = calibrated(WIRING, found.calibrations)
+    in_force = apply_calibration(WIRING, found.calibrations)
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert status.in_effect(database, other) == BroughtUp(wired=fingerprint(other))
+    assert status.in_effect(database, other) == BroughtUp(wired=wiring_fingerprint(other))
     status.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
     assert not status.in_effect(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
@@ -74,7 +74,7 @@ def test_what_another_step_disproves_stands_as_a_failure_of_the_directions(tmp_p
 def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     begun = datetime.now(UTC) - timedelta(seconds=1)
-    wired, other = fingerprint(WIRING), fingerprint(with_entries(encoder_q={"direction": -1.0}))
+    wired, other = wiring_fingerprint(WIRING), wiring_fingerprint(with_entries(encoder_q={"direction": -1.0}))
     zero = status.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
     step = STEP[StepId.ZERO]
     assert status.newest(database)[StepId.ZERO] == zero
@@ -106,24 +106,24 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
 
     # The loop has been started since: homing needs no zero, pretension does.
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.OUT_OF_DATE, StepState.NEVER)
-    assert blocked_by(STEP[StepId.HOME], states()) == ""
-    assert "Zero or Homing" in blocked_by(STEP[StepId.PRETENSION], states())
+    assert find_blocking_steps(STEP[StepId.HOME], states()) == ""
+    assert "Zero or Homing" in find_blocking_steps(STEP[StepId.PRETENSION], states())
     status.keep(database, StepId.HOME, homed, FAILED, "Ada")
     assert states()[StepId.HOME].state is StepState.FAILED
-    assert "Zero or Homing" in blocked_by(STEP[StepId.PRETENSION], states())
+    assert "Zero or Homing" in find_blocking_steps(STEP[StepId.PRETENSION], states())
     status.keep(database, StepId.HOME, homed, PASSED, "Ada")
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.CURRENT, StepState.CURRENT)
-    assert blocked_by(STEP[StepId.PRETENSION], states()) == ""
+    assert find_blocking_steps(STEP[StepId.PRETENSION], states()) == ""
     without = status.states(status.kept(database), WIRING, begun)
     assert StepId.HOME not in without
-    assert "end_switch.position" in blocked_by(STEP[StepId.HOME], without)
+    assert "end_switch.position" in find_blocking_steps(STEP[StepId.HOME], without)
     database.close()
 
 
 def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}
-    begun, wired, step = datetime.now(UTC), fingerprint(WIRING), STEP[StepId.CALIBRATE]
+    begun, wired, step = datetime.now(UTC), wiring_fingerprint(WIRING), STEP[StepId.CALIBRATE]
 
     def calibrated_one(tendon: str) -> tuple[StoredStepResult, StepState, str]:
         kept = status.keep(database, step.id, WIRING, StepFinding(True, "well", (), (cells[tendon],)), "Ada")
@@ -146,10 +146,10 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
 def test_a_step_waits_for_those_before_it(step: StepId) -> None:
     never = dict.fromkeys(StepId, status.StepStatus(StepState.NEVER, ""))
     done = dict.fromkeys(StepId, status.StepStatus(StepState.CURRENT, ""))
-    assert all(STEP[need].title in blocked_by(STEP[step], never) for need in STEP[step].needs)
-    assert blocked_by(STEP[step], done) == ""
+    assert all(STEP[need].title in find_blocking_steps(STEP[step], never) for need in STEP[step].needs)
+    assert find_blocking_steps(STEP[step], done) == ""
     untested = done | {StepId.WIRING_TEST: status.StepStatus(StepState.FAILED, "")}
-    assert blocked_by(STEP[step], untested) == "first: Wiring test"
+    assert find_blocking_steps(STEP[step], untested) == "first: Wiring test"
 
 
 CELLS = tuple(CellCalibration(tendon, 10.7, 0.31, "measured") for tendon in "AB")
@@ -166,13 +166,13 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
 
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
         status.keep(database, step, WIRING, PASSED, "Ada")
-    assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
+    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
     status.keep(database, StepId.TARE, WIRING, MEASURED, "Ada")
     status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
-    assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
+    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
     assert not status.in_effect(database, WIRING).load_cells_measured
     status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
-    assert blocked_by(STEP[StepId.PRETENSION], standings()) == ""
+    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == ""
     assert status.in_effect(database, WIRING).load_cells_measured
     assert not status.in_effect(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
     # Older than it should be: the values in force are still those that were measured.
@@ -180,9 +180,9 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     old[StepId.TARE] = replace(old[StepId.TARE], at=begun - timedelta(days=3))
     aged = status.states(status.Kept(old, 0), WIRING, begun)
     assert aged[StepId.TARE].state is StepState.OUT_OF_DATE
-    assert blocked_by(STEP[StepId.PRETENSION], aged) == ""
+    assert find_blocking_steps(STEP[StepId.PRETENSION], aged) == ""
     status.keep(database, StepId.TARE, WIRING, FAILED, "Ada")
-    assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare"
+    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Tare"
     database.close()
 
 
@@ -193,7 +193,7 @@ def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) 
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
         status.keep(database, step, wiring, PASSED, "Ada")
     states = status.states(status.kept(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
-    assert blocked_by(STEP[StepId.PRETENSION], states) == ""
+    assert find_blocking_steps(STEP[StepId.PRETENSION], states) == ""
     assert status.in_effect(database, wiring).load_cells_measured
     of_one = with_entries(load_cell_A=table)
     assert not status.in_effect(database, of_one).load_cells_measured
@@ -221,7 +221,7 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     cells = tuple(CellCalibration(tendon, 10.7, 0.31, "calibrated") for tendon in "AB")
-    known = BroughtUp(cells, True, True, fingerprint(load_wiring(str(file))))
+    known = BroughtUp(cells, True, True, wiring_fingerprint(load_wiring(str(file))))
 
     def made() -> Rig:
         rig = make_plant(choice, PARAMETERS, 0, None, known)
@@ -231,14 +231,14 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
     assert (made().unproven, made().wired, made().wiring.load_cell_A.slope) == ("", known.wired, 10.7)
     file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
     assert "load cells have not been measured" in made().unproven
-    assert made().wired == fingerprint(load_wiring(str(file))) != known.wired
+    assert made().wired == wiring_fingerprint(load_wiring(str(file))) != known.wired
     assert made().wiring.load_cell_A.slope == 10.0
 
 
 def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> None:
     database, begun = open_database(tmp_path), datetime.now(UTC)
     zero = status.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
-    wired = fingerprint(WIRING)
+    wired = wiring_fingerprint(WIRING)
     assert status.standing(STEP[StepId.ZERO], zero, wired, begun).why == (
         "it holds good for 1 day from when it was done"
     )
@@ -249,7 +249,7 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     database, file = open_database(tmp_path), tmp_path / "rig.toml"
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
-    tuning = tuning_command(PARAMETERS, default_choice(PARAMETERS).choice, None)
+    tuning = build_tuning_command(PARAMETERS, default_tuning_choice(PARAMETERS).choice, None)
     known = status.in_effect(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
     person = Prompt("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)

@@ -23,7 +23,7 @@ from backend.realtime.commands import (
     Stopped,
 )
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import ContactDetection, Excitation, Law, Program, Segment, Shape, TensionLeg, VoltageStep
 from backend.realtime.ring_buffer import Ring
@@ -34,7 +34,7 @@ from plant.parameters import load_parameters
 from plant.simulator import Simulator
 
 LAB = load_parameters("lab")
-TUNING = tuning_for(LAB, TuningParameters())
+TUNING = make_tuning_command(LAB, TuningParameters())
 WOUND_UP = 5900
 """Ticks after which both tendons hold the pretension."""
 
@@ -62,7 +62,10 @@ FELT = (
     Segment(1.5, 0.0, 11.0, wall=1), Segment(0.5, 0.25, 11.0, shape=Shape.RAMP, touch=1), Segment(0.3, 0.25, 11.0),
     Segment(0.3, 0.0, 11.0, shape=Shape.RAMP, touch=2), Segment(0.2, 0.0, 11.0),
 )  # fmt: skip
-RETUNINGS = (tuning_for(LAB, TuningParameters(0.8, 0.6)), tuning_for(LAB, TuningParameters(0.6, 0.9), u_plan=8.5))
+RETUNINGS = (
+    make_tuning_command(LAB, TuningParameters(0.8, 0.6)),
+    make_tuning_command(LAB, TuningParameters(0.6, 0.9), u_plan=8.5),
+)
 STEPS = (VoltageStep(0.0, 3.0, 0.4, 4.0), VoltageStep(-1.0, 5.0, 0.3, 2.0))
 EXCITATION = Excitation(amplitude_rad=0.2, chip_s=0.05, levels="+-++-", periods=2)
 PROGRAMS = {

@@ -12,7 +12,7 @@ from backend.control.decoupler import (
     OFFSET,
     SUM,
     Decoupler,
-    decoupler_for,
+    build_decoupler,
     equilibrium,
     equilibrium_table,
     motor_positions,
@@ -42,10 +42,10 @@ def with_springs(A: tuple[float, ...], B: tuple[float, ...], tabulated_B: bool =
     return replace(load_parameters("ideal"), sided={"identified_A": {"k": A, "points": ()}, "identified_B": known_B})
 
 
-PAPER = decoupler_for(with_springs(QUADRATIC, QUADRATIC))
-LIKE_CUBIC = decoupler_for(with_springs(CUBIC, CUBIC))
-UNLIKE = decoupler_for(with_springs(CUBIC, STIFFER))
-WITH_TABLE = decoupler_for(with_springs(QUADRATIC, CUBIC, tabulated_B=True))
+PAPER = build_decoupler(with_springs(QUADRATIC, QUADRATIC))
+LIKE_CUBIC = build_decoupler(with_springs(CUBIC, CUBIC))
+UNLIKE = build_decoupler(with_springs(CUBIC, STIFFER))
+WITH_TABLE = build_decoupler(with_springs(QUADRATIC, CUBIC, tabulated_B=True))
 
 decouplers = pytest.mark.parametrize(
     "d", [PAPER, LIKE_CUBIC, UNLIKE, WITH_TABLE], ids=["paper", "cubic", "unlike", "table"]
@@ -66,7 +66,7 @@ def test_like_quadratic_springs_follow_equations_18_to_21(q: float, S: float) ->
 
 def test_the_closed_form_is_taken_where_it_holds_and_only_there() -> None:
     assert Decoupler(r_m, r_j, *QUADRATIC) == PAPER
-    assert decoupler_for(load_parameters("lab")).table is None
+    assert build_decoupler(load_parameters("lab")).table is None
     for d in (LIKE_CUBIC, UNLIKE, WITH_TABLE):
         assert d.table is not None
 
@@ -110,7 +110,7 @@ def test_for_like_quadratic_springs_the_table_says_what_the_closed_form_says() -
 
 @given(positions, stiffnesses)
 def test_swapping_the_springs_mirrors_the_motors(q: float, S: float) -> None:
-    swapped = decoupler_for(with_springs(STIFFER, CUBIC))
+    swapped = build_decoupler(with_springs(STIFFER, CUBIC))
     theta_A, theta_B = motor_positions(UNLIKE, q, S)
     assert motor_positions(swapped, -q, S) == pytest.approx((theta_B, theta_A), abs=1e-6)
 

@@ -10,14 +10,14 @@ from backend.control.decoupler import (
     Decoupler,
     Envelope,
     EnvelopeState,
-    decoupler_for,
+    build_decoupler,
     equilibrium_table,
     stiffness_under,
 )
 from plant.parameters import load_parameters
 
 PARAMETERS = load_parameters("ideal")
-D = decoupler_for(PARAMETERS)
+D = build_decoupler(PARAMETERS)
 BOUNDS = Envelope(F_floor=4.0, F_ceiling=48.0, q_max=1.4)
 AT_REST = EnvelopeState(0.0)
 

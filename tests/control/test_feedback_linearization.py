@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.control import baselines
-from backend.tuning.gains import TuningParameters, feedback_linearization_tuning
+from backend.tuning.gains import TuningParameters, make_feedback_linearization_tuning
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization
@@ -23,7 +23,7 @@ def lags(t: np.ndarray, lam: float, order: int) -> np.ndarray:
 
 
 def ungoverned(parameters: PlantParameters, lambdas: TuningParameters) -> baselines.FeedbackLinearizationTuning:
-    return feedback_linearization_tuning(parameters, lambdas)._replace(omega_max=UNGOVERNED)
+    return make_feedback_linearization_tuning(parameters, lambdas)._replace(omega_max=UNGOVERNED)
 
 
 def test_position_follows_the_linear_reference_and_leaves_stiffness_alone() -> None:
@@ -49,7 +49,7 @@ def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
     parameters = load_parameters(name)
     q_ref = np.repeat([0.0, 0.4, 0.4, -0.2], 6000)
     S_ref = np.repeat([10.0, 10.0, 13.0, 9.0], 6000)
-    tuning = feedback_linearization_tuning(parameters, TuningParameters())
+    tuning = make_feedback_linearization_tuning(parameters, TuningParameters())
     trajectory = run_feedback_linearization(parameters, tuning, q_ref, S_ref)
     assert trajectory.tripped_at == -1
     for end in range(6000, 24_001, 6000):
@@ -61,7 +61,7 @@ def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
 
 @pytest.mark.parametrize(("stiffer", "stronger"), [(1.2, 0.8), (0.8, 1.2)])
 def test_a_model_that_is_off_by_a_fifth_still_settles(stiffer: float, stronger: float) -> None:
-    tuning = feedback_linearization_tuning(IDEAL, TuningParameters())
+    tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     other = replace(
         IDEAL,
         spring=replace(IDEAL.spring, k=tuple(stiffer * k for k in IDEAL.spring.k)),
@@ -78,7 +78,7 @@ def test_takes_over_the_voltages_in_force() -> None:
     """A standing joint goes on standing: voltages and model stay where they are."""
     q_ref, S_ref = np.full(500, 0.2), np.full(500, 11.0)
     trajectory = run_feedback_linearization(
-        IDEAL, feedback_linearization_tuning(IDEAL, TuningParameters()), q_ref, S_ref
+        IDEAL, make_feedback_linearization_tuning(IDEAL, TuningParameters()), q_ref, S_ref
     )
     assert trajectory.q == pytest.approx(0.2, abs=1e-9)
     assert np.ptp(trajectory.u_A) < 1e-6
@@ -88,7 +88,7 @@ def test_a_push_that_stays_moves_neither_position_nor_stiffness_in_the_end() -> 
     """The model knows nothing of it: only what is integrated takes back the 0.1 rad that 15 N at 75 mm would be."""
     ticks = 8000
     push = np.repeat([0.0, 15.0], [500, ticks - 500])
-    tuning = feedback_linearization_tuning(IDEAL, TuningParameters())
+    tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     trajectory = run_feedback_linearization(IDEAL, tuning, np.full(ticks, 0.2), np.full(ticks, 11.0), push)
     assert np.ptp(trajectory.q) > 0.02
     assert trajectory.q[-500:] == pytest.approx(0.2, abs=1e-4)
@@ -117,7 +117,7 @@ def test_a_spring_of_third_order_is_linearised_too() -> None:
 
 
 def test_measurement_corrects_the_model() -> None:
-    tuning = feedback_linearization_tuning(IDEAL, TuningParameters())
+    tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
     state = baselines.take_over_feedback_linearization(tuning, 0.7, 0.4, m._replace(theta_A=12.1))
     _, after = baselines.step_feedback_linearization(tuning, state, 0.1, 10.5, m)
@@ -126,7 +126,7 @@ def test_measurement_corrects_the_model() -> None:
 
 
 def test_a_model_that_stands_elsewhere_is_drawn_to_what_is_measured_at_each_encoder() -> None:
-    tuning = feedback_linearization_tuning(IDEAL, TuningParameters())
+    tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
     for angle in ("q", "theta_A", "theta_B"):
         for off in (0.01, -0.01):

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from backend.control import decoupler, trajectory
-from backend.control.decoupler import decoupler_for
+from backend.control.decoupler import build_decoupler
 from backend.control.trajectory import LoopReferences, soonest_stand
-from backend.tuning.gains import knowledge
+from backend.tuning.gains import collect_plant_knowledge
 from plant.interface import T_s
 from plant.parameters import load_parameters
 
 LAB = load_parameters("lab")
-D, MODEL = decoupler_for(LAB), knowledge(LAB).model
+D, MODEL = build_decoupler(LAB), collect_plant_knowledge(LAB).model
 K, T = MODEL.K_A, MODEL.T_A
 BUDGET = 8.5
 Q, S = st.floats(-1.4, 1.4), st.floats(8.0, 15.0)

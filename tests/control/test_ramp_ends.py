@@ -8,8 +8,8 @@ import pytest
 from backend.control.motion_types import Setpoint
 from backend.control.setpoint_player import announced, play
 from backend.realtime.commands import Accepted, RunProgram
-from backend.realtime.gains import tuning_for
-from backend.realtime.motions import player_of
+from backend.realtime.gains import make_tuning_command
+from backend.realtime.motions import make_segment_player
 from backend.realtime.program import Law, Program, Segment, Shape
 from backend.sample import INDEX
 from backend.tuning.gains import TuningParameters
@@ -38,13 +38,13 @@ def test_an_end_is_announced_where_the_references_stay(
     segments: tuple[Segment, ...], q_end: float, S_end: float
 ) -> None:
     start = Setpoint(0.0, 10.0, 0.0)
-    _, _, player = play(player_of(segments, start), start)
+    _, _, player = play(make_segment_player(segments, start), start)
     np.testing.assert_equal(announced(player), (q_end, S_end))
 
 
 def test_nothing_is_announced_after_the_program() -> None:
     start = Setpoint(0.0, 10.0, 0.0)
-    player, done = player_of((RAMP,), start), False
+    player, done = make_segment_player((RAMP,), start), False
     while not done:
         done, _, player = play(player, start)
     np.testing.assert_equal(announced(player), (math.nan, math.nan))
@@ -54,7 +54,7 @@ def test_nothing_is_announced_after_the_program() -> None:
 def test_a_ramp_is_not_overshot(speed: float, S: float) -> None:
     """Neither where the motors follow it nor where it is faster than they are; what follows keeps up before the end."""
     lab = load_parameters("lab")
-    bench = BenchTop(lab, tuning_for(lab, TuningParameters(0.355, 0.345), u_plan=8.5))
+    bench = BenchTop(lab, make_tuning_command(lab, TuningParameters(0.355, 0.345), u_plan=8.5))
     bench.wind_up()
     before = len(bench.samples.rows)
     way, way_s = math.copysign(0.8, speed), 0.8 / abs(speed)
@@ -80,7 +80,7 @@ def test_a_ramp_that_goes_on_is_not_slowed_down_in_between() -> None:
         (Segment(1.0, 0.5, 10.0, shape=Shape.RAMP),),
         (Segment(0.4, 0.2, 10.0, shape=Shape.RAMP), Segment(0.6, 0.5, 10.0, shape=Shape.RAMP)),
     ):
-        bench = BenchTop(lab, tuning_for(lab, TuningParameters(0.355, 0.345), u_plan=8.5))
+        bench = BenchTop(lab, make_tuning_command(lab, TuningParameters(0.355, 0.345), u_plan=8.5))
         bench.wind_up()
         before = len(bench.samples.rows)
         whole = (Segment(1.0, 0.0, 10.0), *segments, Segment(0.5, 0.5, 10.0))
@@ -102,7 +102,7 @@ def test_a_ramp_that_goes_on_is_not_slowed_down_in_between() -> None:
 def test_what_follows_an_excitation_begins_where_that_began(excitation: Segment) -> None:
     """Told by a ramp behind it; a sine of whole periods ends there by itself."""
     start, ramp = Setpoint(0.1, 10.0, 0.0), Segment(0.02, 0.3, 14.0, shape=Shape.RAMP)
-    player = player_of((excitation, ramp), start)
+    player = make_segment_player((excitation, ramp), start)
     targets, (done, target, player) = [], play(player, start)
     while not done:
         targets.append((target.q_ref, target.S_ref))

@@ -8,7 +8,7 @@ from backend.control import cascade, disturbance_observer
 from backend.control.disturbance_observer import IDLE, DisturbanceFeedforwardState, Rejection
 from backend.control.trajectory import LoopReferences
 from backend.tuning import simulation
-from backend.tuning.gains import MOST_F, UNSEEN_F, TuningParameters, cascade_tuning, motor_lag, motor_loops
+from backend.tuning.gains import MOST_F, UNSEEN_F, TuningParameters, make_cascade_tuning, make_motor_loops, motor_lag
 from plant.interface import NOT_MEASURED
 from plant.parameters import load_parameters
 
@@ -29,7 +29,7 @@ def answer_to(
 def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags(k_ext: float) -> None:
     """Statics δq_e = −τ/S (equation 14); four equal lags answer a step by 1 − e^{−x}(1 + x + x²/2 + x³/6)."""
     lam, tau = 0.1, 0.4
-    r = cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=k_ext).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=k_ext).rejection
     beyond = tau - UNSEEN_F * R_J
     for ticks in (1, 50, 200, 400, 900):
         _, answer = answer_to(r, tau, ticks)
@@ -41,21 +41,21 @@ def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags
 
 @pytest.mark.parametrize("lam", [0.06, 0.0854, 0.15])
 def test_the_lags_are_those_that_the_motor_loops_were_given(lam: float) -> None:
-    gains = motor_loops(IDEAL, lam)
+    gains = make_motor_loops(IDEAL, lam)
     assert motor_lag(gains.A, IDEAL.identified_of("A").T_m) == pytest.approx(lam, rel=1e-12)
-    r = cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=1.0).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=1.0).rejection
     assert r.kept == pytest.approx(math.exp(-T_S / lam), rel=1e-12)
 
 
 def test_what_is_small_is_left_and_what_is_large_is_bounded() -> None:
-    r = cascade_tuning(IDEAL, TuningParameters(), k_ext=1.0).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=1.0).rejection
     for sign in (1.0, -1.0):
         assert answer_to(r, sign * 0.99 * UNSEEN_F * R_J, 500)[1] == (0.0, 0.0)
         assert answer_to(r, sign * 100.0, 1)[1].q_e == pytest.approx(-sign * MOST_F * R_J / S, rel=1e-12)
 
 
 def test_nothing_is_answered_that_is_not_known_or_not_asked_for() -> None:
-    r = cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).rejection
     begun, _ = answer_to(r, 0.4, 100)
     for asked, tau in ((r._replace(k_ext=0.0), 0.4), (r, math.nan)):
         assert disturbance_observer.changed(asked, IDLE, tau) == IDLE
@@ -65,7 +65,7 @@ def test_nothing_is_answered_that_is_not_known_or_not_asked_for() -> None:
 
 
 def test_what_begins_under_a_push_takes_it_for_balanced() -> None:
-    r = cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).rejection
     begun = disturbance_observer.changed(r, IDLE, 0.4)
     assert disturbance_observer.answer(begun, S).q == 0.0
     assert disturbance_observer.answer(begun, S).q_e < 0.0
@@ -80,7 +80,7 @@ def ticks_under_a_push(
 ) -> tuple[cascade.CascadeOutput, cascade.CascadeOutput]:
     """Play a push of 6 N with k_ext ``before``; the next tick with it and with ``after``."""
     tunings = [
-        cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=u_plan, k_ext=k_ext) for k_ext in (before, after)
+        make_cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=u_plan, k_ext=k_ext) for k_ext in (before, after)
     ]
     rig = simulation.rig_of(IDEAL)
     x, law = simulation.at_rest(rig, tunings[0], 0.2, S)
@@ -107,7 +107,7 @@ def test_it_is_switched_under_a_push_without_a_bump(u_plan: float, before: float
 
 
 def test_without_it_an_outside_torque_changes_no_bit() -> None:
-    tuning = cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=8.5)
+    tuning = make_cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=8.5)
     rig = simulation.rig_of(IDEAL)
     x, law = simulation.at_rest(rig, tuning, 0.2, S)
     told = law

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.control import baselines, decoupler
-from backend.tuning.gains import TuningParameters, single_loop_tuning
+from backend.tuning.gains import TuningParameters, make_single_loop_tuning
 from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.closed_loop.baseline_loops import run_single_loop
@@ -25,7 +25,7 @@ def four_lags(t: np.ndarray, lam: float) -> np.ndarray:
 def test_small_position_step_follows_the_designed_lags() -> None:
     ticks = 3000
     q_ref, S_ref = np.where(np.arange(ticks) < 100, 0.0, 0.1), np.full(ticks, 10.0)
-    tuning = single_loop_tuning(IDEAL, TuningParameters())._replace(omega_max=UNGOVERNED)
+    tuning = make_single_loop_tuning(IDEAL, TuningParameters())._replace(omega_max=UNGOVERNED)
     trajectory = run_single_loop(IDEAL, tuning, q_ref, S_ref)
     t = 1e-3 * (np.arange(ticks) - 100)
     assert trajectory.q == pytest.approx(0.1 * four_lags(t, 0.25), abs=0.002)
@@ -36,7 +36,7 @@ def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
     parameters = load_parameters(name)
     q_ref = np.repeat([0.0, 0.4, 0.4, -0.2], 6000)
     S_ref = np.repeat([10.0, 10.0, 13.0, 9.0], 6000)
-    trajectory = run_single_loop(parameters, single_loop_tuning(parameters, TuningParameters()), q_ref, S_ref)
+    trajectory = run_single_loop(parameters, make_single_loop_tuning(parameters, TuningParameters()), q_ref, S_ref)
     assert trajectory.tripped_at == -1
     for end in range(6000, 24_001, 6000):
         settled = slice(end - 500, end)
@@ -47,7 +47,9 @@ def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
 
 def test_clipped_voltage_does_not_wind_up() -> None:
     q_ref, S_ref = np.repeat([-1.0, 1.0], [100, 8000]), np.full(8100, 11.0)
-    tuning = single_loop_tuning(IDEAL, TuningParameters(lam_q=0.3, lam_S=0.3))._replace(omega_max=UNGOVERNED, u_max=4.0)
+    tuning = make_single_loop_tuning(IDEAL, TuningParameters(lam_q=0.3, lam_S=0.3))._replace(
+        omega_max=UNGOVERNED, u_max=4.0
+    )
     trajectory = run_single_loop(IDEAL, tuning, q_ref, S_ref)
     assert np.max(np.abs([trajectory.u_A, trajectory.u_B])) == 4.0
     assert trajectory.q.max() < 1.0 + 0.05 * 2.0
@@ -55,7 +57,7 @@ def test_clipped_voltage_does_not_wind_up() -> None:
 
 
 def test_takes_over_the_voltages_in_force() -> None:
-    tuning = single_loop_tuning(IDEAL, TuningParameters())
+    tuning = make_single_loop_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
     state = baselines.take_over_single_loop(tuning, 0.7, 0.4, m)
     y, _ = baselines.step_single_loop(
@@ -68,7 +70,7 @@ def test_takes_over_the_voltages_in_force() -> None:
 def test_the_safety_module_ends_a_run_that_leaves_the_joint_range() -> None:
     narrow = replace(IDEAL, geometry=replace(IDEAL.geometry, q_max=0.5))
     trajectory = run_single_loop(
-        narrow, single_loop_tuning(narrow, TuningParameters()), np.repeat([0.0, 0.6], 3000), np.full(6000, 10.0)
+        narrow, make_single_loop_tuning(narrow, TuningParameters()), np.repeat([0.0, 0.6], 3000), np.full(6000, 10.0)
     )
     assert 3000 < trajectory.tripped_at < 6000
     assert np.isnan(trajectory.q[trajectory.tripped_at + 1])
@@ -76,7 +78,7 @@ def test_the_safety_module_ends_a_run_that_leaves_the_joint_range() -> None:
 
 def test_forces_are_measured_as_late_as_the_load_cells_are_from_the_first_tick_on() -> None:
     late = replace(IDEAL, sensors=replace(IDEAL.sensors, force_delay=0.012))
-    tuning, references = single_loop_tuning(IDEAL, TuningParameters()), (np.zeros(300), np.full(300, 10.0))
+    tuning, references = make_single_loop_tuning(IDEAL, TuningParameters()), (np.zeros(300), np.full(300, 10.0))
     now, then = (run_single_loop(plant, tuning, *references, F_push=np.full(300, 20.0)) for plant in (IDEAL, late))
     assert np.ptp(now.F_A[:64]) > 0.1
     np.testing.assert_array_equal(then.q, now.q)

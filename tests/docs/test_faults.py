@@ -2,7 +2,7 @@
 
 import re
 
-from backend.auth.control_lease import PART as LOST_PAGES
+from backend.auth.control_lease import CONTROL_LEASE_PART as LOST_PAGES
 from backend.faults import EXPLAINED, FAULTS, Fault, Limit
 from tests.docs.faults_page import PAGE, SECTIONS
 

@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.banks.tuning_settings import default_choice
+from backend.banks.tuning_settings import default_tuning_choice
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import experiment
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import find_experiment
 from backend.experiments.plans import split_values
 from backend.exports import writers
-from backend.exports.base import of_run
+from backend.exports.base import export_run
 from backend.storage import events, recordings, runs
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
@@ -64,10 +64,10 @@ def segment(duration_s: float, q_ref: float) -> dict[str, float]:
 
 def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> None:
     """Run a sequence headless, as the command line does, but in this process: a new one takes longer than to play."""
-    lab, kind = load_parameters("lab"), experiment("sequence")
-    values = {**default_choice(lab).choice.document(), "segments": json.dumps(segments), "lam_q": lam_q}
+    lab, kind = load_parameters("lab"), find_experiment("sequence")
+    values = {**default_tuning_choice(lab).choice.document(), "segments": json.dumps(segments), "lam_q": lam_q}
     plan, settings = split_values(kind.settings, kind.make, values)
-    with headless_station(database, lab, settings) as station:
+    with open_headless_station(database, lab, settings) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     assert outcome.run.end_state == "completed"
 
@@ -88,7 +88,7 @@ def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Ope
 def recorded(service: Service) -> dict[int, Columns]:
     """All samples of each run, as they are exported; to start a process for each file takes longer than to write it."""
     database = open_database(service.data)
-    files = {run: b"".join(writers.write_csv(of_run(database, run))) for run in range(1, 5)}
+    files = {run: b"".join(writers.write_csv(export_run(database, run))) for run in range(1, 5)}
     database.close()
     return {run: columns(file.decode()) for run, file in files.items()}
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Response, expect
 
-from backend.banks.tuning_settings import default_choice
+from backend.banks.tuning_settings import default_tuning_choice
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import entry_of, text_of
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_library_entry, text_of
 from backend.experiments.parser import read
 from backend.experiments.plans import LoopSettings
 from backend.storage.database import open_database
@@ -97,11 +97,11 @@ def metrics_of(answer: Response) -> dict[str, float | None]:
 
 def by_command(folder: Path) -> dict[str, float | None]:
     """The same as from the command line, in another installation."""
-    plan = entry_of(*read(OWN)).usual
+    plan = build_library_entry(*read(OWN)).usual
     database = open_database(folder)
     lab = load_parameters("lab")
-    settings = LoopSettings(**default_choice(lab).choice.document())
-    with headless_station(database, lab, settings) as station:
+    settings = LoopSettings(**default_tuning_choice(lab).choice.document())
+    with open_headless_station(database, lab, settings) as station:
         result = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator"))).evaluation.result
     database.close()
     assert result is not None

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Locator, Route, expect
 
-from backend.tuning.gains import motor_loops, motor_model
+from backend.tuning.gains import make_motor_loops, motor_model
 from backend.tuning.robustness import motor_robustness
 from plant.parameters import load_parameters
 from tests.api.conftest import client_with, until, until_state
@@ -241,7 +241,7 @@ def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Ope
 
 def shown(lam_motor: float) -> str:
     """M_s and margins of the less robust motor of the set that the tests run, as the page should write them."""
-    parameters, gains = load_parameters("lab"), motor_loops(load_parameters("lab"), lam_motor)
+    parameters, gains = load_parameters("lab"), make_motor_loops(load_parameters("lab"), lam_motor)
     loops = [
         motor_robustness(motor_model(parameters, "A"), gains.A),
         motor_robustness(motor_model(parameters, "B"), gains.B),

@@ -9,7 +9,7 @@ from starlette.requests import HTTPConnection
 
 from backend.auth.authentication import Authentication
 from backend.auth.sessions import TokenFiles
-from backend.server.security import grant, shown_by
+from backend.server.security import read_credentials, set_session_cookie
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
@@ -74,7 +74,9 @@ def lapsed_cookie(service: Service) -> tuple[str, str]:
     asks = HTTPConnection({"type": "http", "headers": [(b"host", service.url.removeprefix("http://").encode())]})
     files = TokenFiles(service.data)
     authentication, answer = Authentication(files), Response()
-    grant(authentication, asks, answer, authentication.sign_in(shown_by(asks), files.tokens.operator, "Ana"))
+    set_session_cookie(
+        authentication, asks, answer, authentication.sign_in(read_credentials(asks), files.tokens.operator, "Ana")
+    )
     name, _, value = answer.headers["set-cookie"].partition(";")[0].partition("=")
     return name, value
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, expect
 
-from backend.banks.tuning_settings import default_choice
-from backend.experiments.library import IDENTIFICATIONS, experiment, experiments
+from backend.banks.tuning_settings import default_tuning_choice
+from backend.experiments.library import IDENTIFICATIONS, experiments_by_name, find_experiment
 from backend.experiments.plans import LoopSettings, Plan
-from backend.models.settings import from_values
+from backend.models.settings import build_plan
 from plant.interface import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
@@ -25,7 +25,7 @@ RUN_TIMEOUT_MS = 180_000
 HELD_S = 8.0
 """The simulator's pretension is held for some seconds too before it begins: a person is not as fast as a program."""
 
-BY_DEFAULT = LoopSettings(**default_choice(PARAMETERS).choice.document())
+BY_DEFAULT = LoopSettings(**default_tuning_choice(PARAMETERS).choice.document())
 """Of a data folder in which nobody has chosen a tuning."""
 
 ORDERS: dict[str, Mapping[str, Any]] = {
@@ -57,7 +57,7 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
             simulated = beside.submit(performed, tmp_path / name, plan, SIMULATOR, HELD_S, BY_DEFAULT)
             run = (
                 experimented(operator, name, settings)
-                if name in experiments()
+                if name in experiments_by_name()
                 else identified(operator, name, settings)
             )
             told = get(operator, f"/api/experiments/{run}")
@@ -70,13 +70,15 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
 
 def planned(name: str, settings: Mapping[str, float | str]) -> Plan:
     return (
-        experiment(name).make(settings) if name in experiments() else from_values(IDENTIFICATIONS[name].plan, settings)
+        find_experiment(name).make(settings)
+        if name in experiments_by_name()
+        else build_plan(IDENTIFICATIONS[name].plan, settings)
     )
 
 
 def experimented(operator: Operator, name: str, settings: Mapping[str, float | str]) -> int:
     """Order an experiment, wait for its end, read verdict and figures on the page; return its run."""
-    page, title = operator.page, experiments()[name].title
+    page, title = operator.page, experiments_by_name()[name].title
     operator.go("Experiments")
     page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(name)
     fill(page.get_by_role("form", name=title, exact=True), settings)

@@ -5,7 +5,7 @@ from typing import Any
 from backend.analysis.disturbance_metrics import ComplianceFigures, RobustnessFigures
 from backend.analysis.evaluation import criteria_of, figure_documents, known_to_bounds
 from backend.analysis.step_metrics import TrackingMetrics, ended_early, unseen
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.models.run import RunCriterion
 from backend.tuning.gains import LAM_MOTOR, TuningParameters
 from plant.parameters import load_parameters
@@ -32,6 +32,6 @@ def robustness_criteria(
 def _judged(
     name: str, figures: Any, reasons: Any, parameters: str, reason: str, lambdas: TuningParameters | None = None
 ) -> tuple[RunCriterion, ...]:
-    plan = ready_plan(name)
+    plan = build_ready_plan(name)
     known = known_to_bounds(dict(plan.values), load_parameters(parameters), lambdas or TuningParameters())
     return criteria_of(plan.experiment, figure_documents(figures, reasons), known, reason)

@@ -6,29 +6,32 @@ from pathlib import Path
 
 import pytest
 
-from backend.analysis.evaluation import Evaluation, NotEvaluableError, evaluate_again
+from backend.analysis.evaluation import Evaluation, NotEvaluableError, reevaluate_run
 from backend.execution.runner import RunRequest, create_run, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
 from backend.storage import results, runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState
-from plant.parameters import SHIPPED, load_parameters, parameters_of
+from plant.parameters import SHIPPED, load_parameters, parse_parameters
 
 SETTINGS = LoopSettings(seed=3)
 
 
 @pytest.mark.parametrize(
     "plan",
-    [ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5), ActuatorIdentificationPlan(tension_N=20.0, bits=6)],
+    [
+        build_ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5),
+        ActuatorIdentificationPlan(tension_N=20.0, bits=6),
+    ],
 )
 def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
     database = open_database(tmp_path)
-    with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
+    with open_headless_station(database, load_parameters("ideal"), SETTINGS) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
     first = outcome.evaluation
-    again = evaluate_again(database, outcome.run.id)
+    again = reevaluate_run(database, outcome.run.id)
     assert first.result is not None
     assert again.result is not None
     assert again.result.id == first.result.id + 1
@@ -46,25 +49,25 @@ def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_pa
     async def compute(*_: object) -> Evaluation:
         raise MemoryError("no more of it")
 
-    with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
+    with open_headless_station(database, load_parameters("ideal"), SETTINGS) as station:
         object.__setattr__(station, "compute", compute)
-        plan = ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
+        plan = build_ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
         running = create_run(station, RunRequest(plan, SETTINGS, "Ana"))
     assert (outcome.run.end_state, outcome.evaluation.result) == (EndState.COMPLETED, None)
     with database.reading() as session:
         assert runs.get(session, outcome.run.id).evaluation_problem == "MemoryError: no more of it"
         assert results.present(session, [outcome.run.id]) == set()
-    evaluate_again(database, outcome.run.id)
+    reevaluate_run(database, outcome.run.id)
     with database.reading() as session:
         assert runs.get(session, outcome.run.id).evaluation_problem == ""
         assert results.present(session, [outcome.run.id, running.id]) == {outcome.run.id}
     with pytest.raises(NotEvaluableError, match="not over yet"):
-        evaluate_again(database, running.id)
+        reevaluate_run(database, running.id)
     database.close()
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_parameters_come_back_from_their_stored_document(name: str) -> None:
     parameters = load_parameters(name)
-    assert parameters_of(name, json.loads(json.dumps(parameters.document()))) == parameters
+    assert parse_parameters(name, json.loads(json.dumps(parameters.document()))) == parameters

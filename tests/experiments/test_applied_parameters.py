@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.analysis.identification import from_table
-from backend.control.decoupler import decoupler_for, stiffness
+from backend.analysis.identification import fit_spring_table
+from backend.control.decoupler import build_decoupler, stiffness
 from backend.identification.models import Grade
 from backend.models.identification import (
     MOTOR_MODELS,
@@ -22,12 +22,18 @@ from backend.models.identification import (
 )
 from backend.models.run import AppliedParameters
 from backend.services import parameters
-from backend.services.parameters import NotApplicableError, active_parameters, differences, parameter_versions, proposal
+from backend.services.parameters import (
+    NotApplicableError,
+    differences,
+    list_parameter_versions,
+    load_active_parameters,
+    proposal,
+)
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification, NewIdentification
-from backend.tuning.gains import motor_loops
-from backend.tuning.robustness import one_motor_point
+from backend.tuning.gains import make_motor_loops
+from backend.tuning.robustness import linearize_one_motor
 from plant.parameters import ParameterError, load_parameters
 
 LAB = load_parameters("lab")
@@ -73,12 +79,12 @@ def spring() -> NewIdentification:
     x, noise = np.linspace(0.01, 0.05, 200), np.random.default_rng(1).normal(0.0, 0.05, 200)
     F = K[0] + K[1] * x + K[2] * x**2 + noise
     rows = "\n".join(f"{at:.6f},{force:.6f}" for at, force in zip(x, F, strict=True))
-    return from_table("bench.csv", f"x [m],F [N]\n{rows}\n", "Ana", "0")
+    return fit_spring_table("bench.csv", f"x [m],F [N]\n{rows}\n", "Ana", "0")
 
 
 def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(database: Database) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
-    then = LAB.with_identified(parameters.sections_of(proposal(LAB, LAB, found)))
+    then = LAB.with_identified(parameters.changed_sections(proposal(LAB, LAB, found)))
     assert [(one.name, one.side, one.before, one.after) for one in differences(LAB, then)] == [
         ("K_m", "A", 2.86, 2.3),
         ("T_m", "A", 0.22, 0.21),
@@ -87,19 +93,19 @@ def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(d
     ]
     assert then.dynamics() == LAB.dynamics()
     assert (then.spring, then.motor, then.geometry, then.sensors) == (LAB.spring, LAB.motor, LAB.geometry, LAB.sensors)
-    gains = motor_loops(then, 0.0854)  # the motor loops are designed for these motors: four lags of λ all the same
-    assert one_motor_point(then, gains, 10.55).T_q == pytest.approx(4 * 0.0854 + LAB.geometry.B_j / 10.55, rel=2e-3)
+    gains = make_motor_loops(then, 0.0854)  # the motor loops are designed for these motors: four lags of λ all the same
+    assert linearize_one_motor(then, gains, 10.55).T_q == pytest.approx(4 * 0.0854 + LAB.geometry.B_j / 10.55, rel=2e-3)
     assert gains.A.k_i == pytest.approx(0.21**2 / (2.3 * 0.0854**3 * (4 * 0.21 - 0.0854)))
 
 
 def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) -> None:
     found = stored(database, spring())
-    then = LAB.with_identified(parameters.sections_of(proposal(LAB, LAB, found)))
+    then = LAB.with_identified(parameters.changed_sections(proposal(LAB, LAB, found)))
     assert then.identified_of("A").k == pytest.approx(K, rel=0.03)
     g = LAB.geometry
     expected = 2.0 * g.r_j**2 * (K[1] + K[2] * g.r_m * 7.0)
-    assert stiffness(decoupler_for(then), 4.0, 3.0) == pytest.approx(expected, rel=3e-3)
-    assert stiffness(decoupler_for(LAB), 4.0, 3.0) != pytest.approx(expected, rel=1e-2)
+    assert stiffness(build_decoupler(then), 4.0, 3.0) == pytest.approx(expected, rel=3e-3)
+    assert stiffness(build_decoupler(LAB), 4.0, 3.0) != pytest.approx(expected, rel=1e-2)
     assert then.dynamics() == LAB.dynamics()
 
 
@@ -107,20 +113,20 @@ def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) ->
     first, second = stored(database, motors((2.3, 0.21), (2.4, 0.23))), stored(database, spring())
     for found, who in ((first, "Ana"), (second, "Ben")):
         with database.session() as session:
-            parameters.store_parameters(session, proposal(LAB, active_parameters(database, LAB), found), who)
-    both, one, file = parameter_versions(database, LAB)
+            parameters.store_parameters(session, proposal(LAB, load_active_parameters(database, LAB), found), who)
+    both, one, file = list_parameter_versions(database, LAB)
     assert [(item.number, item.who) for item in (both, one, file)] == [(2, "Ben"), (1, "Ana"), (0, "")]
     assert file.parameters == LAB
     assert both.parameters.identified_of("B").K_m == 2.4  # the spring leaves the motors as they were applied
     assert len({item.digest for item in (both, one, file)}) == 3
 
     undo(database, "Cy")
-    newest = parameter_versions(database, LAB)[0]
+    newest = list_parameter_versions(database, LAB)[0]
     assert (newest.number, newest.who, newest.digest) == (3, "Cy", one.digest)
     assert newest.applied is not None
     assert newest.applied.undone
     undo(database, "Cy")  # to undo that is to do it again
-    assert parameter_versions(database, LAB)[0].digest == both.digest
+    assert list_parameter_versions(database, LAB)[0].digest == both.digest
 
 
 def undo(database: Database, who: str) -> AppliedParameters:
@@ -135,8 +141,8 @@ def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Datab
     with database.session() as session:
         parameters.store_parameters(session, applied, "Ana")
     ideal = load_parameters("ideal")
-    assert active_parameters(database, LAB) != LAB
-    assert active_parameters(database, ideal) == ideal
+    assert load_active_parameters(database, LAB) != LAB
+    assert load_active_parameters(database, ideal) == ideal
 
 
 def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:

@@ -10,14 +10,14 @@ import pytest
 from backend.banks.builder import (
     BankError,
     NamedEntry,
-    difference,
+    build_bank_document,
+    compare_entries,
     figures_of,
     import_bank,
-    read_file,
+    merge_entries,
+    parse_bank_file,
     require_consistent,
     require_same_parameters,
-    to_document,
-    with_entries,
 )
 from backend.storage import banks
 from backend.storage.banks import BankEntry
@@ -84,7 +84,7 @@ def test_models_of_another_plant_are_refused(ideal: PlantParameters) -> None:
 
 def test_a_difference_shows_models_gains_and_robustness(ideal: PlantParameters) -> None:
     slower = entry(10.60, 20.0, T_q=0.45)
-    changes = difference(ideal, LAMBDAS, GOOD, with_entries(GOOD, [slower]))
+    changes = compare_entries(ideal, LAMBDAS, GOOD, merge_entries(GOOD, [slower]))
     assert len(changes) == 4
     untouched, changed = changes[0], changes[1]
     assert untouched.before == untouched.after
@@ -102,7 +102,7 @@ def test_a_difference_shows_models_gains_and_robustness(ideal: PlantParameters) 
 
 
 def test_entries_that_are_new_or_gone_stand_alone(ideal: PlantParameters) -> None:
-    changes = difference(ideal, LAMBDAS, GOOD[:2], GOOD[1:3])
+    changes = compare_entries(ideal, LAMBDAS, GOOD[:2], GOOD[1:3])
     assert [(change.before is None, change.after is None) for change in changes] == [
         (False, True),
         (False, False),
@@ -117,12 +117,12 @@ def test_an_unstable_loop_has_no_peak(ideal: PlantParameters) -> None:
 def test_a_bank_survives_the_way_through_a_file(ideal: PlantParameters, database: Database) -> None:
     with database.session() as session:
         bank = banks.add(session, "four points", GOOD, "A. Operator")
-    text = json.dumps(to_document(bank))
-    imported = import_bank(database, ideal, read_file(text), "B. Operator")
+    text = json.dumps(build_bank_document(bank))
+    imported = import_bank(database, ideal, parse_bank_file(text), "B. Operator")
     assert (imported.name, imported.version, imported.who) == ("four points", 2, "B. Operator")
     assert imported.entries == GOOD
     assert "A. Operator" in imported.note
-    assert import_bank(database, ideal, read_file(text), "B. Operator", "other").name == "other"
+    assert import_bank(database, ideal, parse_bank_file(text), "B. Operator", "other").name == "other"
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_files_that_are_no_bank_are_refused(
     ideal: PlantParameters, database: Database, change: dict[str, object], said: str
 ) -> None:
     with database.session() as session:
-        document = to_document(banks.add(session, "b", GOOD[:1], "A. Operator"))
+        document = build_bank_document(banks.add(session, "b", GOOD[:1], "A. Operator"))
     with pytest.raises(BankError, match=said):
         import_bank(database, ideal, {**document, **change}, "B. Operator")
 
@@ -149,4 +149,4 @@ def test_files_that_are_no_bank_are_refused(
 def test_text_that_is_no_json_is_refused() -> None:
     for text in ("{", "[]", "x" * 200_000):
         with pytest.raises(BankError):
-            read_file(text)
+            parse_bank_file(text)

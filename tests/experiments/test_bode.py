@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.analysis.context import EvaluationContext, kept_tuning, points_in
-from backend.analysis.frequency_metrics import BodeFigures, bode_figures, bode_lines
+from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
+from backend.analysis.frequency_metrics import BodeFigures, bode_figures, build_bode_lines
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningSettings
 from backend.execution.simulation import SimulatedRun, play_in_memory
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.faults import Limit
 from backend.models.run import LAMBDA, TIME_OPTIMAL, StoredLoopSettings
@@ -41,7 +41,7 @@ def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeFigures
 
 
 def played(parameters: str, **tuning: Any) -> SimulatedRun:
-    plan = ready_plan("frequency_response", **SMALL)
+    plan = build_ready_plan("frequency_response", **SMALL)
     return play_in_memory(load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank"))
 
 
@@ -112,7 +112,7 @@ def test_on_the_lab_plant_the_prediction_is_off_by_friction_and_the_lines_repeat
 def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> None:
     in_force = made(LEAD_IN, MULTISINE.replace("period_s: 4", "period_s: 8"))
     columns = seen(in_force)
-    (lines,) = bode_lines(columns, in_force.plan.program(), in_force)
+    (lines,) = build_bode_lines(columns, in_force.plan.program(), in_force)
     np.testing.assert_allclose(lines.f, np.arange(1, 9) / 8.0)
     np.testing.assert_allclose(np.abs(lines.H), 1.0 / np.hypot(1.0, 2.0 * np.pi * lines.f * 0.4), rtol=1e-3)
     assert lines.measured.all()
@@ -133,7 +133,7 @@ def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> Non
     columns = seen(in_force)
     t = np.arange(columns["q"].size) * T_s
     columns["q"] = columns["q"] + np.where(t >= 12.0, 0.004 * np.sin(2.0 * np.pi * 1.5 * t), 0.0)
-    (lines,) = bode_lines(columns, in_force.plan.program(), in_force)
+    (lines,) = build_bode_lines(columns, in_force.plan.program(), in_force)
     assert lines.f[~lines.measured].tolist() == [1.5]
     assert "from one period to the next" in lines.reasons[5]
     assert figures(in_force, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
@@ -191,11 +191,11 @@ def test_two_periods_do_not_tell_how_a_line_repeats() -> None:
 def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
     in_force = made(LEAD_IN, "{do: sweep, q_amplitude: 0.2, from_Hz: 0.1, to_Hz: 4, duration_s: 120}")
     columns = seen(in_force)
-    (clean,) = bode_lines(columns, in_force.plan.program(), in_force)
+    (clean,) = build_bode_lines(columns, in_force.plan.program(), in_force)
     columns["q"] = columns["q"] + lfilter(
         [0.03], [1.0, -0.97], np.random.default_rng(1).normal(0.0, 2.0, columns["q"].size)
     )
-    (noisy,) = bode_lines(columns, in_force.plan.program(), in_force)
+    (noisy,) = build_bode_lines(columns, in_force.plan.program(), in_force)
     assert np.nanmedian(clean.unlike) < 0.05 < np.nanmedian(noisy.unlike)
     assert noisy.measured.sum() < clean.measured.sum()
 
@@ -203,12 +203,12 @@ def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
 def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_has_none() -> None:
     tuned = made(LEAD_IN, "{do: tuning, lam_q: 1.0}", MULTISINE)
     plain = made(LEAD_IN, MULTISINE, tuning=TuningSettings(lam_q=1.0))
-    slow, same = (bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
+    slow, same = (build_bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
     assert slow.expected is not None
     assert same.expected is not None
     np.testing.assert_allclose(slow.expected, same.expected)
     other = made(LEAD_IN, "{do: tuning, bank: 3}", MULTISINE)
-    assert bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (
+    assert build_bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (
         "a bank was in use that the run did not begin with"
     )
     lost = made(LEAD_IN, MULTISINE, tuning=TuningSettings(bank=3))
@@ -219,8 +219,8 @@ def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_h
 
 def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result() -> None:
     broken = Bank(3, "old", 1, "", "A. Operator", datetime.now(UTC), (BankEntry(10.0, {"version": 99}),))
-    assert points_in(broken) == ()
-    assert kept_tuning(StoredLoopSettings(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningSettings(
+    assert load_bank_points(broken) == ()
+    assert load_initial_tuning(StoredLoopSettings(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningSettings(
         lam_q=0.6, lam_motor=0.0258
     )
 

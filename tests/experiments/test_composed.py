@@ -9,8 +9,8 @@ import pytest
 from backend.analysis.context import EvaluationContext
 from backend.analysis.evaluation import (
     FIGURES,
-    composed_result,
     criteria_of,
+    evaluate_experiment,
     known_to_bounds,
     names_of,
     require_measurable,
@@ -65,7 +65,7 @@ def result(
 ) -> tuple[dict[str, MeasuredFigure], Any]:
     told = outline(made, played_s)
     seen = {name: column[: round(told.played_s * 1000)] for name, column in columns(made).items()}
-    metrics, criteria = composed_result(seen, EvaluationContext(LAB, made, TuningSettings()), told, missed)
+    metrics, criteria = evaluate_experiment(seen, EvaluationContext(LAB, made, TuningSettings()), told, missed)
     return {item.name: item for item in metrics.figures}, {item.name: item for item in criteria}
 
 

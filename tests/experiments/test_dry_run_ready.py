@@ -9,27 +9,27 @@ import pytest
 
 from backend.execution.progress import RunPhase
 from backend.execution.runner import RunRequest
-from backend.execution.simulation import dry_run, get_ready, progress_in
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import dry_run, read_progress, warm_up_dry_run
+from backend.experiments.library import build_ready_plan
 from backend.experiments.parser import ExperimentError, read
 from backend.experiments.plans import LoopSettings, composed
 from backend.models.run import ENTRY, EntryModel
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState
 from backend.tuning.gains import designed_point
-from plant import compiled
+from plant import compilation
 from plant.parameters import load_parameters
 
 
 def loaded_by_a_dry_run(folder: Path, ready: bool) -> int:
     parameters, settings = load_parameters("lab"), LoopSettings()
     if ready:
-        get_ready(parameters, settings)
-    before = len(compiled._KNOWN)
-    order = RunRequest(ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
+        warm_up_dry_run(parameters, settings)
+    before = len(compilation._KNOWN)
+    order = RunRequest(build_ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
     played = dry_run(parameters, order, (), ("q",), 10, folder)
     assert played.run.end_state == EndState.COMPLETED
-    return len(compiled._KNOWN) - before
+    return len(compilation._KNOWN) - before
 
 
 @pytest.mark.parametrize("ready", [True, False])
@@ -54,10 +54,10 @@ def test_a_bank_on_the_way_is_the_one_of_that_number(tmp_path: Path) -> None:
     now = datetime.now(UTC)
     used = [Bank(number, f"bank {number}", 1, "", "A. Operator", now, (BankEntry(10.0, model),)) for number in (7, 4)]
     order = RunRequest(plan, LoopSettings(bank=7), "A. Operator")
-    assert progress_in(tmp_path) == (RunPhase.STARTING, 0.0)
+    assert read_progress(tmp_path) == (RunPhase.STARTING, 0.0)
     played = dry_run(lab, order, used, ("q",), 10, tmp_path)
     assert played.run.end_state == "completed"
-    assert progress_in(tmp_path) == (RunPhase.EVALUATION, 0.0)
+    assert read_progress(tmp_path) == (RunPhase.EVALUATION, 0.0)
     with pytest.raises(ExperimentError, match="line 9") as refused:
         dry_run(lab, order, used[:1], ("q",), 10, tmp_path / "without")
     assert "4" in str(refused.value)

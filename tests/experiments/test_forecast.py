@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.forecast import Forecast, forecast, start_from
+from backend.experiments.forecast import Forecast, forecast_identifications, read_start
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -53,7 +53,7 @@ def stay(_bench: BenchTop) -> None:
 
 
 def announced(bench: BenchTop, plans: list[IdentificationPlan], parameters: PlantParameters) -> Forecast:
-    return forecast(plans, parameters, start_from(bench.samples.rows[-1]), LAM_MOTOR)
+    return forecast_identifications(plans, parameters, read_start(bench.samples.rows[-1]), LAM_MOTOR)
 
 
 def play(bench: BenchTop, plans: list[IdentificationPlan]) -> slice:
@@ -119,11 +119,11 @@ def test_several_runs_and_both_other_kinds_take_as_long_as_announced() -> None:
 
 def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figure() -> None:
     ideal = load_parameters("ideal")
-    at_rest = start_from(None)
+    at_rest = read_start(None)
 
     def refused(plan: IdentificationPlan, parameters: PlantParameters = ideal) -> OutOfRangeError:
         with pytest.raises(OutOfRangeError) as caught:
-            forecast([plan], parameters, at_rest, LAM_MOTOR).require_within_range(parameters)
+            forecast_identifications([plan], parameters, at_rest, LAM_MOTOR).require_within_range(parameters)
         return caught.value
 
     # 2 rad of motor A stretch each spring by 7.5 mm: from 55.5 mm at 42 N that is beyond 61.4 mm, where they are solid.
@@ -134,7 +134,7 @@ def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figu
     assert (joint.quantity, joint.unit) == ("joint position on the way", "rad")
     # q = r_m θ_A / (2 r_j) for like springs, θ_A what stretches both to 20 N, 1 rad of excitation and 1 rad of trim
     assert joint.value == pytest.approx(0.05 * (2.0 * 4.72 + 2.0), abs=0.03)
-    told = forecast([replace(SHORT, tension_N=20.0)], ideal, at_rest, LAM_MOTOR)
+    told = forecast_identifications([replace(SHORT, tension_N=20.0)], ideal, at_rest, LAM_MOTOR)
     told.require_within_range(ideal)
     with pytest.raises(OutOfRangeError, match=r"tension on the way: 0\.5 N .* 1 N; .* would go slack"):
         replace(told, F_low=0.5).require_within_range(ideal)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import hold_figures, hold_windows, holds_seen
+from backend.analysis.disturbance_metrics import hold_figures, hold_windows, measure_holds
 from backend.analysis.step_metrics import NoSamplesError
 from backend.experiments.plans import ExperimentPlan
 from plant.interface import T_s
@@ -61,7 +61,7 @@ def test_swings_and_distances_are_the_largest_of_all_stretches() -> None:
     assert figures.held_u_swing_V == pytest.approx(0.2)
     assert figures.held_S_swing == pytest.approx(0.004)
     assert figures.held_moving_percent == pytest.approx(100.0 * 2 / 2999)
-    first, second = holds_seen(seen, plan.program(), LAB)
+    first, second = measure_holds(seen, plan.program(), LAB)
     assert (first.q_ref, first.S_ref, second.q_ref) == (0.3, 10.0, 0.0)
     assert (first.start_s, second.start_s) == (2.0, 7.0)
     assert first.off == pytest.approx(COUNT * 100 / 3000)

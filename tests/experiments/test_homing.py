@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.forecast import expected, start_from
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.forecast import forecast_duration, read_start
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import Accepted, SetMode, SetReferences
 from backend.realtime.modes import Mode
-from backend.recording.reader import recorded_columns
+from backend.recording.reader import read_recorded_columns
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.experiments.judging import LEAD_IN_S
 
-PLAN = ready_plan("compliance", profile="steps", hold_s=0.5, F_push=10.0)
+PLAN = build_ready_plan("compliance", profile="steps", hold_s=0.5, F_push=10.0)
 
 
 @pytest.fixture
 def station(tmp_path: Path) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path)
-    with headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
+    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
         yield made
     database.close()
 
@@ -46,15 +46,15 @@ def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_
 ) -> None:
     async def work() -> tuple[RunResult, float, float]:
         await brought_off_centre(station)
-        start = start_from(station.loop.ring.newest())
+        start = read_start(station.loop.ring.newest())
         assert start.q == pytest.approx(math.radians(15.0), abs=0.02)
-        told_s, began = expected(PLAN, station.parameters, start).duration_s, station.loop.ring.count
+        told_s, began = forecast_duration(PLAN, station.parameters, start).duration_s, station.loop.ring.count
         outcome = await run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator"))
         return outcome, told_s, (station.loop.ring.count - began) / 1000.0
 
     outcome, told_s, took_s = asyncio.run(work())
     assert outcome.run.end_state == "completed"
-    columns, _ = recorded_columns(station.database, outcome.run.id)
+    columns, _ = read_recorded_columns(station.database, outcome.run.id)
     lead_in = slice(0, round(LEAD_IN_S * 1000))
     assert np.abs(columns["q"][lead_in]).max() < 0.01
     # The way from 10 N to S_ref = 10 N·m/rad takes 17.4 N; nothing else moves before the first push.

@@ -76,7 +76,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp_path: Path) -> None:
     bank = build_bank(database, PARAMETERS, "bench", list(POINTS), "Ana")
     with database.session() as session:
-        view = bank_view(bank, identifications.runs_of(session), {}, None)
+        view = bank_view(bank, identifications.find_estimate_runs(session), {}, None)
         follower = runs.create(session, new_run(RunKind.TRACKING, bank.id))
     assert [entry.identification for entry in view.entries] == list(POINTS)
 

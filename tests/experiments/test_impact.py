@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from backend.analysis.disturbance_metrics import Hit, beside_each_other, hits_of, impact_figures
+from backend.analysis.disturbance_metrics import Hit, find_hits, impact_figures, pair_hits
 from backend.analysis.step_metrics import NoSamplesError
 from backend.control.disturbance_observer import POLE
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.realtime.commands import Accepted, RunProgram
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import ContactDetection, Law, Program, Segment
 from backend.sample import NAMES
@@ -26,7 +26,7 @@ from tests.plant.test_dynamics import own_rate
 from tests.realtime.bench_top import BenchTop
 
 LAB = load_parameters("lab")
-PROGRAM = ready_plan("impact").program()
+PROGRAM = build_ready_plan("impact").program()
 SPEEDS = (0.2, 0.4, 0.6)
 AHEAD = 30
 """Samples before the touch from which the test integrates on its own."""
@@ -47,7 +47,7 @@ def impacts(name: str = "lab") -> Driven:
     """The experiment as it is ready-made, with the plan's budget from the start."""
     parameters = load_parameters(name)
     plant = Simulator(parameters)
-    bench = BenchTop(parameters, tuning_for(parameters, TuningParameters(), u_plan=8.5), plant)
+    bench = BenchTop(parameters, make_tuning_command(parameters, TuningParameters(), u_plan=8.5), plant)
     bench.wind_up()
     laid = PROGRAM
     segments = tuple(replace(segment, tuning=0) for segment in laid.segments)
@@ -98,7 +98,7 @@ def own_hit(driven: Driven, hit: Hit) -> tuple[float, float]:
 @pytest.mark.parametrize("number", range(12))
 def test_peak_and_impulse_agree_with_an_independent_integration_within_3_percent(number: int) -> None:
     driven = impacts()
-    hits = hits_of(driven.columns, PROGRAM)
+    hits = find_hits(driven.columns, PROGRAM)
     assert [hit.S_ref for hit in hits] == pytest.approx([8.0] * 3 + [15.0] * 6 + [8.0] * 3)
     assert [hit.speed for hit in hits] == pytest.approx(4 * SPEEDS, rel=0.04)
     assert [hit.reacts for hit in hits] == [False] * 6 + [True] * 6
@@ -109,7 +109,7 @@ def test_peak_and_impulse_agree_with_an_independent_integration_within_3_percent
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 def test_a_soft_joint_hits_softer_than_a_stiff_one_at_each_speed(name: str) -> None:
-    hits = hits_of(impacts(name).columns)
+    hits = find_hits(impacts(name).columns)
     for soft, stiff in zip(hits[:3], hits[3:6], strict=True):
         assert soft.peak_N < 0.7 * stiff.peak_N
         assert soft.impulse_Ns < 0.7 * stiff.impulse_Ns
@@ -124,8 +124,8 @@ def test_a_soft_joint_hits_softer_than_a_stiff_one_at_each_speed(name: str) -> N
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 def test_giving_way_takes_more_than_a_third_of_each_impulse_and_some_of_each_peak(name: str) -> None:
-    hits = hits_of(impacts(name).columns, PROGRAM)
-    pairs, why = beside_each_other(hits)
+    hits = find_hits(impacts(name).columns, PROGRAM)
+    pairs, why = pair_hits(hits)
     assert (len(pairs), why) == (6, "")
     for plain, reacted in pairs:
         assert plain.S_ref == reacted.S_ref
@@ -144,7 +144,7 @@ def test_a_hit_is_felt_when_the_observers_poles_let_expect_it_and_given_way_to_i
     kept, seen = np.exp(-POLE * T_s), np.abs(driven.columns["F_wall"])
     for _ in range(3):  # p/(s + p) thrice
         seen = lfilter([1.0 - kept], [1.0, -kept], seen)
-    for hit in hits_of(driven.columns, PROGRAM)[6:]:
+    for hit in find_hits(driven.columns, PROGRAM)[6:]:
         expected = T_s * int(np.argmax(seen[hit.window] > hit.contact_N))
         assert hit.felt_s == pytest.approx(expected, abs=0.002)
         assert hit.gave_way_s == 0.0
@@ -156,7 +156,7 @@ def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
     program = Program(Law.CASCADE, (Segment(2.0, 0.0, 8.0, touch=1),), touches=(ContactDetection(1.5),))
     seen = columns((8.0, 0.3, 4.0), (8.0, 0.3, 5.0))
     seen |= {"F_ext_hat": np.where(seen["t"] > 1.5, seen["F_wall"], 0.0), "limits": np.zeros_like(seen["t"])}
-    one, other = hits_of(seen, program)
+    one, other = find_hits(seen, program)
     assert one.reacts
     assert np.isnan([one.felt_s, one.gave_way_s, one.fell_s, other.gave_way_s, other.fell_s]).all()
     assert other.felt_s == pytest.approx(0.1 * np.arcsin(0.3) / np.pi, abs=0.001)
@@ -204,7 +204,7 @@ def columns(*hits: tuple[float, float, float], ticks: int = 1000) -> dict[str, A
 
 
 def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None:
-    soft, stiff = hits_of(columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0)))
+    soft, stiff = find_hits(columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0)))
     assert (soft.window, stiff.window) == (slice(500, 750), slice(1500, 1750))
     assert (soft.S_ref, stiff.S_ref, soft.contact_s) == (8.0, 12.0, 0.2)
     assert soft.peak_N == pytest.approx(4.0, rel=1e-3)
@@ -235,7 +235,7 @@ def test_hits_that_are_not_alike_are_not_compared_and_say_why(
 
 def test_a_touch_as_the_record_begins_has_no_speed_and_is_compared_with_nothing() -> None:
     early = {name: column[499:] for name, column in columns((8.0, 0.3, 4.0), (15.0, 0.3, 5.0)).items()}
-    assert np.isnan(hits_of(early)[0].speed)
+    assert np.isnan(find_hits(early)[0].speed)
     assert impact_figures(early).soft_to_stiff_peak is None
 
 
@@ -248,6 +248,6 @@ def test_without_a_wall_without_a_hit_and_before_there_were_walls_there_is_nothi
         del seen["F_wall"]
     else:
         seen["F_wall"] = np.full_like(seen["t"], force)
-    assert hits_of(seen) == ()
+    assert find_hits(seen) == ()
     with pytest.raises(NoSamplesError, match="no wall was hit"):
         impact_figures(seen)

@@ -9,16 +9,16 @@ import pytest
 
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
-from backend.execution.simulation import headless_station
+from backend.execution.simulation import open_headless_station
 from backend.experiments import library
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Command, Inject, Stop
 from backend.reports.build import build_report
 from backend.reports.model import to_html
 from backend.reports.run_data import RunData, load_source
-from backend.reports.verification import Verified, verify
+from backend.reports.verification import Verified, verify_report
 from backend.storage.database import open_database
 from plant.interface import Breakage, Broken
 from plant.parameters import load_parameters
@@ -66,8 +66,8 @@ class Interruption:
 
 def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Command, after_s: float) -> RunData:
     database = open_database(tmp_path_factory.mktemp("interrupted"))
-    with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
-        order = RunRequest(ready_plan(name), LoopSettings(), "A. Operator")
+    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+        order = RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
         outcome = asyncio.run(run_experiment(station, order, Interruption(station, command, after_s)))
     source = load_source(database, outcome.run.id)
     database.close()
@@ -93,7 +93,7 @@ def test_it_keeps_what_it_has_and_says_what_is_missing(
     source = interrupted(tmp_path_factory, name, command, AFTER_S[name])
     assert source.run.end_state == end_state
     played = source.columns["t"].size
-    assert 1000 * AFTER_S[name] <= played < 1000 * ready_plan(name).program().duration_s
+    assert 1000 * AFTER_S[name] <= played < 1000 * build_ready_plan(name).program().duration_s
     result = source.result
     assert result is not None
     assert not result.metrics.complete
@@ -101,8 +101,8 @@ def test_it_keeps_what_it_has_and_says_what_is_missing(
     assert all(item.reason for item in result.metrics.figures if item.value is None)
     report = build_report(source)
     assert report.outcome == "incomplete"
-    assert f"s of {ready_plan(name).program().duration_s:.6g} s were played" in report.verdict
-    assert verify(to_html(report), source.columns) == Verified((), ())
+    assert f"s of {build_ready_plan(name).program().duration_s:.6g} s were played" in report.verdict
+    assert verify_report(to_html(report), source.columns) == Verified((), ())
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -118,4 +118,4 @@ def test_what_ended_before_anything_could_be_measured_says_so(
     report = build_report(source)
     assert report.outcome == "incomplete"
     assert report.verdict == f"No result: the run ended before {awaited}."
-    assert verify(to_html(report), source.columns) == Verified((), ())
+    assert verify_report(to_html(report), source.columns) == Verified((), ())

@@ -3,7 +3,7 @@
 import pytest
 
 from backend.execution.simulation import SimulatedRun, play_in_memory
-from backend.experiments.library import experiment
+from backend.experiments.library import find_experiment
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.models.run import LAMBDA, MOTIONS, TIME_OPTIMAL, StepFigures
 from plant.parameters import load_parameters
@@ -49,7 +49,7 @@ def test_lambda_from_half_a_second_to_one_doubles_the_time_of_a_small_step(name:
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> None:
     """Whatever motion is active: the experiment names its own."""
-    plan = experiment("lambda_sweep").make({})
+    plan = find_experiment("lambda_sweep").make({})
     assert isinstance(plan, ExperimentPlan)
     played = play(name, plan, LoopSettings(motion=TIME_OPTIMAL))
     lambdas = [float(change["lam_q"]) for change in plan.laid.changes]
@@ -64,7 +64,7 @@ def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> No
 
 
 def test_the_motions_are_compared_on_the_same_steps() -> None:
-    plan = experiment("motion_comparison").make({})
+    plan = find_experiment("motion_comparison").make({})
     played = play("ideal", plan, LoopSettings())
     assert not [item.name for item in played.criteria if item.passed is not True]
     by_phase = {
@@ -81,7 +81,7 @@ def test_the_motions_are_compared_on_the_same_steps() -> None:
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_tracking_with_all_defaults_passes_in_both_motions(motion: str, name: str) -> None:
-    played = play(name, experiment("tracking").make({}), LoopSettings(motion=motion))
+    played = play(name, find_experiment("tracking").make({}), LoopSettings(motion=motion))
     figures = {item.name: item.value for item in played.metrics.figures}
     assert [item.passed for item in played.criteria] == [True] * len(played.criteria)
     if motion == LAMBDA or name != "ideal":

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.analysis.identification import document_of, load_friction_of
+from backend.analysis.identification import build_identification_document, estimate_run_friction
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.recording.reader import Columns
 from backend.reports.model import Paragraph
@@ -32,12 +32,12 @@ def played(number: int, tension_N: float, **changes: Any) -> tuple[Run, Columns]
 
 
 def test_runs_at_two_tensions_give_the_friction_of_motor_A() -> None:
-    found = load_friction_of([played(3, 12.0), played(4, 31.0)])
+    found = estimate_run_friction([played(3, 12.0), played(4, 31.0)])
     assert found.estimate is not None
     assert found.estimate.runs == (3, 4)
     assert abs(found.estimate.c0 - C0) < 0.02 * C0
     assert abs(found.estimate.c1 - C1) < 0.02 * C1
-    assert document_of(found)["estimate"]["runs"] == (3, 4)
+    assert build_identification_document(found)["estimate"]["runs"] == (3, 4)
 
 
 def test_runs_of_another_rig_and_runs_that_ended_early_are_left_out() -> None:
@@ -46,11 +46,11 @@ def test_runs_of_another_rig_and_runs_that_ended_early_are_left_out() -> None:
     t = np.array(columns["t"])
     t[BEFORE + 100 :] += 0.005
     holes = run, {**columns, "t": t}
-    found = load_friction_of([other, early, holes, played(5, 12.0)])
+    found = estimate_run_friction([other, early, holes, played(5, 12.0)])
     assert found.estimate is None
     assert found.problem
     assert [reason.partition(":")[0] for reason in found.left_out] == ["run 2", "run 3", "run 4"]
-    assert document_of(found)["estimate"] is None
+    assert build_identification_document(found)["estimate"] is None
 
 
 def test_the_report_of_a_series_tells_the_friction_or_why_it_is_not_measured() -> None:
@@ -58,7 +58,7 @@ def test_the_report_of_a_series_tells_the_friction_or_why_it_is_not_measured() -
         RunData(run, None, columns, None, replace(identification(), run_id=run.id))
         for run, columns in (played(3, 12.0), played(4, 31.0))
     ]
-    assert _told(made) == [load_friction_of([(one.run, one.columns) for one in made]).sentence]
+    assert _told(made) == [estimate_run_friction([(one.run, one.columns) for one in made]).sentence]
     assert "not measured" in _told(made[:1])[0]
 
 

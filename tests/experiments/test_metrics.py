@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from backend.analysis.evaluation import known_to_bounds
 from backend.analysis.step_metrics import NoSamplesError, ReferenceStep, step_metrics, steps_of, tracking_metrics
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan
 from backend.models.run import Phase
 from backend.realtime.program import Law, Program, Segment, Shape
@@ -138,7 +138,7 @@ def tracked(
 
 
 def test_steps_of_tracking_follow_the_references() -> None:
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     steps = steps_of(plan.program(), plan.phases())
     assert [(s.signal, s.alone) for s in steps if s.phase == "position"] == [("q", True)] * 4
     assert [(s.signal, s.alone) for s in steps if s.phase == "stiffness"] == [("S", True)] * 5
@@ -162,7 +162,7 @@ def test_ramps_and_sines_are_not_steps() -> None:
 
 
 def test_tracking_metrics_of_a_known_loop() -> None:
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     coupling = 0.02
     columns = tracked(plan, coupling=coupling)
     metrics = tracking_metrics(columns, plan.program(), plan.phases(), lambda turn: 0.1 * turn)
@@ -184,7 +184,7 @@ def test_tracking_metrics_of_a_known_loop() -> None:
 
 def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
     """Slower steps of q made together with S are none of them, as name and definition say."""
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     columns = tracked(plan)
     both = next(phase for phase in plan.phases() if phase.name == "both").start_s
     slow = tracked(plan, lam_q=0.9)
@@ -203,7 +203,7 @@ def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
 
 def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
     """A sine of 50 Hz about what holds the tension, from 1 s after settling on; what moves the joint is left out."""
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     columns = tracked(plan)
     t = columns["t"]
     columns["u_A"] = 0.6 + 0.2 * np.sin(2 * math.pi * 50 * t)
@@ -216,7 +216,9 @@ def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
 
 
 def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
-    plan = ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)  # settled after 2.9 s: less than 1 s + 1 s left
+    plan = build_ready_plan(
+        "tracking", q_duration_s=4.0, S_duration_s=4.0
+    )  # settled after 2.9 s: less than 1 s + 1 s left
     found = tracking_metrics(tracked(plan), plan.program(), plan.phases())
     assert found.overall.settling_q_s == pytest.approx(0.5 * 5.834, abs=0.002)
     assert found.overall.u_rest_rms_V is None
@@ -224,7 +226,7 @@ def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
 
 
 def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     columns = {name: column[:20_500] for name, column in tracked(plan).items()}
     metrics = tracking_metrics(columns, plan.program(), plan.phases())
     assert not metrics.complete
@@ -237,7 +239,7 @@ def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
 
 
 def test_criteria_judge_each_figure_against_its_own_bound() -> None:
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     columns = tracked(plan, coupling=0.1)  # deviates by about 0.15 N·m/rad: too much for ideal, fine for lab
     columns["F_A"] = columns["F_A"].copy()
     columns["F_A"][40_000] = 4.5

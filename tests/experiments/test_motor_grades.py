@@ -10,7 +10,7 @@ from backend.analysis.identification import identify_motors, to_store_motors
 from backend.experiments.plans import MotorIdentificationPlan
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor
-from backend.models.identification import grade_of
+from backend.models.identification import stored_grade
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.run_data import RunData
@@ -85,7 +85,7 @@ def test_a_document_without_a_grade_gets_the_one_that_its_figures_give() -> None
     side = {**found.quality["A"], "verdict": "Usable: K_m and T_m known to ±85 %."}
     del side["grade"]
     early = replace(found, quality={"A": side, "B": side})
-    assert grade_of(early.motors.side("A")) is Grade.UNUSABLE
+    assert stored_grade(early.motors.side("A")) is Grade.UNUSABLE
     assert outcome(early)[0] == "failed"
 
 

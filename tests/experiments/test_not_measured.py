@@ -7,14 +7,14 @@ import pytest
 
 from backend.analysis.disturbance_metrics import compliance_figures
 from backend.analysis.step_metrics import ReferenceStep, TrackingMetrics, judge, step_metrics, tracking_metrics
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan
 from backend.models.run import RunCriterion
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
 from tests.experiments.test_compliance import R_J, pushed
 from tests.experiments.test_metrics import T_s, double_lag, step, tracked
 
-SHORT_HOLDS = ready_plan("tracking", q_duration_s=1.5, S_duration_s=2.0)
+SHORT_HOLDS = build_ready_plan("tracking", q_duration_s=1.5, S_duration_s=2.0)
 
 
 def measured(plan: ExperimentPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
@@ -73,7 +73,7 @@ def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
 
 def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
     """λ_q = 1 s and 3 s: after three λ a fifth of the last q step is still to go when S begins to step."""
-    plan = ready_plan("tracking", q_duration_s=3.0, S_duration_s=8.0)
+    plan = build_ready_plan("tracking", q_duration_s=3.0, S_duration_s=8.0)
     columns = tracked(plan, lam_q=1.0)
     metrics = tracking_metrics(columns, plan.program(), plan.phases())
     first, *rest = [item for item in metrics.steps if item.step.phase == "stiffness"]
@@ -87,7 +87,7 @@ def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
 
 
 def test_every_figure_that_is_missing_has_a_reason() -> None:
-    for plan in (SHORT_HOLDS, ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)):
+    for plan in (SHORT_HOLDS, build_ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)):
         metrics = measured(plan)
         for name, value in vars(metrics.overall).items():
             assert value is not None or metrics.reasons[name], name
@@ -107,7 +107,7 @@ def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() ->
 
 
 def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() -> None:
-    metrics = measured(ready_plan("tracking"))
+    metrics = measured(build_ready_plan("tracking"))
     whole = tracking_criteria(metrics, "ideal")
     assert all(item.passed for item in whole)
     holes = tracking_criteria(metrics, "ideal", missed=12)
@@ -123,7 +123,7 @@ def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() ->
     ("signal", "criteria"), [("q", {"overshoot_q", "deviation_S"}), ("S", {"overshoot_S", "deviation_S"})]
 )
 def test_one_sample_without_a_number_lets_nothing_pass_that_looks_at_it(signal: str, criteria: set[str]) -> None:
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     columns = tracked(plan)
     columns[signal] = columns[signal].copy()
     columns[signal][[17_000, 45_000]] = np.nan  # in a step of q alone, and in one of S alone

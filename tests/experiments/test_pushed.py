@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from backend.analysis.context import EvaluationContext
-from backend.analysis.disturbance_metrics import push_figures, push_windows, pushes_seen
+from backend.analysis.disturbance_metrics import measure_pushes, push_figures, push_windows
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningSettings
 from backend.execution.simulation import play_in_memory
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.models.run import MOTIONS, TIME_OPTIMAL
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import INPUTS, OUTPUTS, sampled_loop
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import INPUTS, OUTPUTS, make_sampled_loop
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
@@ -61,7 +61,7 @@ def test_steps_ramps_and_impulses_are_told_apart_and_a_ramp_ends_where_its_force
 
 def test_force_impulse_and_static_deviation_are_those_of_the_push() -> None:
     plan = plan_of(PUSHED)
-    step, ramp, impulse = pushes_seen(columns(plan), plan.program(), of(plan))
+    step, ramp, impulse = measure_pushes(columns(plan), plan.program(), of(plan))
     assert (step.F, ramp.F, impulse.F) == (6.0, -8.0, 10.0)
     assert [one.impulse for one in (step, ramp, impulse)] == pytest.approx([6.0, -4.0, 0.1])
     assert [one.static for one in (step, ramp)] == pytest.approx([R_J * 6.0 / 10.0, R_J * 8.0 / 10.0])
@@ -70,11 +70,11 @@ def test_force_impulse_and_static_deviation_are_those_of_the_push() -> None:
 def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> None:
     plan, lam_q = plan_of(PUSHED), 0.6
     seen = columns(plan)
-    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam_q)), 10.0).closed
+    loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam_q)), 10.0).closed
     w = np.zeros((seen["q"].size, len(INPUTS)))
     w[:-1, INPUTS.tau_ext] = R_J * seen["F_push"][1:]
     seen["q"] = 1.1 * loop.played(w)[:, OUTPUTS.q]
-    step, ramp, impulse = pushes_seen(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
+    step, ramp, impulse = measure_pushes(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
     # the answers of earlier pushes have nearly died down
     assert [one.off_percent for one in (step, ramp, impulse)] == pytest.approx([10.0, 10.0, 10.0], abs=1.0)
     assert step.peak_q > 1.1 * step.static  # it swings beyond
@@ -101,7 +101,7 @@ def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_w
     assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
     choice = TuningSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
-    pushes = pushes_seen(columns(plan), plan.program(), of(plan, choice))
+    pushes = measure_pushes(columns(plan), plan.program(), of(plan, choice))
     left = [float(abs(one.expected[900])) for one in pushes if one.expected is not None]
     assert len(left) == 2
     assert (left[1] < 0.75 * left[0]) if begun_with == 0.0 else (left[1] > 1.25 * left[0])
@@ -112,7 +112,7 @@ def test_without_the_joint_loop_a_held_push_turns_the_joint_by_the_static_deviat
     played = play_in_memory(IDEAL, plan_of(text), LoopSettings(), lambda _: pytest.fail("no bank"))
     assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
-    (one,) = pushes_seen(columns(plan), plan.program(), of(plan))
+    (one,) = measure_pushes(columns(plan), plan.program(), of(plan))
     assert one.expected is not None
     assert one.expected[900] == pytest.approx(one.static, rel=0.01)
 
@@ -150,4 +150,4 @@ def test_a_run_that_ended_before_a_push_or_has_none_gives_nothing() -> None:
     with pytest.raises(NoSamplesError, match="nothing pushes the joint"):
         push_figures(columns(still), still.program(), of(still))
     part = {name: column[:12500] for name, column in columns(plan).items()}
-    assert len(pushes_seen(part, plan.program(), of(plan))) == 1
+    assert len(measure_pushes(part, plan.program(), of(plan))) == 1

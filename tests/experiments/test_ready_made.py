@@ -8,15 +8,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.analysis.evaluation import evaluate_again
+from backend.analysis.evaluation import reevaluate_run
 from backend.banks.tuning_settings import TuningSettings
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
-from backend.execution.simulation import dry_run, headless_station
+from backend.execution.simulation import dry_run, open_headless_station
 from backend.experiments import parser
-from backend.experiments.library import NAMES, experiment, kept_values, ready_made, ready_plan, stored_plan, text_of
+from backend.experiments.library import (
+    NAMES,
+    build_ready_plan,
+    find_experiment,
+    parse_stored_plan,
+    plan_values,
+    ready_made,
+    text_of,
+)
 from backend.experiments.plans import ExperimentPlan, LoopSettings
-from backend.experiments.schema import schema
-from backend.recording.reader import recorded_columns
+from backend.experiments.schema import build_json_schema
+from backend.recording.reader import read_recorded_columns
 from backend.services.library import OwnExperiments
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
@@ -25,7 +33,7 @@ from plant.parameters import load_parameters
 @pytest.fixture(scope="module")
 def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path_factory.mktemp("ready-made"))
-    with headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
+    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
         yield made
     database.close()
 
@@ -36,13 +44,13 @@ def played(station: ExperimentRig, plan: ExperimentPlan) -> RunResult:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_completes_on_the_simulator_and_its_criteria_hold(station: ExperimentRig, name: str) -> None:
-    outcome = played(station, ready_plan(name))
+    outcome = played(station, build_ready_plan(name))
     assert outcome.run.end_state == "completed"
     result = outcome.evaluation.result
     assert result is not None
     assert [item.title for item in result.criteria if not item.passed] == []
     assert result.criteria
-    again = evaluate_again(station.database, outcome.run.id).result
+    again = reevaluate_run(station.database, outcome.run.id).result
     assert again is not None
     assert (again.metrics, again.criteria) == (result.metrics, result.criteria)
 
@@ -50,10 +58,10 @@ def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Experiment
 @pytest.mark.parametrize("name", NAMES)
 def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path, name: str) -> None:
     """What the page plays dry, and what ``sinew experiment`` plays, each in an installation of its own."""
-    lab, order = load_parameters("lab"), RunRequest(ready_plan(name), LoopSettings(), "A. Operator")
+    lab, order = load_parameters("lab"), RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
     dry = dry_run(lab, order, (), ("q",), 10, tmp_path / "dry").result
     database = open_database(tmp_path / "command")
-    with headless_station(database, lab, LoopSettings()) as station:
+    with open_headless_station(database, lab, LoopSettings()) as station:
         commanded = asyncio.run(run_experiment(station, order)).evaluation.result
     database.close()
     assert dry is not None
@@ -64,9 +72,9 @@ def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path
 @pytest.mark.parametrize("name", NAMES)
 def test_writing_and_reading_gives_it_back(name: str) -> None:
     written, _ = ready_made(name)
-    assert parser.of_canonical(parser.canonical(written)) == written
-    plan = ready_plan(name)
-    assert stored_plan(plan.kind, kept_values(plan)) == plan
+    assert parser.parse_canonical(parser.canonical(written)) == written
+    plan = build_ready_plan(name)
+    assert parse_stored_plan(plan.kind, plan_values(plan)) == plan
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -76,7 +84,7 @@ def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
     copied = text_of(name).replace(f"name: {name}\n", "name: mine\n", 1)
     kept = own.keep(copied, "A. Operator", load_parameters("lab"), TuningSettings())
     assert (kept.name, kept.version) == ("mine", 1)
-    mine, theirs = own.entry("mine"), experiment(name)
+    mine, theirs = own.entry("mine"), find_experiment(name)
     assert mine.usual.program() == theirs.usual.program()
     assert mine.settings == theirs.settings
     database.close()
@@ -97,7 +105,7 @@ def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path
 
 
 def test_the_schema_knows_every_motion_and_nothing_else() -> None:
-    motions = schema()["$defs"]
+    motions = build_json_schema()["$defs"]
     listed = {one["properties"]["do"]["const"] for one in motions.values() if "do" in one.get("properties", {})}
     assert listed == {
         "hold", "step", "ramp", "pulse", "sine", "sweep", "prbs", "multisine", "push", "hand", "load", "tuning",
@@ -107,22 +115,22 @@ def test_the_schema_knows_every_motion_and_nothing_else() -> None:
 
 
 def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(station: ExperimentRig) -> None:
-    plan = ready_plan("lambda_sweep", lam_first=0.8, lam_last=0.6, count=2, hold_s=5.0)
+    plan = build_ready_plan("lambda_sweep", lam_first=0.8, lam_last=0.6, count=2, hold_s=5.0)
     outcome = played(station, plan)
-    columns, _ = recorded_columns(station.database, outcome.run.id)
+    columns, _ = read_recorded_columns(station.database, outcome.run.id)
     lam = columns["lam_q"]
     assert sorted(np.unique(np.round(lam, 6))) == [0.5, 0.6, 0.8]
     changed = np.flatnonzero(np.diff(lam)) + 1
     assert [round(at / 5000) for at in changed] == [1, 5]
     newest = station.loop.ring.newest()
     assert newest is not None
-    told = played(station, ready_plan("step_battery", sizes=1, hold_s=2.0))
-    after, _ = recorded_columns(station.database, told.run.id)
+    told = played(station, build_ready_plan("step_battery", sizes=1, hold_s=2.0))
+    after, _ = read_recorded_columns(station.database, told.run.id)
     assert set(after["lam_q"]) == {0.5}
 
 
 def test_a_step_is_faster_under_a_smaller_lambda(station: ExperimentRig) -> None:
-    outcome = played(station, ready_plan("lambda_sweep", lam_first=1.0, lam_last=0.5, count=2))
+    outcome = played(station, build_ready_plan("lambda_sweep", lam_first=1.0, lam_last=0.5, count=2))
     result = outcome.evaluation.result
     assert result is not None
     steps = [step for step in result.metrics.steps or () if step.signal == "q" and step.after > step.before]
@@ -133,7 +141,7 @@ def test_a_step_is_faster_under_a_smaller_lambda(station: ExperimentRig) -> None
 
 
 def test_a_bank_comparison_differs_only_in_how_entries_are_used() -> None:
-    plan = ready_plan("bank_comparison")
+    plan = build_ready_plan("bank_comparison")
     segments = plan.program().segments
     half = len(segments) // 2
     switching, interpolating = segments[1 : half + 1], segments[half + 1 :]

@@ -9,15 +9,15 @@ from backend.analysis.frequency_metrics import (
     LEAST_LOW_GAIN,
     Response,
     bandwidth,
+    compute_responses,
     lag_at,
     resonance,
     response_figures,
-    responses,
 )
 from backend.analysis.step_metrics import NoSamplesError, excitations
 from backend.control.motion_types import Setpoint
 from backend.control.setpoint_player import play
-from backend.realtime.motions import player_of
+from backend.realtime.motions import make_segment_player
 from backend.realtime.program import Program
 from plant.interface import T_s
 from tests.experiments.composing.written import plan_of, with_parts
@@ -30,7 +30,7 @@ LAG_S = 0.4
 
 def references(program: Program) -> tuple[Array, Array]:
     """What the loop's own player gives, tick by tick."""
-    player, target = player_of(program.segments, Setpoint(0.0, 10.0, 0.0)), Setpoint(0.0, 10.0, 0.0)
+    player, target = make_segment_player(program.segments, Setpoint(0.0, 10.0, 0.0)), Setpoint(0.0, 10.0, 0.0)
     rows = []
     done = False
     while not done:
@@ -70,7 +70,7 @@ def lag(f: Array, lag_s: float) -> NDArray[np.complex128]:
 
 def test_a_first_order_lag_is_found_line_by_line() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
-    (found,) = responses(columns_of(program), program)
+    (found,) = compute_responses(columns_of(program), program)
     np.testing.assert_allclose(found.f, np.arange(1, 31) / 10.0, rtol=1e-12)
     np.testing.assert_allclose(found.H, lag(found.f, LAG_S), rtol=1e-6)
 
@@ -96,7 +96,7 @@ def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
 )
 def test_a_sweep_and_a_sequence_estimate_the_same(part: str) -> None:
     program = plan_of(with_parts(LEAD_IN, part, "{do: hold, duration_s: 4}")).program()
-    (found,) = responses(columns_of(program), program)
+    (found,) = compute_responses(columns_of(program), program)
     inner = (found.f > 0.1) & (found.f < 3.0)
     assert inner.sum() > 10
     np.testing.assert_allclose(np.abs(found.H[inner]), np.abs(lag(found.f[inner], LAG_S)), rtol=0.06)

@@ -14,8 +14,8 @@ from scipy.signal import lsim
 from backend.analysis.disturbance_metrics import BACK_SHARE, RobustnessColumns, robustness_figures
 from backend.analysis.step_metrics import NoSamplesError, load_steps
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import experiments, ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan, experiments_by_name
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Refused, RunProgram
 from backend.realtime.modes import Mode
@@ -24,7 +24,7 @@ from backend.reports.build import build_report
 from backend.reports.model import Report, Table
 from backend.reports.run_data import RunData, load_source
 from backend.storage.database import open_database
-from backend.tuning.gains import motor_loops
+from backend.tuning.gains import make_motor_loops
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -32,7 +32,7 @@ from tests.experiments.judging import LEAD_IN_S, robustness_criteria
 from tests.realtime.bench_top import BenchTop
 
 HOLD_S, LOAD_NM = 2.5, 0.375
-PLAN = ready_plan("robustness", hold_s=HOLD_S, load_Nm=LOAD_NM)
+PLAN = build_ready_plan("robustness", hold_s=HOLD_S, load_Nm=LOAD_NM)
 STEPS = load_steps(PLAN.program())
 LAM = LoopSettings().lam_motor
 COUNT_RAD = 2.0 * np.pi / 8000
@@ -47,7 +47,7 @@ def ideal() -> PlantParameters:
 def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunData]:
     """Ordered, played, judged and stored as from the command line."""
     database = open_database(tmp_path_factory.mktemp("robustness"))
-    with headless_station(database, ideal, LoopSettings()) as station:
+    with open_headless_station(database, ideal, LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator")))
     yield load_source(database, outcome.run.id)
     database.close()
@@ -60,7 +60,7 @@ def columns(source: RunData) -> RobustnessColumns:
 
 def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: str, load_s: float) -> np.ndarray:
     """Turn of a motor from ``load_s`` on by its continuous loop, L/R and filter in it, its reference as it moved."""
-    motor, law = parameters.dynamics().motor_A, motor_loops(parameters, 0.0854).A
+    motor, law = parameters.dynamics().motor_A, make_motor_loops(parameters, 0.0854).A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     loop = np.polyadd(
         np.polymul([motor.J_m, motor.B_m, 0.0], behind), motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
@@ -88,7 +88,7 @@ def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     ideal: PlantParameters, columns: RobustnessColumns
 ) -> None:
     found = robustness_figures(columns, STEPS, 0.0)
-    law, K_t = motor_loops(ideal, 0.0854).A, ideal.dynamics().motor_A.K_t
+    law, K_t = make_motor_loops(ideal, 0.0854).A, ideal.dynamics().motor_A.K_t
     for integral in (found.error_integral_A, found.error_integral_B):
         assert integral == pytest.approx(LOAD_NM / (K_t * law.k_i), rel=0.05)
     assert found.back_s is not None
@@ -116,23 +116,23 @@ def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(
 
 @pytest.mark.parametrize("lam", [0.05, LAM, 0.2])
 def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: PlantParameters, lam: float) -> None:
-    law, motor = motor_loops(ideal, lam).A, ideal.dynamics().motor_A
+    law, motor = make_motor_loops(ideal, lam).A, ideal.dynamics().motor_A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     rest = motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
     loop = np.polyadd(np.polymul([motor.J_m, motor.B_m, 0.0], behind), rest)
     t = np.arange(0.0, 40.0 * lam, T_s)
     turned = np.abs(lsim((behind, loop), np.ones(t.size), t)[1])
     back_s = t[np.flatnonzero(turned > 0.05 * turned.max())[-1]]
-    bound = ready_plan("robustness").experiment.criteria[0].below
+    bound = build_ready_plan("robustness").experiment.criteria[0].below
     assert bound == "18 * lam_motor"
     assert 18.0 * lam == pytest.approx(2.0 * back_s, rel=0.02)
 
 
 def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_path: Path) -> None:
     """On ``lab`` motors rest off their references under the load, while q and S are at theirs."""
-    plan = ready_plan("robustness", hold_s=3.5)
+    plan = build_ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
-        with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
+        with open_headless_station(database, load_parameters("lab"), LoopSettings()) as station:
             outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
         source = load_source(database, outcome.run.id)
     assert source.result is not None
@@ -253,7 +253,7 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
 
 
 def test_it_is_offered_with_the_papers_load() -> None:
-    offered = experiments()["robustness"].usual
+    offered = experiments_by_name()["robustness"].usual
     assert isinstance(offered, ExperimentPlan)
     r_m = load_parameters("lab").geometry.r_m
     assert offered.values["load_Nm"] == pytest.approx(50.0 * r_m)

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 
 from backend.analysis.step_metrics import tracking_metrics
-from backend.banks.builder import BankError, build_bank, points_of, tuning_command
+from backend.banks.builder import BankError, build_bank, build_tuning_command, entry_points
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, NotReadyError, RunRequest, RunResult, create_run, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Reset, Stop
-from backend.recording.reader import recorded_columns
+from backend.recording.reader import read_recorded_columns
 from backend.storage import identifications, results, runs
 from backend.storage.database import open_database
 from backend.storage.orm import UnknownRecordError
 from plant.parameters import load_parameters
 
 SETTINGS = LoopSettings(seed=3)
-HASTY = ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
+HASTY = build_ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def parameters() -> str:
 @pytest.fixture
 def station(parameters: str, tmp_path: Path) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path)
-    with headless_station(database, load_parameters(parameters), SETTINGS) as made:
+    with open_headless_station(database, load_parameters(parameters), SETTINGS) as made:
         yield made
     database.close()
 
@@ -73,7 +73,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Experim
         "source": station.parameters.sources["geometry.r_j"],
     }
 
-    columns, missed = recorded_columns(station.database, run.id)
+    columns, missed = read_recorded_columns(station.database, run.id)
     assert missed == 0
     assert columns["t"].size == round(HASTY.program().duration_s * 1000)
     assert np.allclose(np.diff(columns["t"]), 1e-3)
@@ -96,7 +96,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Experim
 def test_tracking_keeps_what_it_promises(
     station: ExperimentRig, overshoot: float, deviation_S: float, tension: float
 ) -> None:
-    plan = ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)
+    plan = build_ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)
     outcome = perform(station, plan)
     assert outcome.evaluation.result is not None
     figures = {item.name: item.value for item in outcome.evaluation.result.metrics.figures if item.value is not None}
@@ -105,7 +105,7 @@ def test_tracking_keeps_what_it_promises(
     assert figures["deviation_S"] < deviation_S
     assert figures["min_tension_N"] > tension
     assert [item.passed for item in outcome.evaluation.result.criteria] == [True] * 4
-    columns, _ = recorded_columns(station.database, outcome.run.id)
+    columns, _ = read_recorded_columns(station.database, outcome.run.id)
     count = station.parameters.sensors.joint_step
     to_the_count = tracking_metrics(columns, plan.program(), plan.phases(), q_count=count).overall
     assert figures["reach_q_s"] == to_the_count.reach_q_s
@@ -145,7 +145,7 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
     assert 2.0 <= result.metrics.played_s < 3.5
     assert len(result.criteria) == 4
     assert not any(item.passed for item in result.criteria)
-    columns, _ = recorded_columns(station.database, outcome.run.id)
+    columns, _ = read_recorded_columns(station.database, outcome.run.id)
     assert columns["t"].size == round(result.metrics.played_s * 1000)
 
     with pytest.raises(NotReadyError, match="reset"):
@@ -175,16 +175,16 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Expe
     with station.database.reading() as session:
         run_id = identifications.get(session, entry.identification_id or 0).run_id or 0
         assert runs.get(session, run_id).kind == "actuator_identification"
-    (point,) = points_of(bank)
+    (point,) = entry_points(bank)
     assert point.T_q == found.model["G_q"]["first_order"]["T"]
-    command = tuning_command(station.parameters, LoopSettings(lam_q=0.6), bank)
+    command = build_tuning_command(station.parameters, LoopSettings(lam_q=0.6), bank)
     assert (command.lam_q, len(command.entries)) == (0.6, 1)
     assert command.entries[0].S_nominal == point.S_nominal
 
 
 @pytest.mark.parametrize("parameters", ["lab"])
 def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is_out(station: ExperimentRig) -> None:
-    outcome = perform(station, ready_plan("compliance", pushes=2, hold_s=1.0))
+    outcome = perform(station, build_ready_plan("compliance", pushes=2, hold_s=1.0))
     result = outcome.evaluation.result
     assert result is not None
     figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
@@ -214,13 +214,13 @@ def test_settings_that_are_not_safe_never_reach_a_loop(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     with (
         pytest.raises(OutOfRangeError, match=r"λ_q|position loop") as refused,
-        headless_station(database, load_parameters("ideal"), LoopSettings(lam_q=0.2)),
+        open_headless_station(database, load_parameters("ideal"), LoopSettings(lam_q=0.2)),
     ):
         pytest.fail("a station was made")
     assert refused.value.minimum == pytest.approx(0.355, abs=0.02)
     with (
         pytest.raises(UnknownRecordError, match="bank 7"),
-        headless_station(database, load_parameters("ideal"), LoopSettings(bank=7)),
+        open_headless_station(database, load_parameters("ideal"), LoopSettings(bank=7)),
     ):
         pytest.fail("a station was made")
     database.close()

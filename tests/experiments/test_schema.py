@@ -8,9 +8,9 @@ from jsonschema_rs import Draft202012Validator
 
 from backend.experiments.library import NAMES, ready_made, text_of
 from backend.experiments.parser import ExperimentError, of_document
-from backend.experiments.schema import EXPERIMENT, schema
+from backend.experiments.schema import EXPERIMENT, build_json_schema
 
-VALIDATOR = Draft202012Validator(schema())
+VALIDATOR = Draft202012Validator(build_json_schema())
 
 
 def document(name: str = "compliance") -> dict[str, Any]:

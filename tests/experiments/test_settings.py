@@ -6,14 +6,14 @@ from dataclasses import asdict
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, Plan, SequencePlan
-from backend.models.settings import SettingError, describe, from_values
+from backend.models.settings import SettingError, build_plan, describe_settings
 from backend.realtime.program import Law, Segment, Shape
 
 
 def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
-    for settings in (ready_plan("tracking").settings, describe(ActuatorIdentificationPlan)):
+    for settings in (build_ready_plan("tracking").settings, describe_settings(ActuatorIdentificationPlan)):
         for setting in settings:
             assert setting.unit
             assert setting.symbol
@@ -28,16 +28,16 @@ def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
 
 
 def test_words_of_a_command_line_become_numbers() -> None:
-    plan = ready_plan("tracking", **{"q_amplitude": "0.5", "S_low": 9})
+    plan = build_ready_plan("tracking", **{"q_amplitude": "0.5", "S_low": 9})
     assert [plan.values[name] for name in ("q_amplitude", "S_low", "S_high")] == [0.5, 9.0, 14.0]
-    assert from_values(ActuatorIdentificationPlan, {"bits": "9"}).bits == 9
+    assert build_plan(ActuatorIdentificationPlan, {"bits": "9"}).bits == 9
 
 
 @pytest.mark.parametrize(("name", "value"), [("q_amplitude", 1.6), ("q_amplitude", math.nan), ("S_low", "1e400")])
 def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value: object) -> None:
     with pytest.raises(OutOfRangeError) as refused:
-        ready_plan("tracking", **{name: value})
-    setting = next(item for item in ready_plan("tracking").settings if item.name == name)
+        build_ready_plan("tracking", **{name: value})
+    setting = next(item for item in build_ready_plan("tracking").settings if item.name == name)
     assert refused.value.quantity == name
     assert (refused.value.minimum, refused.value.maximum) == (setting.minimum, setting.maximum)
     assert refused.value.unit == setting.unit
@@ -46,27 +46,27 @@ def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value
 @pytest.mark.parametrize("value", ["wide", True, None, [1.0]])
 def test_what_is_no_number_is_refused_with_its_unit(value: object) -> None:
     with pytest.raises(SettingError, match="needs a number in rad") as refused:
-        ready_plan("tracking", **{"q_amplitude": value})
+        build_ready_plan("tracking", **{"q_amplitude": value})
     assert (refused.value.quantity, refused.value.value, refused.value.unit) == ("q_amplitude", value, "rad")
 
 
 def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
     with pytest.raises(SettingError, match="unknown setting") as unknown:
-        ready_plan("tracking", **{"q_amplitud": 1.0})
+        build_ready_plan("tracking", **{"q_amplitud": 1.0})
     assert "q_amplitude" in unknown.value.legal
     with pytest.raises(SettingError, match="whole number"):
-        from_values(ActuatorIdentificationPlan, {"bits": 7.5})
+        build_plan(ActuatorIdentificationPlan, {"bits": 7.5})
 
 
 def test_settings_are_checked_against_each_other() -> None:
     with pytest.raises(OutOfRangeError, match="12 N·m/rad is more than 11 N·m/rad; keep it below the upper level"):
-        ready_plan("tracking", S_low=12, S_high=11)
+        build_ready_plan("tracking", S_low=12, S_high=11)
     with pytest.raises(OutOfRangeError, match="shorter chip"):
         ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()
 
 
 def test_tracking_program_holds_its_references_as_the_paper_does() -> None:
-    plan = ready_plan("tracking")
+    plan = build_ready_plan("tracking")
     program, phases = plan.program(), plan.phases()
     assert program.law is Law.CASCADE
     assert [phase.name for phase in phases] == ["lead_in", "position", "stiffness", "both"]
@@ -102,7 +102,7 @@ def test_identification_program_is_the_default_experiment_of_the_method() -> Non
 
 
 def sequence(*segments: object) -> SequencePlan:
-    return from_values(SequencePlan, {"segments": json.dumps(segments)})
+    return build_plan(SequencePlan, {"segments": json.dumps(segments)})
 
 
 def test_own_sequences_are_read_from_json() -> None:
@@ -144,8 +144,8 @@ def test_own_sequences_are_checked_segment_by_segment() -> None:
 @pytest.mark.parametrize(
     "plan",
     [
-        ready_plan("tracking", q_duration_s=1.23456, S_duration_s=0.98765),
-        ready_plan("compliance", push_seed=4),
+        build_ready_plan("tracking", q_duration_s=1.23456, S_duration_s=0.98765),
+        build_ready_plan("compliance", push_seed=4),
         SequencePlan('[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'),
     ],
 )
@@ -156,7 +156,7 @@ def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> 
 
 @pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
 def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: str) -> None:
-    plan = ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20})
+    plan = build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20})
     program = plan.program()
     forces = [segment.F_push for segment in program.segments]
     assert program.law is Law.COMPLIANCE
@@ -164,11 +164,11 @@ def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: 
     assert 3.0 < max(forces) <= 12.0
     assert forces[0] == forces[-1] == 0.0
     assert {(segment.q_ref, segment.S_ref) for segment in program.segments} == {(0.0, 10.0)}
-    assert ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
+    assert build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
 
 
 def test_a_hand_pushes_differently_with_another_seed_and_never_jumps() -> None:
-    first, second = (ready_plan("compliance", push_seed=seed).program().segments for seed in (1, 2))
+    first, second = (build_ready_plan("compliance", push_seed=seed).program().segments for seed in (1, 2))
     assert first != second
     for before, after in itertools.pairwise(first):
         assert after.shape is Shape.RAMP or after.F_push == pytest.approx(before.F_push)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.experiments.forecast import CORNERS, POINTS, Stage, Timetable, timetable
+from backend.experiments.forecast import CORNERS, POINTS, Stage, Timetable, forecast_identification
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -47,7 +47,7 @@ def played(plan: IdentificationPlan, name: str = "lab") -> Played:
     bench = BenchTop(parameters)
     bench.wind_up()
     references = bench.column("theta_A_ref", 1)[0], bench.column("theta_B_ref", 1)[0]
-    told = timetable(plan, parameters, references)
+    told = forecast_identification(plan, parameters, references)
     began = len(bench.samples.rows)
     assert isinstance(bench.send(RunProgram(plan.program(), run=3)), Accepted)
     while bench.loop.mode is Mode.IDENTIFY:
@@ -126,7 +126,7 @@ def test_the_sweep_is_at_its_tensions_when_it_is_told_to_be() -> None:
 
 @pytest.mark.parametrize("plan", [ACTUATOR, MOTOR, SPRING], ids=["actuator", "motor", "spring"])
 def test_stretches_follow_each_other_without_gaps_and_are_drawn_from_end_to_end(plan: IdentificationPlan) -> None:
-    told = timetable(plan, load_parameters("lab"))
+    told = forecast_identification(plan, load_parameters("lab"))
     begins = [one.begin for one in told.stretches]
     assert begins == [0, *(one.end for one in told.stretches[:-1])]
     assert all(one.begin < one.end for one in told.stretches)
@@ -138,4 +138,4 @@ def test_stretches_follow_each_other_without_gaps_and_are_drawn_from_end_to_end(
 
 def test_the_longest_excitation_is_drawn_by_so_many_points() -> None:
     plan = replace(ACTUATOR, bits=12, periods=10, chip_s=0.0146)
-    assert timetable(plan, load_parameters("lab")).t.size <= CORNERS + 2 * POINTS + 2
+    assert forecast_identification(plan, load_parameters("lab")).t.size <= CORNERS + 2 * POINTS + 2

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from backend.banks import tuning_settings
-from backend.banks.builder import tuning_command
-from backend.banks.tuning_settings import TuningSettings, changes_told
+from backend.banks.builder import build_tuning_command
+from backend.banks.tuning_settings import TuningSettings, parse_changes
 from backend.experiments.plans import LoopSettings, SequencePlan, split_values
-from backend.models.settings import describe, from_values
+from backend.models.settings import build_plan, describe_settings
 from backend.schemas.state import TrialView
 from backend.schemas.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import settings
@@ -43,10 +43,10 @@ def test_every_part_is_tried_here() -> None:
 
 def test_what_is_told_of_a_change_says_all_of_it() -> None:
     before, after = TuningSettings(), TuningSettings(**OTHER)
-    assert changes_told(", ".join(after.differences(before))) == OTHER
-    assert changes_told(", ".join(before.differences(after))) == before.document()
+    assert parse_changes(", ".join(after.differences(before))) == OTHER
+    assert parse_changes(", ".join(before.differences(after))) == before.document()
     for text in ("the same tuning again", "trial kept", "λ_q 0.5 s", "by the program: λ_q 0.5 s, λ_S 0.4 s"):
-        assert changes_told(text) is None
+        assert parse_changes(text) is None
 
 
 @pytest.mark.parametrize("name", OTHER)
@@ -56,11 +56,11 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     assert after != before
     assert len(after.differences(before)) == 1
     assert before.differences(before) == []
-    assert changes_told(f"for the run: {after.differences(before)[0]}") == {name: OTHER[name]}
+    assert parse_changes(f"for the run: {after.differences(before)[0]}") == {name: OTHER[name]}
     assert TuningSettings.of(after.document()) == after
     assert LoopSettings(**after.document(), seed=4).tuning == after
     assert TuningSettings.of(asdict(LoopSettings(**after.document(), seed=4))) == after
-    _, ordered = split_values(describe(SequencePlan), partial(from_values, SequencePlan), {name: OTHER[name]})
+    _, ordered = split_values(describe_settings(SequencePlan), partial(build_plan, SequencePlan), {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
     tuning_settings.store_tuning(database, after, parameters, "A. Operator")
@@ -82,7 +82,7 @@ def test_every_body_of_the_interface_has_every_part(schema: type[TuningParts]) -
 def test_b_reaches_the_gains_of_the_loop() -> None:
     """Table 2 with a weighed reference: k_r = b k_p, all else as without."""
     ideal = load_parameters("ideal")
-    plain, weighed = (tuning_command(ideal, TuningSettings(b=b), None).entries[0] for b in (0.0, 0.7))
+    plain, weighed = (build_tuning_command(ideal, TuningSettings(b=b), None).entries[0] for b in (0.0, 0.7))
     assert (plain.k_r_q, plain.k_r_S) == (0.0, 0.0)
     assert (weighed.k_r_q, weighed.k_r_S) == pytest.approx((0.7 * plain.k_p_q, 0.7 * plain.k_p_S), rel=1e-12)
     assert replace(weighed, k_r_q=0.0, k_r_S=0.0) == plain

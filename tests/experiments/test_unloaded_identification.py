@@ -6,24 +6,24 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from backend.analysis.identification import from_table, identify_motors, side_steps
+from backend.analysis.identification import fit_spring_table, identify_motors, side_steps
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
-from backend.execution.simulation import headless_station
+from backend.execution.simulation import open_headless_station
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.prediction import predict_motor, predict_spring
 from backend.identification.records import IdentificationError
-from backend.models.settings import from_values
+from backend.models.settings import build_plan
 from backend.realtime.commands import Stop
-from backend.recording.reader import recorded_columns
+from backend.recording.reader import read_recorded_columns
 from backend.reports.build import build_report
 from backend.reports.model import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import load_source
 from backend.storage import identifications
 from backend.storage.database import open_database
-from plant.dynamics import tension
+from plant.dynamics import tendon_tension
 from plant.parameters import PlantParameters, load_parameters
 
 MOTOR = MotorIdentificationPlan(u_low=2.0, u_high=5.0, levels=2)
@@ -38,7 +38,7 @@ def lab() -> PlantParameters:
 @pytest.fixture(scope="module")
 def station(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path_factory.mktemp("unloaded"))
-    with headless_station(database, lab, LoopSettings(seed=2)) as made:
+    with open_headless_station(database, lab, LoopSettings(seed=2)) as made:
         yield made
     database.close()
 
@@ -68,7 +68,7 @@ def test_voltage_steps_give_back_the_simulated_motors(station: ExperimentRig, la
     assert figures["load_N"] < 0.5
     predicted = predict_motor(MOTOR, lab)
     assert predicted.good
-    columns, _ = recorded_columns(station.database, outcome.run.id)
+    columns, _ = read_recorded_columns(station.database, outcome.run.id)
     loose = np.minimum(columns["F_A"], columns["F_B"]) < 0.1  # N: the springs begin there, but for noise
     assert np.count_nonzero(loose) > 10_000
     assert np.isnan(columns["S"][loose]).mean() > 0.99
@@ -94,7 +94,7 @@ def test_a_sweep_gives_back_the_simulated_springs(station: ExperimentRig, lab: P
         x = np.linspace(0.015, 0.055, 30)
         fitted = np.polyval(k[::-1], x)
         shift = np.linspace(-5e-4, 5e-4, 101)
-        true = np.array([[tension(spring, value + moved) for value in x] for moved in shift])
+        true = np.array([[tendon_tension(spring, value + moved) for value in x] for moved in shift])
         assert np.min(np.max(np.abs(true - fitted), axis=1)) < 0.1
     figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
     # The load cells' delay parts the ways by twice the tension's rate times the delay: 2 x 8.6 N/s x 12 ms on the mean.
@@ -158,23 +158,23 @@ def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameter
     high = predict_spring(SpringIdentificationPlan(F_high=47.0), lab)
     assert high.good
     with pytest.raises(OutOfRangeError, match="smallest voltage step: 6 V is more than 4 V"):
-        from_values(MotorIdentificationPlan, {"u_low": 6.0, "u_high": 4.0})
+        build_plan(MotorIdentificationPlan, {"u_low": 6.0, "u_high": 4.0})
     with pytest.raises(OutOfRangeError, match=r"turns, .*: 49 N is outside 20 to 47 N"):
-        from_values(SpringIdentificationPlan, {"F_high": "49"})
+        build_plan(SpringIdentificationPlan, {"F_high": "49"})
 
 
 def test_a_measured_table_is_identified_with_its_digest() -> None:
     x = np.linspace(8.0, 60.0, 40)
     F = -2.498 + 0.33149 * x + 8.5438e-3 * x**2
     text = "x [mm],F [N]\n" + "\n".join(f"{a:.4f},{b:.4f}" for a, b in zip(x, F, strict=True))
-    found = from_table("bench.csv", text, "A. Operator", "0.1.0")
+    found = fit_spring_table("bench.csv", text, "A. Operator", "0.1.0")
     assert (found.run_id, found.data["file"], found.data["points"]) == (None, "bench.csv", 40)
     assert len(found.data["sha256"]) == 64
     assert found.model["table"]["recommended"] == 2
     assert found.model["table"]["fits"][0]["k"] == pytest.approx([-2.498, 331.49, 8543.8], rel=2e-3)
     for bad in ("a,b\n1,2\n", "x [mm],F [N]\n1,2\n", text.replace("[mm]", "[inch]")):
         with pytest.raises(IdentificationError):
-            from_table("bench.csv", bad, "A. Operator", "0.1.0")
+            fit_spring_table("bench.csv", bad, "A. Operator", "0.1.0")
 
 
 def _stored(station: ExperimentRig) -> list[identifications.Identification]:

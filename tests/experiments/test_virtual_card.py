@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, Plan, SpringIdentificationPlan
 from backend.realtime.commands import SetMode
 from backend.realtime.modes import Mode
@@ -26,8 +26,8 @@ ALIKE = {"rad": 0.004, "N": 0.1, "N·m/rad": 0.05, "s": 0.02, "V": 0.02, "%": 0.
 
 # Each second at the card takes about as long as three at the simulator: what more of the same would show is left out.
 PLANS: dict[str, Plan] = {
-    "tracking": ready_plan("tracking", q_duration_s=2.0, S_duration_s=2.0),
-    "compliance": ready_plan("compliance", pushes=3, hold_s=1.0),
+    "tracking": build_ready_plan("tracking", q_duration_s=2.0, S_duration_s=2.0),
+    "compliance": build_ready_plan("compliance", pushes=3, hold_s=1.0),
     "motors": MotorIdentificationPlan(levels=2),
     "springs": SpringIdentificationPlan(sweep_s=4.0, cycles=1),
 }
@@ -45,7 +45,7 @@ def performed(
             await station.loop.advance(held_s)
         return await run_experiment(station, RunRequest(plan, settings, "Ana"))
 
-    with headless_station(database, PARAMETERS, settings, plant) as station:
+    with open_headless_station(database, PARAMETERS, settings, plant) as station:
         outcome = asyncio.run(played(station))
     with database.reading() as session:
         columns = read_samples(session, outcome.run.id).columns
@@ -81,6 +81,9 @@ def test_a_plan_comes_to_the_same_on_simulator_and_virtual_card(tmp_path: Path, 
 def test_a_rig_is_not_stepped_as_fast_as_it_goes(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     rig = PlantChoice(PlantKind.RIG)
-    with pytest.raises(PlantError, match="in real time"), headless_station(database, PARAMETERS, LoopSettings(), rig):
+    with (
+        pytest.raises(PlantError, match="in real time"),
+        open_headless_station(database, PARAMETERS, LoopSettings(), rig),
+    ):
         pass
     database.close()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backend.analysis.disturbance_metrics import disturbance_figures
-from backend.analysis.step_metrics import NoSamplesError, load_steps, pushes, undisturbed_from
+from backend.analysis.step_metrics import NoSamplesError, find_pushes, load_steps, undisturbed_from
 from backend.realtime.program import Law, Program, Segment
 
 HELD = Segment(1.0, 0.0, 10.0)
@@ -24,7 +24,7 @@ PUSHED = Program(
 
 
 def test_pushes_that_follow_each_other_are_one() -> None:
-    assert pushes(PUSHED) == (slice(1000, 2000), slice(4000, 4200))
+    assert find_pushes(PUSHED) == (slice(1000, 2000), slice(4000, 4200))
 
 
 def test_nothing_moves_until_the_next_push_or_reference() -> None:

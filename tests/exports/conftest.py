@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.services.downloads import bundle_pieces
+from backend.services.downloads import stream_bundle
 from backend.storage.database import Database, open_database
 from tests.exports.stored import tracked
 
@@ -34,5 +34,5 @@ def run(here: Database) -> int:
 def file(here: Database, run: int, tmp_path: Path) -> Path:
     """Its bundle."""
     found = tmp_path / "run.zip"
-    found.write_bytes(b"".join(bundle_pieces(here, run, tmp_path)))
+    found.write_bytes(b"".join(stream_bundle(here, run, tmp_path)))
     return found

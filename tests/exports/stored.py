@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import text
 
-from backend.analysis.evaluation import evaluate_again
-from backend.recording.codec import pack, summarise
+from backend.analysis.evaluation import reevaluate_run
+from backend.recording.codec import pack_table, summarise_buckets
 from backend.sample import STORED_NAMES
 from backend.schemas.run import LineageNode
 from backend.services.lineage import History
@@ -60,7 +60,7 @@ def recorded(
     recordings.begin(session, run.id, list(STORED_NAMES), T_s)
     for number, (begin, end) in enumerate(itertools.pairwise((0, *cuts, len(table)))):
         part = table[begin:end]
-        chunk = Chunk(7_000 + begin + 5 * number, len(part), pack(summarise(part)), pack(part))
+        chunk = Chunk(7_000 + begin + 5 * number, len(part), pack_table(summarise_buckets(part)), pack_table(part))
         recordings.add_chunks(session, run.id, [chunk])
     if cuts:
         recordings.add_gap(session, run.id, 5 * len(cuts), "the disk was full")
@@ -84,7 +84,7 @@ def tracked(database: Database) -> int:
         new = NewRun(RunKind.TRACKING, "simulator", "ideal", of, "Ana", "1", settings, bank.id, "worn")
         table = np.column_stack([columns[name] for name in STORED_NAMES]).astype(np.float32)
         run = recorded(session, new, table)
-    assert evaluate_again(database, run).problem == ""
+    assert reevaluate_run(database, run).problem == ""
     return run
 
 

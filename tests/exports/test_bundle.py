@@ -13,10 +13,10 @@ import pytest
 from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
 from backend.exports.importer import TakenIn, import_bundle
-from backend.models.document import digest_of
-from backend.reports.evidence import ReportManifest, read
-from backend.reports.verification import Verified, stored_samples, verify
-from backend.services.downloads import bundle_pieces
+from backend.models.document import document_digest
+from backend.reports.evidence import ReportManifest, read_accounts
+from backend.reports.verification import Verified, read_stored_samples, verify_report
+from backend.services.downloads import stream_bundle
 from backend.storage import banks, results, runs
 from backend.storage.database import Database
 from tests.exports.stored import NEW, boxes, held, nothing_left, recorded
@@ -53,11 +53,11 @@ def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, fil
         kept = results.newest_report(session, run, "html")
         assert kept is not None
         page = kept.content.decode()
-    said = read(page)
+    said = read_accounts(page)
     assert isinstance(said, ReportManifest)
-    columns, number = stored_samples(there, said)
+    columns, number = read_stored_samples(there, said)
     assert number == run
-    assert verify(page, columns) == Verified((), ())
+    assert verify_report(page, columns) == Verified((), ())
 
 
 def test_twice_is_told_and_does_nothing(here: Database, there: Database, run: int, file: Path, tmp_path: Path) -> None:
@@ -74,7 +74,7 @@ def test_what_was_taken_in_can_be_handed_on(
     there: Database, run: int, file: Path, tmp_path: Path, here: Database
 ) -> None:
     taken = import_bundle(there, file, "Ben", tmp_path)
-    file.write_bytes(b"".join(bundle_pieces(there, taken.run, tmp_path)))
+    file.write_bytes(b"".join(stream_bundle(there, taken.run, tmp_path)))
     assert import_bundle(here, file, "Ana", tmp_path) == TakenIn(run=run, was=taken.run, new=False)
 
 
@@ -170,7 +170,7 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
         text = json.dumps(document)
         members["records.json"] = text.replace(f'"{HUGE}"', HUGE).encode()
         manifest["members"]["records.json"]["sha256"] = hashlib.sha256(members["records.json"]).hexdigest()
-        manifest["records"] = {bundle.called(record): digest_of(record) for record in document["records"]}
+        manifest["records"] = {bundle.called(record): document_digest(record) for record in document["records"]}
         members["manifest.json"] = json.dumps(manifest).encode()
 
     return forge
@@ -232,4 +232,4 @@ def test_a_run_that_is_not_over_is_not_bundled(here: Database, tmp_path: Path) -
     with here.session() as session:
         run = runs.create(session, NEW).id
     with pytest.raises(ExportError, match="run 1 is not over"):
-        b"".join(bundle_pieces(here, run, tmp_path))
+        b"".join(stream_bundle(here, run, tmp_path))

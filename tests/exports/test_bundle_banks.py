@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from backend.exports import bundle
-from backend.exports.base import ExportError, of_run
-from backend.exports.formats import DataFormat, write_file
+from backend.exports.base import ExportError, export_run
+from backend.exports.formats import DataFormat, write_export
 from backend.exports.importer import TakenIn, import_bundle
 from backend.exports.importer import import_export as take_in_alone
-from backend.models.run import on_the_way
+from backend.models.run import list_changed_banks
 from backend.storage import banks, identifications, origins, results, runs
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database
@@ -25,7 +25,7 @@ def test_a_run_that_was_imported_alone_is_given_its_bank(
 ) -> None:
     with there.session() as session:  # which has the number of the run's own
         banks.add(session, "other", [BankEntry(1.0, {"tension_N": 1.0})], who="Eve")
-    write_file(of_run(here, run), DataFormat.PARQUET, tmp_path / "run.parquet")
+    write_export(export_run(here, run), DataFormat.PARQUET, tmp_path / "run.parquet")
     alone = take_in_alone(there, tmp_path / "run.parquet", "Ben").run
     with there.reading() as session:
         assert "bank" not in runs.get(session, alone).settings["loop"]
@@ -80,7 +80,7 @@ def test_banks_that_a_run_changes_to_come_along(
         found = runs.get(session, taken)
         of_name = {bank.name: bank.id for bank in banks.find(session)}
     assert found.bank_id == found.settings["loop"]["bank"] == of_name["one"] == 4
-    assert on_the_way(found.settings).numbers == {of_name["two"]} == {5}
+    assert list_changed_banks(found.settings).numbers == {of_name["two"]} == {5}
     which = 5 if change is BY_SETTING else 2
     assert [one["value"] for one in found.settings["declared"]] == [4, which]
     assert found.settings["plan"]["which"] == which

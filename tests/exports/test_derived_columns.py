@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.parser import derived_of
-from backend.exports.base import ExportError, of_run
-from backend.exports.formats import DataFormat, write_file
+from backend.experiments.parser import parse_derived_signal
+from backend.exports.base import ExportError, export_run
+from backend.exports.formats import DataFormat, write_export
 from backend.exports.importer import import_export
 from backend.recording.reader import read_samples
 from backend.storage import formulas, recordings
@@ -24,15 +24,15 @@ def test_it_is_taken_in_again_without_what_was_derived(
 ) -> None:
     with here.session() as session:
         run = recorded(session)
-        steps = [asdict(step) for step in derived_of("F_mean", "N", EXPRESSION).steps]
+        steps = [asdict(step) for step in parse_derived_signal("F_mean", "N", EXPRESSION).steps]
         formulas.put(session, "F_mean", EXPRESSION, steps, "N", "", "Ana")
-    export = of_run(here, run, ["F_mean"])
+    export = export_run(here, run, ["F_mean"])
     assert (export.facts.names[-1], export.facts.columns[-1].unit) == ("F_mean", "N")
     assert EXPRESSION in export.facts.columns[-1].meaning
     for batch in export.batches():
         np.testing.assert_allclose(batch["F_mean"], (batch["F_A"] + batch["F_B"]) / 2, rtol=1e-6)
     file = tmp_path / f"run.{kind}"
-    write_file(export, kind, file)
+    write_export(export, kind, file)
     taken = import_export(there, file, "Ben")
     with here.reading() as one, there.reading() as other:
         assert recordings.get(other, taken.run).fields == recordings.get(one, run).fields
@@ -45,4 +45,4 @@ def test_an_unknown_formula_is_refused(here: Database) -> None:
     with here.session() as session:
         run = recorded(session)
     with pytest.raises(ExportError, match="there is no formula F_mean"):
-        of_run(here, run, ["F_mean"])
+        export_run(here, run, ["F_mean"])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.exports.formats import write_all, write_whole
+from backend.exports.formats import write_file_whole, write_files_whole
 
 BOUND = 4096
 """Bytes that a file may have where the disk is full."""
@@ -43,7 +43,7 @@ def test_a_file_is_written_with_the_mode_of_the_one_before(tmp_path: Path) -> No
     (tmp_path / "there").write_bytes(b"old")
     (tmp_path / "there").chmod(0o640)
     (tmp_path / "link").symlink_to("there")
-    write_all({tmp_path / "link": (b"a", b"b"), tmp_path / "new": (b"c",)})
+    write_files_whole({tmp_path / "link": (b"a", b"b"), tmp_path / "new": (b"c",)})
     assert contents(tmp_path) == {"there": b"ab", "link": b"ab", "new": b"c"}
     assert (tmp_path / "there").stat().st_mode & 0o777 == 0o640
     assert (tmp_path / "link").is_symlink()
@@ -53,7 +53,7 @@ def test_a_file_is_written_with_the_mode_of_the_one_before(tmp_path: Path) -> No
 def test_a_full_disk_leaves_all_files_as_they_were_and_names_the_one(tmp_path: Path) -> None:
     (tmp_path / "first").write_bytes(b"old")
     with pytest.raises(OSError, match="File too large") as refused:
-        write_all({tmp_path / "first": (b"new",), tmp_path / "second": (bytes(BOUND), b"more")})
+        write_files_whole({tmp_path / "first": (b"new",), tmp_path / "second": (bytes(BOUND), b"more")})
     assert refused.value.filename == str(tmp_path / "second")
     assert contents(tmp_path) == {"first": b"old"}
 
@@ -65,7 +65,7 @@ def test_content_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:
         raise LookupError
 
     with pytest.raises(LookupError):
-        write_whole(pieces(), tmp_path / "file")
+        write_file_whole(pieces(), tmp_path / "file")
     assert contents(tmp_path) == {}
 
 
@@ -73,7 +73,7 @@ def test_content_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str, error: type[OSError]) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(error) as refused:
-        write_whole((b"",), tmp_path / name)
+        write_file_whole((b"",), tmp_path / name)
     assert refused.value.filename == str(tmp_path / name)
     assert [file.name for file in tmp_path.iterdir()] == ["folder"]
 

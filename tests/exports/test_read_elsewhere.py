@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from backend.exports import formats, matlab
-from backend.exports.base import NOTATION, ORDER, Export, ExportError, ImportRefusedError, of_columns
+from backend.exports.base import NOTATION, ORDER, Export, ExportError, ImportRefusedError, export_columns
 from backend.exports.formats import DataFormat
-from backend.exports.mcap import layout
+from backend.exports.mcap import foxglove_layout
 from backend.sample import FIELDS, STORED_NAMES
 from tests.exports.written import to_csv, to_mat, to_parquet, written
 from tests.reports.tracking_run import PLAN, samples
@@ -97,17 +97,21 @@ def test_mcap_has_a_schema_with_the_notation_and_brings_its_layout() -> None:
     said = json.loads(schema.data)["properties"]
     assert {name: part["unit"] for name, part in said.items()} == {name: UNITS[name] for name in ORDER}
     (attached,) = reader.iter_attachments()
-    assert attached.data.decode() == layout()
-    shown = [path["value"] for panel in json.loads(layout())["configById"].values() for path in panel.get("paths", ())]
+    assert attached.data.decode() == foxglove_layout()
+    shown = [
+        path["value"]
+        for panel in json.loads(foxglove_layout())["configById"].values()
+        for path in panel.get("paths", ())
+    ]
     assert {path.removeprefix("/sample.") for path in shown} <= set(ORDER)
 
 
 @pytest.mark.parametrize("kind", DataFormat)
 def test_own_reader_returns_facts_and_samples(kind: DataFormat, tmp_path: Path) -> None:
     file = tmp_path / f"data.{kind}"
-    export = of_columns(COLUMNS, "samples")
-    formats.write_file(export, kind, file)
-    facts, batches = formats.read(file)
+    export = export_columns(COLUMNS, "samples")
+    formats.write_export(export, kind, file)
+    facts, batches = formats.read_export(file)
     assert facts == export.facts
     parts = list(batches)
     for name in ORDER:
@@ -126,11 +130,11 @@ def test_a_file_that_was_cut_off_is_refused(kind: DataFormat, share: float, tmp_
     if kind is DataFormat.CSV and share:
         return  # it has no end that could be missing: what is missing is told by the digest
     with pytest.raises(ImportRefusedError):
-        list(formats.read(file)[1])
+        list(formats.read_export(file)[1])
 
 
 def test_what_is_too_long_for_matlab_is_refused_at_once(tmp_path: Path) -> None:
-    export = of_columns(COLUMNS, "run 7")
+    export = export_columns(COLUMNS, "run 7")
     object.__setattr__(export.facts, "samples", 268_435_456)
     with pytest.raises(ExportError, match=r"run 7 has 268435456 samples.*choose Parquet"):
         matlab.write(Export(export.facts, export.batches), tmp_path)

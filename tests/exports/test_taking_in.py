@@ -11,11 +11,11 @@ import pytest
 from mcap.writer import Writer
 from scipy.io import savemat
 
-from backend.exports.base import SEAL, ExportError, ImportRefusedError, of_columns, of_run
-from backend.exports.formats import DataFormat, write_file
+from backend.exports.base import SEAL, ExportError, ImportRefusedError, export_columns, export_run
+from backend.exports.formats import DataFormat, write_export
 from backend.exports.importer import TakenIn, import_export
-from backend.models.document import digest_of
-from backend.recording.codec import digest_of_recording
+from backend.models.document import document_digest
+from backend.recording.codec import compute_recording_digest
 from backend.recording.reader import read_samples
 from backend.storage import origins, recordings, runs
 from backend.storage.database import Database
@@ -34,7 +34,7 @@ def run(here: Database) -> int:
 
 def exported(database: Database, run: int, kind: str, folder: Path) -> Path:
     file = folder / f"run.{kind}"
-    write_file(of_run(database, run), DataFormat(kind), file)
+    write_export(export_run(database, run), DataFormat(kind), file)
     return file
 
 
@@ -46,7 +46,7 @@ def sealed(text: str) -> str:
     except ValueError:
         return text
     said.pop(SEAL)
-    return f"{head}# sinew-export: {json.dumps(said | {SEAL: digest_of(said)}, ensure_ascii=False)}\n{tail}"
+    return f"{head}# sinew-export: {json.dumps(said | {SEAL: document_digest(said)}, ensure_ascii=False)}\n{tail}"
 
 
 @pytest.mark.parametrize("kind", DataFormat)
@@ -58,7 +58,7 @@ def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
     with here.reading() as one, there.reading() as other:
         before, after = runs.get(one, run), runs.get(other, 1)
         assert vars(after) == vars(before) | {"id": 1}
-        assert digest_of_recording(other, 1) == digest_of_recording(one, run)
+        assert compute_recording_digest(other, 1) == compute_recording_digest(one, run)
         theirs, ours = read_samples(one, run), read_samples(other, 1)
         np.testing.assert_array_equal(ours.t, theirs.t)
         np.testing.assert_array_equal(ours.columns["q"], theirs.columns["q"])
@@ -122,7 +122,7 @@ def test_a_csv_with_a_byte_order_mark_is_taken_in(here: Database, there: Databas
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
     assert import_export(there, file, "Ben") == TakenIn(run=1, was=2, new=True)
     with here.reading() as one, there.reading() as other:
-        assert digest_of_recording(other, 1) == digest_of_recording(one, run)
+        assert compute_recording_digest(other, 1) == compute_recording_digest(one, run)
 
 
 def test_a_run_that_says_something_else_here_is_refused(here: Database, run: int, tmp_path: Path) -> None:
@@ -134,8 +134,8 @@ def test_a_run_that_says_something_else_here_is_refused(here: Database, run: int
 
 
 def test_only_runs_are_taken_in(there: Database, tmp_path: Path) -> None:
-    trip = of_columns({"t": np.array([0.0, 0.001, 0.002]), "q": np.zeros(3)}, "trip 4")
-    write_file(trip, DataFormat.CSV, tmp_path / "trip.csv")
+    trip = export_columns({"t": np.array([0.0, 0.001, 0.002]), "q": np.zeros(3)}, "trip 4")
+    write_export(trip, DataFormat.CSV, tmp_path / "trip.csv")
     (tmp_path / "other.csv").write_text("t,q\n0,1\n")
     (tmp_path / "other.parquet").write_bytes(b"PAR1")
     (tmp_path / "other.mat").write_bytes(b"MATLAB" + bytes(300))
@@ -175,7 +175,7 @@ def test_what_would_swell_is_refused_unopened(
     here: Database, there: Database, run: int, kind: str, swell: Callable[[Path, str], None], why: str, tmp_path: Path
 ) -> None:
     file = tmp_path / f"run.{kind}"
-    swell(file, of_run(here, run).facts.to_json())
+    swell(file, export_run(here, run).facts.to_json())
     assert file.stat().st_size < 1 << 20
     tracemalloc.start()
     with pytest.raises(ImportRefusedError, match=why):
@@ -189,6 +189,6 @@ def test_what_cannot_be_read_is_refused_before_the_first_byte(here: Database, tm
         run = recorded(session, NEW, noise(10), cuts=(4,))
         session.connection().exec_driver_sql("UPDATE chunk SET samples = x'00' WHERE first_tick > 7000")
     with pytest.raises(ExportError, match="run 1 cannot be exported: damaged samples"):
-        of_run(here, run)
+        export_run(here, run)
     with pytest.raises(UnknownRecordError):
-        of_run(here, 99)
+        export_run(here, 99)

@@ -14,7 +14,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from backend.api.export import openapi
-from backend.experiments.library import experiments
+from backend.experiments.library import experiments_by_name
 from tests.fuzz.conftest import EXAMPLES, SEED
 from tests.fuzz.target import TIMEOUT_S, Role, Target
 
@@ -55,7 +55,7 @@ def aimed(document: dict[str, Any]) -> dict[str, Any]:
                 if parameter["name"] == "id":
                     parameter["schema"] = also(THERE, parameter["schema"])
     experiment = document["components"]["schemas"]["ExperimentRequest"]["properties"]
-    experiment["name"] = also(sorted(experiments()), experiment["name"])
+    experiment["name"] = also(sorted(experiments_by_name()), experiment["name"])
     return document
 
 
@@ -125,4 +125,4 @@ def send(case: Case, target: Target, role: Role) -> None:
 
 
 def names_an_experiment(case: Case) -> bool:
-    return isinstance(case.body, dict) and case.body.get("name") in experiments()
+    return isinstance(case.body, dict) and case.body.get("name") in experiments_by_name()

@@ -4,14 +4,14 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from backend.errors import InvalidValueError
-from backend.experiments.library import experiments
+from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
 from backend.glossary.glossary import FORMS, TermKind, bounds, fields
-from backend.models.settings import describe
+from backend.models.settings import describe_settings
 from backend.schemas.base import UNITS
 from backend.schemas.experiment import SettingView
 from backend.schemas.identification import IdentificationRequest
-from backend.services.jobs import identification_kinds, views_of
+from backend.services.jobs import describe_identification_kinds, views_of
 
 REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)
 NAMED = ("kind",)
@@ -55,9 +55,9 @@ def shown(setting: SettingView) -> None:
     assert not number or (setting.minimum is not None and setting.maximum is not None), setting.name
 
 
-@pytest.mark.parametrize("kind", [kind.kind for kind in identification_kinds()])
+@pytest.mark.parametrize("kind", [kind.kind for kind in describe_identification_kinds()])
 def test_settings_of_an_identification_take_their_ends_and_nothing_beyond(kind: str) -> None:
-    settings = next(one.settings for one in identification_kinds() if one.kind == kind)
+    settings = next(one.settings for one in describe_identification_kinds() if one.kind == kind)
     for setting in settings:
         shown(setting)
         if setting.minimum is None or setting.maximum is None:
@@ -69,9 +69,9 @@ def test_settings_of_an_identification_take_their_ends_and_nothing_beyond(kind: 
                 REQUEST.validate_python({"kind": kind, setting.name: value})
 
 
-@pytest.mark.parametrize("name", experiments())
+@pytest.mark.parametrize("name", experiments_by_name())
 def test_settings_of_an_experiment_take_their_ends_and_nothing_beyond(name: str) -> None:
-    declared = [*experiments()[name].settings, *describe(LoopSettings)]
+    declared = [*experiments_by_name()[name].settings, *describe_settings(LoopSettings)]
     for setting, view in zip(declared, views_of(declared), strict=True):
         shown(view)
         assert view.symbol == setting.symbol

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lsim, max_len_seq
 
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.fitting import Method
 from backend.identification.models import Estimate, Grade
 from backend.identification.records import Record
@@ -62,7 +62,9 @@ def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: Actua
     samples = default_experiment()
     for by_arx, column in ((found.arx_q, "q"), (found.arx_S, "S")):
         assert isinstance(by_arx, Estimate)
-        alone = estimate(Record(PERIOD_S, samples["theta_A_ref"][START:], samples[column][START:]), "first", Method.ARX)
+        alone = estimate_model(
+            Record(PERIOD_S, samples["theta_A_ref"][START:], samples[column][START:]), "first", Method.ARX
+        )
         assert by_arx.method == alone.method == "ARX with low-pass prefilter"
         assert by_arx.first_order == alone.first_order
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.fitting import Method
-from backend.identification.models import Estimate, Grade, simulate, structure
+from backend.identification.models import Estimate, Grade, find_structure, simulate_response
 from backend.identification.records import Controller, IdentificationError, NotConvergedError, Record, StructureError
 from tests.identification.own_motor import Array, motor, noisy
 
@@ -27,7 +27,7 @@ def chips(count: int = 5000, chip: int = 100, seed: int = 0) -> Array:
 def delayed(name: str, u: Array, delay_s: float) -> Array:
     """Scipy's response from rest, on a grid of a twentieth of a sample."""
     truth = TRUTHS[name]
-    shape = structure(name.removesuffix("+delay"))
+    shape = find_structure(name.removesuffix("+delay"))
     values = np.array(list(truth.values()))
     late = round(FINER * delay_s / PERIOD_S)
     held = np.concatenate((np.zeros(late), np.repeat(u, FINER)))[: FINER * u.size]
@@ -43,8 +43,8 @@ def errors(found: Estimate, truth: dict[str, float]) -> list[float]:
 @pytest.mark.parametrize("name", TRUTHS)
 def test_the_simulation_is_exact_between_samples(name: str, delay_s: float) -> None:
     u = chips(1000, 25)
-    shape, values = structure(name), np.array([*TRUTHS[name].values(), delay_s])
-    y = values[0] * simulate(shape.poles(values), PERIOD_S, u, dead_time_s=shape.dead_time(values))
+    shape, values = find_structure(name), np.array([*TRUTHS[name].values(), delay_s])
+    y = values[0] * simulate_response(shape.poles(values), PERIOD_S, u, dead_time_s=shape.dead_time(values))
     np.testing.assert_allclose(y, delayed(name, u, delay_s), atol=1e-7)
 
 
@@ -52,7 +52,7 @@ def test_the_simulation_is_exact_between_samples(name: str, delay_s: float) -> N
 @pytest.mark.parametrize("name", TRUTHS)
 def test_a_dead_time_comes_back_with_the_rest(name: str, delay_s: float) -> None:
     u = chips()
-    found = estimate(Record(PERIOD_S, u, noisy(delayed(name, u, delay_s), 0.005)), name)
+    found = estimate_model(Record(PERIOD_S, u, noisy(delayed(name, u, delay_s), 0.005)), name)
     truth = {**TRUTHS[name], "t_d": delay_s}
     assert max(errors(found, truth)) < 4.0
     assert found.model.sum_of_lags == pytest.approx(found.first_order.T)
@@ -64,7 +64,7 @@ def test_a_dead_time_comes_back_with_the_rest(name: str, delay_s: float) -> None
 def test_a_record_cut_out_of_a_longer_one_gives_the_same_dead_time() -> None:
     u = chips(6000)
     y = 40.0 + noisy(delayed("first+delay", u, 0.0371), 0.005)
-    found = estimate(Record(PERIOD_S, u[1234:], y[1234:]), "first+delay")
+    found = estimate_model(Record(PERIOD_S, u[1234:], y[1234:]), "first+delay")
     assert max(errors(found, {**TRUTHS["first+delay"], "t_d": 0.0371})) < 4.0
     assert found.verdict.grade is Grade.USABLE
 
@@ -73,7 +73,7 @@ def test_a_dead_time_that_is_not_there_is_not_usable() -> None:
     u = chips()
     record = Record(PERIOD_S, u, noisy(delayed("first+delay", u, 0.0), 0.01))
     try:
-        found = estimate(record, "first+delay")
+        found = estimate_model(record, "first+delay")
     except NotConvergedError:
         return
     assert found.verdict.grade is not Grade.USABLE
@@ -83,7 +83,7 @@ def test_a_dead_time_that_is_not_there_is_not_usable() -> None:
 @pytest.mark.parametrize("u_c", [0.2, 1.0])
 def test_dry_friction_is_not_taken_for_a_dead_time(u_c: float) -> None:
     u = np.repeat(np.random.default_rng(3).uniform(-5.0, 5.0, 20), 300)
-    found = estimate(Record(PERIOD_S, u, noisy(motor(u, u_c, 0.03)[0], 0.01)), "first+delay")
+    found = estimate_model(Record(PERIOD_S, u, noisy(motor(u, u_c, 0.03)[0], 0.01)), "first+delay")
     friction = found.friction
     assert found.verdict.grade is not Grade.USABLE
     assert friction is not None
@@ -99,7 +99,7 @@ def test_a_record_that_holds_next_to_nothing_is_refused_in_words_or_not_usable(n
     y = np.zeros(u.size)
     y[1000:1005] = -1.0
     try:
-        found = estimate(Record(0.01, u, y), name)
+        found = estimate_model(Record(0.01, u, y), name)
     except IdentificationError:
         return
     assert found.verdict.grade is Grade.UNUSABLE
@@ -109,8 +109,8 @@ def test_what_knows_no_dead_time_refuses_it() -> None:
     u = chips()
     y = delayed("first+delay", u, 0.003)
     with pytest.raises(StructureError, match="use another method"):
-        estimate(Record(PERIOD_S, u, y), "first+delay", Method.ARX)
+        estimate_model(Record(PERIOD_S, u, y), "first+delay", Method.ARX)
     with pytest.raises(StructureError, match="--setpoint in place of --controller"):
-        estimate(Record(PERIOD_S, u, y, controller=Controller(1.0, 1.0)), "first+delay")
+        estimate_model(Record(PERIOD_S, u, y, controller=Controller(1.0, 1.0)), "first+delay")
     with pytest.raises(StructureError, match=r"each also with \+delay"):
-        structure("first+delay+delay")
+        find_structure("first+delay+delay")

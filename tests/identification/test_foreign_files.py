@@ -10,12 +10,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.importer import (
     Imported,
     Selection,
     TimeChoice,
-    decoded,
+    decode_text,
     import_record,
     read_mat,
     read_parquet,
@@ -217,7 +217,7 @@ def imported(content: str | bytes, options: dict[str, Any]) -> Imported:
     elif raw.startswith(b"PAR1"):
         columns = read_parquet(io.BytesIO(raw))
     else:
-        text = decoded(raw, "file.csv")
+        text = decode_text(raw, "file.csv")
         columns = read_csv(text, header=options.get("header"), decimal=options.get("decimal"))
     return import_record(
         columns,
@@ -557,6 +557,6 @@ def test_stamps_in_nanoseconds_keep_their_digits() -> None:
 
 
 def test_the_model_is_that_of_the_plain_file() -> None:
-    found = estimate(imported(READ["thousands"][0], {}).record, "first").first_order
+    found = estimate_model(imported(READ["thousands"][0], {}).record, "first").first_order
     assert pytest.approx(2000.0, rel=5e-3) == found.K
     assert pytest.approx(0.02, rel=2e-2) == found.T

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.importer import Selection, import_record, read_mat
 from backend.identification.records import DataFileError, IdentificationError, Record
 from backend.identification.tables import Columns, read_csv
@@ -169,7 +169,7 @@ def moving() -> tuple[Array, Array, Array]:
 
 
 def errors_in_std(record: Record) -> float:
-    found = estimate(record, "first").first_order
+    found = estimate_model(record, "first").first_order
     return max(abs(found.K - K_M) / found.K_std, abs(found.T - T_M) / found.T_std)
 
 
@@ -200,9 +200,9 @@ def test_a_period_one_per_cent_off_is_refused_and_right_when_resampled() -> None
     columns = Columns({"t": 1.009 * t, "u": u, "y": y})
     with pytest.raises(IdentificationError, match=r"sample time of the time column is 0\.001009 s"):
         record_from(columns, "u", "y", PERIOD_S)
-    found = estimate(record_from(columns, "u", "y"), "first").first_order
+    found = estimate_model(record_from(columns, "u", "y"), "first").first_order
     assert abs(found.T - 1.009 * T_M) < 4.0 * found.T_std
-    resampled = estimate(record_from(columns, "u", "y", PERIOD_S, selection=Selection(resample=True)), "first")
+    resampled = estimate_model(record_from(columns, "u", "y", PERIOD_S, selection=Selection(resample=True)), "first")
     assert abs(resampled.first_order.T / (1.009 * T_M) - 1.0) < 0.004
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.models import Grade
 from backend.identification.motor import identify_motor_record
 from backend.identification.records import IdentificationError, Record
@@ -45,7 +45,7 @@ def outcome(case: Provoked) -> Outcome:
             motor = identify_motor_record(record)
             verdict, found, std = motor.verdict, (motor.K_m, motor.T_m), motor.std_errors[:2]
         else:
-            linear = estimate(record, case.structure)
+            linear = estimate_model(record, case.structure)
             reduced = linear.first_order
             verdict, found, std = linear.verdict, (reduced.K, reduced.T), (reduced.K_std, reduced.T_std)
     except IdentificationError as refusal:

@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from backend.analysis.identification import _correlation
 from backend.identification.models import CorrelationTest
-from backend.identification.validation import fit_autoregression, input_correlation, judged, whiteness
+from backend.identification.validation import fit_autoregression, input_correlation, read_whiteness_test, whiteness
 from backend.models.identification import ResidualTest
 
 PERIOD_S = 1e-3
@@ -35,7 +35,7 @@ def test_a_point_is_outside_the_drawn_bound_exactly_where_the_test_fails(colour:
 
 def test_statistic_and_bound_are_in_standard_deviations_at_the_level_for_all_lags() -> None:
     found = made(3)[0]
-    outcome = judged(found)
+    outcome = read_whiteness_test(found)
     # The autocorrelations of white noise have the standard deviation 1/sqrt(n).
     assert outcome.statistic == pytest.approx(np.max(np.abs(found.correlation)) * np.sqrt(N))
     assert outcome.critical == pytest.approx(norm.isf(0.005 / 25))
@@ -54,8 +54,8 @@ def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_t
     found = made(5, colour=0.2)[0]
     band = (norm.isf(0.005) / np.sqrt(N),) * 25
     old = ResidualTest(lags_s=found.lags_s, correlation=found.correlation, band=band, passed=found.passed)
-    np.testing.assert_allclose(judged(old).bound, found.bound)
-    assert judged(old).statistic == pytest.approx(judged(found).statistic)
+    np.testing.assert_allclose(read_whiteness_test(old).bound, found.bound)
+    assert read_whiteness_test(old).statistic == pytest.approx(read_whiteness_test(found).statistic)
 
 
 @pytest.mark.parametrize("D", [[1.0], [1.0, -0.8], [1.0, -1.2, 0.7]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, tf2ss
 
-from backend.identification.models import free_responses, simulate, structure
+from backend.identification.models import find_structure, free_responses, simulate_response
 from backend.identification.records import StructureError, UnstableModelError
 
 PERIOD_S = 1e-3
@@ -20,16 +20,16 @@ MODELS = [
 
 @pytest.mark.parametrize(("name", "parameters"), MODELS)
 def test_held_input_gives_the_exact_response(name: str, parameters: list[float]) -> None:
-    shape = structure(name)
+    shape = find_structure(name)
     values = np.array(parameters)
     u = np.repeat(np.random.default_rng(0).standard_normal(60), 50)
     system = cont2discrete(tf2ss([1.0], shape.denominator(values)[::-1]), PERIOD_S)
     expected = dlsim((*system[:4], PERIOD_S), u)[1][:, 0]
-    np.testing.assert_allclose(simulate(shape.poles(values), PERIOD_S, u), expected, atol=1e-9)
+    np.testing.assert_allclose(simulate_response(shape.poles(values), PERIOD_S, u), expected, atol=1e-9)
 
 
 def test_free_responses_span_every_decay_of_the_system() -> None:
-    shape = structure("third")
+    shape = find_structure("third")
     poles = shape.poles(np.array([1.0, 0.3, 1e-3, 0.02]))
     t = np.arange(2000) * PERIOD_S
     decays = np.column_stack([np.exp(poles[0].real * t), np.exp(poles[1] * t).real, np.exp(poles[1] * t).imag])
@@ -49,22 +49,22 @@ def test_free_responses_are_followed_to_e_to_the_minus_40_and_are_nothing_from_t
 
 
 def test_an_initial_state_adds_to_the_response() -> None:
-    poles = structure("lags4").poles(np.array([1.0, 0.05]))
+    poles = find_structure("lags4").poles(np.array([1.0, 0.05]))
     u = np.random.default_rng(1).standard_normal(300)
     initial = np.array([0.3, -1.0, 2.0, 0.5])
-    expected = simulate(poles, PERIOD_S, u) + free_responses(poles, PERIOD_S, u.size) @ initial
-    np.testing.assert_allclose(simulate(poles, PERIOD_S, u, initial), expected, atol=1e-12)
+    expected = simulate_response(poles, PERIOD_S, u) + free_responses(poles, PERIOD_S, u.size) @ initial
+    np.testing.assert_allclose(simulate_response(poles, PERIOD_S, u, initial), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("poles", [[0.1 + 0j], [-1e-12 + 0j], [-1e5 + 0j], [np.nan + 0j]])
 def test_unstable_and_unsampled_poles_are_refused(poles: list[complex]) -> None:
     with pytest.raises(UnstableModelError):
-        simulate(np.array(poles), PERIOD_S, np.ones(10))
+        simulate_response(np.array(poles), PERIOD_S, np.ones(10))
 
 
 @pytest.mark.parametrize(("name", "parameters"), MODELS)
 def test_a_structure_finds_its_own_denominator_again(name: str, parameters: list[float]) -> None:
-    shape = structure(name)
+    shape = find_structure(name)
     values = np.array(parameters)
     again = shape.denominator(shape.from_denominator(1.0, shape.denominator(values)))
     np.testing.assert_allclose(again, shape.denominator(values), rtol=1e-9)
@@ -74,4 +74,4 @@ def test_a_structure_finds_its_own_denominator_again(name: str, parameters: list
 @pytest.mark.parametrize("name", ["", "second", "lags1", "lags7", "order:0", "order:5", "order:x"])
 def test_unknown_structures_are_refused(name: str) -> None:
     with pytest.raises(StructureError, match="choose one of"):
-        structure(name)
+        find_structure(name)

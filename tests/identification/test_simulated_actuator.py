@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.control.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import build_decoupler, stiffness_slope
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.models import TABLE_1, Estimate, Grade
 from backend.identification.records import Record
-from backend.tuning.gains import LAM_MOTOR, motor_loops
-from backend.tuning.robustness import decoupled_model, one_motor_point
+from backend.tuning.gains import LAM_MOTOR, make_motor_loops
+from backend.tuning.robustness import decoupled_model, linearize_one_motor
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.identification_page import default_plan, paper_plan
@@ -26,7 +26,7 @@ GAIN_S = 0.721
 def identified(bench: Bench, parameters: PlantParameters, plan: ActuatorIdentificationPlan) -> ActuatorIdentification:
     g = parameters.geometry
     geometry = ActuatorGeometry(
-        g.r_m, g.r_j, stiffness_slope(decoupler_for(parameters), 10.0) / (2.0 * g.r_j**2 * g.r_m)
+        g.r_m, g.r_j, stiffness_slope(build_decoupler(parameters), 10.0) / (2.0 * g.r_j**2 * g.r_m)
     )
     return identify_actuator(bench.play(plan), T_s, geometry, 0, STRUCTURES[:2])
 
@@ -41,7 +41,7 @@ def linearised(parameters: PlantParameters, S: float) -> tuple[np.ndarray, np.nd
 
     Both sides are alike, so that one motor alone does half of what both do through the decoupler.
     """
-    model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), S)
+    model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), S)
     through_decoupler = model(1j * OMEGA)
     g = parameters.geometry
     return through_decoupler[0, 0] * g.r_m / (2.0 * g.r_j), through_decoupler[1, 1] * GAIN_S
@@ -70,8 +70,8 @@ def test_G_S_has_the_gain_and_lag_of_linear_theory(lab_bench: Bench, tension: fl
     """With the sensors of `lab`; friction adds to what the linear model leaves over, not to gain and lag."""
     lab = load_parameters("lab")
     record = lab_bench.play(default_plan(tension))
-    theory = one_motor_point(lab, motor_loops(lab, LAM_MOTOR), float(np.mean(record["S"])))
-    found = estimate(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
+    theory = linearize_one_motor(lab, make_motor_loops(lab, LAM_MOTOR), float(np.mean(record["S"])))
+    found = estimate_model(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
     assert pytest.approx(theory.K_S, rel=2e-3) == found.K
     assert pytest.approx(theory.T_S, rel=6e-3) == found.T
 
@@ -85,8 +85,8 @@ def test_G_S_agrees_with_linear_theory_over_fifty_seeds() -> None:
         bench = Bench(without, seed)
         for tension, ratios in off.items():
             record = bench.play(default_plan(tension))
-            theory = one_motor_point(without, motor_loops(without, LAM_MOTOR), float(np.mean(record["S"])))
-            found = estimate(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
+            theory = linearize_one_motor(without, make_motor_loops(without, LAM_MOTOR), float(np.mean(record["S"])))
+            found = estimate_model(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
             ratios.append((found.K / theory.K_S, found.T / theory.T_S))
     for ratios in off.values():
         gain, lag = np.mean(ratios, axis=0)

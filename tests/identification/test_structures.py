@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.identification.models import DEAD_TIME, MAX_LAGS, MAX_ORDER, structure
+from backend.identification.models import DEAD_TIME, MAX_LAGS, MAX_ORDER, find_structure
 from backend.identification.records import StructureError
 
 
@@ -18,7 +18,7 @@ from backend.identification.records import StructureError
     ],
 )
 def test_a_name_says_the_order(name: str, order: int) -> None:
-    plain, late = structure(name), structure(f"{name}{DEAD_TIME}")
+    plain, late = find_structure(name), find_structure(f"{name}{DEAD_TIME}")
     assert plain.order == late.order == order
     assert not plain.delayed
     assert late.delayed
@@ -28,4 +28,4 @@ def test_a_name_says_the_order(name: str, order: int) -> None:
 @pytest.mark.parametrize("name", ["", "lags1", f"lags{MAX_LAGS + 1}", "order:0", f"order:{MAX_ORDER + 1}", "fourth"])
 def test_what_does_not_exist_is_refused_with_what_does(name: str) -> None:
     with pytest.raises(StructureError, match=rf"lags2 .. lags{MAX_LAGS}, order:1 .. order:{MAX_ORDER}"):
-        structure(name)
+        find_structure(name)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.fitting import Method
 from backend.identification.records import Record
 from backend.identification.validation import sandwich
@@ -59,7 +59,7 @@ def test_the_middle_is_newey_and_wests_sum_over_andrews_bandwidth(pole: float) -
 def test_standard_errors_of_an_estimate_are_those_of_cramer_and_rao(snr_dB: float) -> None:
     """White noise on the output, the measured input given: the bound follows from the slope of the response alone."""
     u, y, _ = closed_loop_record(FIRST, snr_dB, 11)
-    found = estimate(Record(PERIOD_S, u, y), "first", Method.OUTPUT_ERROR)
+    found = estimate_model(Record(PERIOD_S, u, y), "first", Method.OUTPUT_ERROR)
     slopes = [
         (held_response(FIRST | {name: 1.001 * value}, u) - held_response(FIRST | {name: 0.999 * value}, u))
         / (0.002 * value)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, lsim, tf2ss
 
-from backend.identification.estimation import ModelComparison, held_out, predict
-from backend.identification.fitting import Method, fit
-from backend.identification.models import Model, structure
-from backend.identification.motor import VoltageStepRecord, step_beside
+from backend.identification.estimation import ModelComparison, validate_held_out, validate_on_record
+from backend.identification.fitting import Method, fit_parameters
+from backend.identification.models import Model, find_structure
+from backend.identification.motor import VoltageStepRecord, validate_motor_step
 from backend.identification.records import IdentificationError, Record, Signal
 
 PERIOD_S = 1e-3
@@ -27,7 +27,9 @@ def by_scipy(system: tuple[list[float], Signal], u: Signal) -> Signal:
 def test_the_true_model_explains_a_cut_record_with_an_offset_whole() -> None:
     u = excitation(12_000, 1)
     y = 0.3 + by_scipy(TRUE, u)
-    found = predict(Model("third", {"K": K, "T": T, "a2": A2, "a1": A1}), Record(PERIOD_S, u[5_000:], y[5_000:]))
+    found = validate_on_record(
+        Model("third", {"K": K, "T": T, "a2": A2, "a1": A1}), Record(PERIOD_S, u[5_000:], y[5_000:])
+    )
     assert found.measured == pytest.approx(y[5_000:])
     assert found.predicted == pytest.approx(y[5_000:], abs=1e-7)
     assert found.fit_percent == pytest.approx(100.0, abs=1e-3)
@@ -44,7 +46,7 @@ def test_fit_and_residual_of_another_model_are_those_of_a_simulation_by_scipy() 
     error = y - simulated
     error = error - unknown @ np.linalg.lstsq(unknown, error, rcond=None)[0]
 
-    found = predict(other, Record(PERIOD_S, u, y))
+    found = validate_on_record(other, Record(PERIOD_S, u, y))
 
     assert found.measured - found.predicted == pytest.approx(error, abs=1e-9)
     assert found.rms == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=1e-9)
@@ -57,12 +59,12 @@ def test_what_is_held_out_has_no_part_in_its_prediction() -> None:
     u, noise = excitation(9_000, 4), np.random.default_rng(5).normal(0.0, 1e-3, 9_000)
     y = by_scipy(TRUE, u) + noise
     spoiled = np.concatenate((y[:6_000], 3.0 * y[6_000:]))
-    shape = structure("first")
-    trained = fit(Record(PERIOD_S, u[:6_000], y[:6_000]), shape, Method.OUTPUT_ERROR).parameters
-    alone = predict(
+    shape = find_structure("first")
+    trained = fit_parameters(Record(PERIOD_S, u[:6_000], y[:6_000]), shape, Method.OUTPUT_ERROR).parameters
+    alone = validate_on_record(
         Model("first", dict(zip(shape.names, trained, strict=True))), Record(PERIOD_S, u, spoiled).part(6_000, 9_000)
     )
-    found = held_out(fit(Record(PERIOD_S, u, spoiled), shape, Method.OUTPUT_ERROR))
+    found = validate_held_out(fit_parameters(Record(PERIOD_S, u, spoiled), shape, Method.OUTPUT_ERROR))
     assert found.measured == pytest.approx(spoiled[6_000:])
     assert found.predicted == pytest.approx(alone.predicted, abs=2e-5)
     assert found.fit_percent == pytest.approx(alone.fit_percent, abs=0.1)
@@ -76,10 +78,10 @@ def test_a_step_of_a_motor_is_predicted_as_scipy_integrates_it() -> None:
     _, turn, _ = lsim(([K_m], [T_m, 1.0, 0.0]), np.full(t.size, drive), t)
     u = np.concatenate((np.zeros(50), np.full(t.size, voltage)))
     theta = np.concatenate((np.full(50, 0.7), 0.7 + turn))
-    found = step_beside(VoltageStepRecord(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), K_m, T_m, u_c)
+    found = validate_motor_step(VoltageStepRecord(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), K_m, T_m, u_c)
     assert (found.first, found.measured.size) == (50, t.size)
     assert found.predicted == pytest.approx(0.7 + turn, abs=1e-9)
-    slower = step_beside(VoltageStepRecord(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), 0.9 * K_m, T_m, u_c)
+    slower = validate_motor_step(VoltageStepRecord(PERIOD_S, u, theta, 10.0, 2.0 * np.pi / 8000), 0.9 * K_m, T_m, u_c)
     left = 0.1 * (turn - np.mean(turn))
     assert slower.measured - slower.predicted == pytest.approx(left, abs=1e-9)
     assert slower.fit_percent == pytest.approx(90.0, abs=1e-6)

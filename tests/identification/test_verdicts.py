@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.friction import SIGNIFICANT_STD, fit_friction
 from backend.identification.models import (
     CorrelationTest,
@@ -17,7 +17,7 @@ from backend.identification.models import (
     Grade,
     Model,
     Residuals,
-    structure,
+    find_structure,
 )
 from backend.identification.records import NotConvergedError, Record, UnstableModelError
 from backend.identification.validation import ValidationData, judge
@@ -30,7 +30,7 @@ KINDS = ("binary", "levels", "sines")
 def motor_found(kind: str, u_c: float, noise: float) -> Estimate:
     """What is estimated of a motor with this friction; seven seconds of record are twenty time constants and more."""
     u = voltages(kind, 7000)
-    return estimate(Record(PERIOD_S, u, noisy(motor(u, u_c)[0], noise)), "first")
+    return estimate_model(Record(PERIOD_S, u, noisy(motor(u, u_c)[0], noise)), "first")
 
 
 def claimed(found: Estimate) -> float:
@@ -71,7 +71,7 @@ def test_a_model_with_friction_that_explains_less_than_the_linear_one_tells_of_n
     fitted = fit_friction(record, 0.0)
     assert fitted.parameters[2] - 1.0 > 0.25
     assert fitted.parameters[2] > SIGNIFICANT_STD * np.sqrt(fitted.covariance[2, 2])
-    assert estimate(record, "first").friction is None
+    assert estimate_model(record, "first").friction is None
 
 
 def test_the_fit_with_friction_is_what_the_noise_leaves() -> None:
@@ -79,7 +79,7 @@ def test_the_fit_with_friction_is_what_the_noise_leaves() -> None:
     u = voltages("levels", 7000)
     clean = motor(u, 1.0)[0]
     y = noisy(clean, 0.1)
-    found = estimate(Record(PERIOD_S, u, y), "first")
+    found = estimate_model(Record(PERIOD_S, u, y), "first")
     left = np.linalg.norm(y - clean) / np.linalg.norm(y - np.mean(y))
     assert found.friction is not None
     assert found.friction.fit_percent == pytest.approx(100.0 * (1.0 - left), abs=0.02)
@@ -98,7 +98,7 @@ def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
 @pytest.mark.parametrize("delay_s", [0.02, 0.1])
 def test_a_dead_time_that_the_structure_leaves_out_is_told(delay_s: float, structure: str) -> None:
     u = voltages("binary")
-    found = estimate(Record(PERIOD_S, u, noisy(motor(u, delay_s=delay_s)[0], 0.01)), structure)
+    found = estimate_model(Record(PERIOD_S, u, noisy(motor(u, delay_s=delay_s)[0], 0.01)), structure)
     assert found.verdict.grade is not Grade.USABLE
     assert found.friction is None or not found.friction.found
 
@@ -106,7 +106,7 @@ def test_a_dead_time_that_the_structure_leaves_out_is_told(delay_s: float, struc
 @pytest.mark.parametrize(("noise", "grade"), [(0.3, Grade.CAUTION), (3.0, Grade.UNUSABLE)])
 def test_a_model_that_explains_little_is_not_usable_however_white_the_rest(noise: float, grade: Grade) -> None:
     u = voltages("binary")
-    found = estimate(Record(PERIOD_S, u, noisy(motor(u)[0], noise)), "first")
+    found = estimate_model(Record(PERIOD_S, u, noisy(motor(u)[0], noise)), "first")
     assert found.residuals.whiteness.passed
     assert found.verdict.grade is grade
     assert f"fit of {found.fit_percent:.1f} % on unseen data" in found.verdict.sentence
@@ -115,7 +115,7 @@ def test_a_model_that_explains_little_is_not_usable_however_white_the_rest(noise
 def test_an_excitation_too_weak_for_the_sensor_is_refused() -> None:
     u = 0.02 * voltages("binary")
     y = 0.1 * np.round(motor(u)[0] / 0.1)
-    found = estimate(Record(PERIOD_S, u, y), "first")
+    found = estimate_model(Record(PERIOD_S, u, y), "first")
     assert found.verdict.grade is Grade.UNUSABLE
     assert f"moved by {np.ptp(y) / 0.1:.1f} counts" in found.verdict.sentence
 
@@ -123,7 +123,7 @@ def test_an_excitation_too_weak_for_the_sensor_is_refused() -> None:
 def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data() -> None:
     u = voltages("levels")
     u[:8000] = 0.0
-    found = estimate(Record(PERIOD_S, u, motor(u)[0]), "first")
+    found = estimate_model(Record(PERIOD_S, u, motor(u)[0]), "first")
     assert np.isnan(found.fit_percent)
     assert found.verdict.grade is Grade.CAUTION
     assert "fit on unseen data not measured" in found.verdict.sentence
@@ -131,7 +131,7 @@ def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data()
 
 def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
     u = voltages("sines")
-    found = estimate(Record(PERIOD_S, u, noisy(motor(u)[0], 0.3)), "order:2")
+    found = estimate_model(Record(PERIOD_S, u, noisy(motor(u)[0], 0.3)), "order:2")
     ratio = found.std_errors["a2"] / found.model.parameters["a2"]
     assert not ratio < 0.39
     assert found.verdict.grade is Grade.UNUSABLE
@@ -140,7 +140,7 @@ def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
 
 def test_missing_dynamics_count_without_a_known_sensor_too() -> None:
     u = voltages("levels")
-    found = estimate(Record(PERIOD_S, u, lagged(motor(u)[0])), "first")
+    found = estimate_model(Record(PERIOD_S, u, lagged(motor(u)[0])), "first")
     assert not found.residuals.whiteness.passed
     assert found.verdict.grade is not Grade.USABLE
 
@@ -254,7 +254,7 @@ def test_a_wrapped_angle_is_named_where_no_model_is_found() -> None:
     u = np.repeat(random.choice([-3.0, 3.0], 100), 20)
     y: Array = np.round(np.mod(np.cumsum(u + 1.0) * 0.01, 2.0 * np.pi), 4).astype(np.float64)
     with pytest.raises(NotConvergedError, match=r"jumps by 6\.283 and back .* wraps"):
-        estimate(Record(1e-3, u, y), "first+delay")
+        estimate_model(Record(1e-3, u, y), "first+delay")
 
 
 def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
@@ -264,7 +264,7 @@ def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
     named = []
     for name in ("first", "lags2+delay", "order:4"):
         try:
-            named.append(estimate(Record(1e-3, u, y), name).verdict.sentence)
+            named.append(estimate_model(Record(1e-3, u, y), name).verdict.sentence)
         except NotConvergedError as error:
             named.append(str(error))
     assert all("same sample (y = 2 u" in words for words in named)
@@ -272,4 +272,4 @@ def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
 
 def test_a_coefficient_that_underflows_is_refused_and_drops_no_pole() -> None:
     with pytest.raises(UnstableModelError):
-        structure("order:3").poles(np.array([1.0, 1e-3, 1e-5, 1e-323]))
+        find_structure("order:3").poles(np.array([1.0, 1e-3, 1e-5, 1e-323]))

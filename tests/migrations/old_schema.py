@@ -8,14 +8,14 @@ from alembic import command
 from sqlalchemy import Engine
 
 from backend.storage import database
-from backend.storage.database import connect, sqlite_url
+from backend.storage.database import connect_database, sqlite_url
 
 
 @contextmanager
 def at_revision(data_dir: Path, revision: str) -> Iterator[Engine]:
     """Make the database of a data folder with an earlier schema."""
     data_dir.mkdir(parents=True, exist_ok=True)
-    engine = connect(sqlite_url(data_dir))
+    engine = connect_database(sqlite_url(data_dir))
     with engine.connect() as connection, database._free_to_rebuild_tables(connection), connection.begin():
         command.upgrade(database._configuration(connection), revision)
     try:

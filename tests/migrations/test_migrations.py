@@ -13,11 +13,11 @@ from backend.storage import queue, recordings, runs
 from backend.storage.database import (
     SCRIPTS,
     SchemaError,
-    connect,
+    connect_database,
     newest_revision,
     open_database,
+    read_revision,
     require_models_match,
-    revision,
     sqlite_url,
     upgrade,
 )
@@ -69,11 +69,11 @@ def make_with_data(data_dir: Path) -> str:
 
 
 def test_migrated_database_matches_models(tmp_path: Path) -> None:
-    engine = connect(sqlite_url(tmp_path))
-    assert revision(engine) is None
+    engine = connect_database(sqlite_url(tmp_path))
+    assert read_revision(engine) is None
     upgrade(engine)
     require_models_match(engine)
-    assert revision(engine) == newest_revision()
+    assert read_revision(engine) == newest_revision()
     engine.dispose()
 
 
@@ -92,7 +92,7 @@ def test_newer_database_is_refused_unchanged(tmp_path: Path) -> None:
     opened.close()
     with pytest.raises(SchemaError, match=r"9999_from_the_future.*newer version"):
         open_database(tmp_path)
-    engine = connect(sqlite_url(tmp_path))
+    engine = connect_database(sqlite_url(tmp_path))
     assert "run" in inspect(engine).get_table_names()
     engine.dispose()
 
@@ -153,7 +153,7 @@ def test_a_longer_name_of_a_plant_leaves_runs_and_their_numbers_as_they_are(
 
 def test_going_back_gives_no_number_out_again(tmp_path: Path) -> None:
     make_with_data(tmp_path)
-    engine = connect(sqlite_url(tmp_path))
+    engine = connect_database(sqlite_url(tmp_path))
     with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
         connection.execute(text("DELETE FROM sqlite_sequence"))
         connection.execute(text("INSERT INTO sqlite_sequence VALUES ('run', 7), ('bank', 7), ('identification', 7)"))
@@ -170,7 +170,7 @@ def test_the_queue_goes_down_and_up_again_and_leaves_the_runs(tmp_path: Path) ->
         run = runs.create(session, NEW_RUN).id
         queue.add(session, "sequence", {"segments": "[]"}, "Ana")
     database.close()
-    engine = connect(sqlite_url(tmp_path))
+    engine = connect_database(sqlite_url(tmp_path))
     with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
         command.downgrade(migrate._configuration(connection), "0013_method_length")
         assert not inspect(connection).has_table("queued_experiment")
@@ -195,9 +195,9 @@ def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Pat
         assert session.scalar(text("PRAGMA foreign_keys")) == 1
     database.close()
     (copy,) = (tmp_path / "backups").iterdir()
-    engine = connect(f"sqlite:///{copy}")
+    engine = connect_database(f"sqlite:///{copy}")
     assert copy.name.startswith(before)
-    assert revision(engine) == before
+    assert read_revision(engine) == before
     engine.dispose()
 
 
@@ -215,8 +215,8 @@ def test_a_failing_migration_changes_nothing(
     add_later_revision(later_scripts, before, then)
     with pytest.raises(error):
         open_database(tmp_path)
-    engine = connect(sqlite_url(tmp_path))
-    assert revision(engine) == before
+    engine = connect_database(sqlite_url(tmp_path))
+    assert read_revision(engine) == before
     assert "weather" not in {column["name"] for column in inspect(engine).get_columns("run")}
     engine.dispose()
 

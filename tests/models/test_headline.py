@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.models.run import MeasuredFigure, Metrics, RunCriterion, headline_of
+from backend.models.run import MeasuredFigure, Metrics, RunCriterion, find_headline
 
 PASSED = RunCriterion("settling_q_s", "Settling of q", "<", 2.0, 1.5, "s", True)
 FAILED = RunCriterion("overshoot_q_percent", "Overshoot of q", "<", 2.0, 3.5, "%", False)
@@ -27,15 +27,15 @@ def test_the_criterion_that_failed_comes_before_what_was_measured(
     shown: tuple[str, float, str, float | None] | None,
 ) -> None:
     metrics = None if figures is None else Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=figures)
-    found = headline_of(metrics, criteria)
+    found = find_headline(metrics, criteria)
     assert (None if found is None else (found.name, found.value, found.relation, found.bound)) == shown
 
 
 def test_the_lower_fit_of_an_identification_comes_before_its_motion() -> None:
     metrics = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(PEAK,))
-    found = headline_of(metrics, (), {"G_q": 97.2, "G_S": 91.4})
+    found = find_headline(metrics, (), {"G_q": 97.2, "G_S": 91.4})
     assert found is not None
     assert (found.name, found.label, found.value, found.unit) == ("fit_percent", "Fit of G_S", 91.4, "%")
-    judged = headline_of(metrics, (PASSED,), {"G_q": 97.2})
+    judged = find_headline(metrics, (PASSED,), {"G_q": 97.2})
     assert judged is not None
     assert judged.name == "settling_q_s"

@@ -9,22 +9,22 @@ from typing import Any
 
 import pytest
 
-from backend.analysis.identification import curves_of
-from backend.identification.validation import judged
+from backend.analysis.identification import build_curves
+from backend.identification.validation import read_whiteness_test
 from backend.models import identification
 from backend.models.document import DocumentCodec, UnreadableDocumentError
 from backend.models.identification import ArxEstimate, FailedCandidate
 from backend.services.identifications import StoredIdentifications
-from backend.services.tuning_state import by_default
+from backend.services.tuning_state import default_tuning
 from backend.storage import identifications
-from backend.storage.banks import method_of
+from backend.storage.banks import read_method_name
 from backend.storage.database import Database, open_database
 from backend.workers import Offload
 from plant.parameters import load_parameters
 from tests.models import earlier_identifications as earlier
 from tests.models.earlier_identifications import put_identification
 
-TUNING = by_default(load_parameters("ideal"))[0]
+TUNING = default_tuning(load_parameters("ideal"))[0]
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_the_page_shows_them(database: Database) -> None:
     assert (table.file, table.spring.fits[0].order) == ("spring.csv", 2)
     with database.reading() as session:
         for estimate in identifications.find(session):
-            assert any(curves_of(estimate).values())
+            assert any(build_curves(estimate).values())
 
 
 def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> None:
@@ -90,8 +90,10 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
     quality = found.actuator.channel("G_q").quality
     assert (quality.arx, quality.candidates, quality.frequency) == (None, (), None)
     assert found.actuator_options.estimator is None
-    assert method_of(found) == "output error"
-    early_bound, bound = (judged(one.residuals.whiteness).bound for one in (quality, now.actuator.quality.G_q))
+    assert read_method_name(found) == "output error"
+    early_bound, bound = (
+        read_whiteness_test(one.residuals.whiteness).bound for one in (quality, now.actuator.quality.G_q)
+    )
     assert early_bound[0] > bound[0]  # what was kept is the band of one lag alone
     assert isinstance(now.actuator.channel("G_q").quality.candidates[1], FailedCandidate)
     assert not isinstance(now.actuator.channel("G_q").quality.arx, ArxEstimate)

@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 
 from backend.banks import tuning_settings
-from backend.banks.builder import BankError, point_of
+from backend.banks.builder import BankError, entry_point
 from backend.banks.tuning_settings import KEPT, NAMES, SAVED, TuningSettings
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import ENTRY, EntryModel
 from backend.services.banks import StoredBanks
 from backend.services.tuning_state import TuningStore
 from backend.storage import banks, settings
-from backend.storage.banks import BankEntry, name_of_entry
+from backend.storage.banks import BankEntry, stored_entry_name
 from backend.storage.database import Database, open_database
 from backend.workers import Offload
 from plant.parameters import load_parameters
@@ -80,10 +80,10 @@ def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> N
         bank = banks.add(session, "earlier", [BankEntry(10.5, MODEL), BankEntry(8.0, {"K_q": 0.05})], "Ana")
     weak, stiff = bank.entries
     assert ENTRY.write(stiff.known) == {**MODEL, "version": 1}
-    assert (name_of_entry(stiff), point_of(stiff).K_S) == ("20 N", 0.72)
+    assert (stored_entry_name(stiff), entry_point(stiff).K_S) == ("20 N", 0.72)
     assert weak.known == EntryModel(K_q=0.05)
     with pytest.raises(BankError, match="has no T_q, K_S, T_S"):
-        point_of(weak)
+        entry_point(weak)
     with pytest.raises(UnreadableDocumentError, match=r"the entry at 9\.00 N·m/rad of a bank: its models .* field K_S"):
         assert BankEntry(9.0, {**MODEL, "K_S": "much"}).known
 

@@ -11,7 +11,7 @@ from sqlalchemy import text
 
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS, OLDER
-from backend.reports.build import build_report, metrics_document
+from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import load_source
 from backend.services.runs import RunQuery, StoredRuns
 from backend.storage import results
@@ -37,7 +37,7 @@ def test_a_result_without_version_is_read_and_says_what_it_lacks(database: Datab
     assert metrics.steps is not None
     assert (metrics.steps[0].overshoot_percent, metrics.steps[0].reach_s, metrics.steps[0].reasons) == (0.5, None, {})
     assert [item.reason for item in criteria] == [OLDER]
-    assert metrics_document(source)["criteria"] == [{**earlier.CRITERIA[0], "reason": OLDER}]
+    assert build_metrics_document(source)["criteria"] == [{**earlier.CRITERIA[0], "reason": OLDER}]
     assert build_report(source).outcome == "incomplete"
 
 

@@ -15,7 +15,7 @@ from backend.models.document import UnreadableDocumentError
 from backend.models.run import SETTINGS, StoredLoopSettings
 from backend.services.identifications import StoredIdentifications
 from backend.services.runs import RunQuery, StoredRuns
-from backend.services.tuning_state import by_default
+from backend.services.tuning_state import default_tuning
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.workers import Offload
@@ -31,7 +31,7 @@ PROGRAM: dict[str, Any] = {
 }
 SESSION: dict[str, Any] = {"mode": "run", "loop": {name: LOOP[name] for name in LOOP if name != "seed"}}
 EARLY_SESSION: dict[str, Any] = {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "interpolate": False, "bank": None}
-TUNING = by_default(load_parameters("ideal"))[0]
+TUNING = default_tuning(load_parameters("ideal"))[0]
 
 
 @pytest.fixture

@@ -67,7 +67,7 @@ def test_places_are_spread_over_the_rooms_and_the_same_for_a_seed() -> None:
     assert {mutant.path.rpartition("/")[0] for mutant in some} == {path.rpartition("/")[0] for path in sources()}
     imports = Imports()
     assert imports.touched_by("plant/dynamics.py") > {"plant/dynamics.py", "backend/realtime/control_loop.py"}
-    assert "plant/compiled.py" not in imports.touched_by("plant/dynamics.py")
+    assert "plant/compilation.py" not in imports.touched_by("plant/dynamics.py")
     near = {path: belonging_to(path, reaching(imports.steps_to(path))) for path in {mutant.path for mutant in some}}
     assert [path for path, tests in near.items() if not tests] == []
 

@@ -101,7 +101,7 @@ class Tree:
 
     def take_over(self, base: "Tree", code_of_base: Path, touched: Collection[str]) -> None:
         """Have of what is compiled in the base that which comes from files that are not touched; in a process here."""
-        importlib.import_module("plant.compiled")
+        importlib.import_module("plant.compilation")
         target = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]  # numba fills this module at run time
         for sources in (
             "plant",
@@ -185,4 +185,4 @@ def _pytest(
 @cache
 def _code_of(tree: Tree) -> Path:
     """Return the folder where the project keeps what it compiles in a copy; it is asked once."""
-    return Path(tree.run(["-c", "import numba, plant.compiled; print(numba.config.CACHE_DIR)"], 120.0).strip())
+    return Path(tree.run(["-c", "import numba, plant.compilation; print(numba.config.CACHE_DIR)"], 120.0).strip())

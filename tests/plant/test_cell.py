@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from plant.compiled import StateBlock, compiled, keep
+from plant.compilation import StateBlock, compiled, keep_compiled
 
 
 class Inner(NamedTuple):
@@ -36,8 +36,8 @@ def outer(table: NDArray[np.float64]) -> Outer:
 def shifted(cell: StateBlock[Outer], by: float) -> float:
     """Change of each kind something: by a field, by the whole, and in the array."""
     was = cell.value
-    keep(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
-    keep(cell.first.a, was.first.a - by)
+    keep_compiled(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
+    keep_compiled(cell.first.a, was.first.a - by)
     cell.table.value[1, 2] = by
     return float(cell.pair.value[1] + was.pair[0])
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from plant.compiled import PrecompiledCall, compiled
+from plant.compilation import PrecompiledCall, compiled
 from plant.dynamics import AT_REST, PlantState
 from plant.interface import ZERO_VOLTS
 from plant.parameters import load_parameters
-from plant.simulator import SafetyBounds, Simulator, actuate, exceeded
+from plant.simulator import SafetyBounds, Simulator, actuate_plant, is_limit_exceeded
 
 LAB = load_parameters("lab")
 PLANT, BOUNDS = LAB.dynamics(), SafetyBounds(40.0, 1.5)
-is_exceeded = PrecompiledCall(exceeded, PLANT, BOUNDS, AT_REST)
+is_exceeded = PrecompiledCall(is_limit_exceeded, PLANT, BOUNDS, AT_REST)
 
 
 def test_it_says_what_the_function_says() -> None:
@@ -26,17 +26,17 @@ def test_it_says_what_the_function_says() -> None:
         q, theta_A, theta_B = numbers.uniform(-1.8, 1.8), numbers.uniform(0.0, 6.0), numbers.uniform(0.0, 6.0)
         x = PlantState(q, 0.0, theta_A, 0.0, 0.0, theta_B, 0.0, 0.0)
         answers.append(is_exceeded(PLANT, BOUNDS, x))
-        assert answers[-1] == exceeded.py_func(PLANT, BOUNDS, x)  # type: ignore[attr-defined]  # of numba
+        assert answers[-1] == is_limit_exceeded.py_func(PLANT, BOUNDS, x)  # type: ignore[attr-defined]  # of numba
     assert 20 < sum(answers) < 180  # both answers were to be had
 
 
 def test_a_whole_number_stands_for_a_float_and_compiles_nothing() -> None:
     simulator, whole = Simulator(LAB), Simulator(LAB, x=PlantState(0, 0, 0, 0, 0, 0, 0, 0))
-    known = len(actuate.signatures)  # type: ignore[attr-defined]  # of numba
+    known = len(actuate_plant.signatures)  # type: ignore[attr-defined]  # of numba
     simulator.write(ZERO_VOLTS._replace(u_A=2.0))
     whole.write(ZERO_VOLTS._replace(u_A=2))
     assert whole.x == simulator.x != AT_REST
-    assert len(actuate.signatures) == known  # type: ignore[attr-defined]  # of numba
+    assert len(actuate_plant.signatures) == known  # type: ignore[attr-defined]  # of numba
 
 
 class Weights(NamedTuple):

@@ -10,7 +10,7 @@ PROCESSES, EACH = 3, 12
 
 COMPILES = """
 import sys
-from plant.compiled import compiled
+from plant.compilation import compiled
 
 @compiled
 def weighted(numbers):

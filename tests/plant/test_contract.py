@@ -12,7 +12,7 @@ from plant.conformance import CHECKS, LONG_TICKS, WARM_UP_TICKS, Check, CheckOut
 from plant.factory import make_plant
 from plant.interface import Measurement, MotorCommand, Plant, PlantChoice, PlantKind
 from plant.parameters import PlantParameters
-from plant.replay import Replay, load_recording
+from plant.replay import Replay, load_replay
 from plant.rig import Rig
 from plant.simulator import Simulator
 from tests.plant import example
@@ -52,7 +52,7 @@ def test_the_contract_holds(
     monkeypatch.syspath_prepend(str(site))
     subject = Subject(lambda: make_plant(choices[name], lab, 0), lab, voltage=0.5)
     if name == "replay":
-        subject = replace(subject, answers=False, lasts=len(load_recording(choices[name].recording)))
+        subject = replace(subject, answers=False, lasts=len(load_replay(choices[name].recording)))
     (finding,) = run_contract(subject, (check,))
     left_out = name == "replay" and check.name in NOT_FOR_A_RECORDING
     assert finding.outcome is (CheckOutcome.NOT_TRIED if left_out else CheckOutcome.HOLDS), finding.seen

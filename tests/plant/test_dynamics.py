@@ -15,13 +15,13 @@ from plant.dynamics import (
     Dynamics,
     PlantState,
     Spring,
-    advance,
+    advance_state,
     elongation_A,
     elongation_B,
     joint_acceleration,
     joint_stiffness,
     polynomial_spring,
-    tension,
+    tendon_tension,
 )
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
@@ -49,7 +49,7 @@ def test_motor_without_load_answers_as_the_transfer_function() -> None:
     plant = IDEAL.dynamics()
     x = PlantState(0.0, 0.0, SLACK_THETA, 0.0, 0.0, SLACK_THETA, 0.0, 0.0)
     for tick in range(1, 1001):
-        x = advance(plant, x, U, -U, 0.0, T_s, SUBSTEPS)
+        x = advance_state(plant, x, U, -U, 0.0, T_s, SUBSTEPS)
         t = tick * T_s
         fast, slow = math.exp(-t / tau_e), math.exp(-t / T_m)
         speed = K_m * U * (1.0 - (T_m * slow - tau_e * fast) / (T_m - tau_e))
@@ -91,8 +91,8 @@ def test_agrees_with_an_independent_integration(parameters: PlantParameters) -> 
     own, reached = np.array(x), []
     for u_A, u_B, tau_ext, ticks in ((4.0, 4.0, 0.0, 600), (9.0, 5.0, 0.5, 400), (-8.0, -8.0, 0.0, 700)):
         for _ in range(ticks):
-            x = advance(plant, x, u_A, u_B, tau_ext, T_s, SUBSTEPS)
-            F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
+            x = advance_state(plant, x, u_A, u_B, tau_ext, T_s, SUBSTEPS)
+            F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
             reached.append(F_A)
         own = solve_ivp(
             partial(own_rate, parameters, u_A, u_B, tau_ext),
@@ -126,7 +126,7 @@ def test_unforced_plant_only_loses_energy(x: PlantState, friction: bool) -> None
     plant = (LAB if friction else IDEAL).dynamics()
     before = energy(plant, x)
     for _ in range(20):
-        x = advance(plant, x, 0.0, 0.0, 0.0, 5 * T_s, 5 * SUBSTEPS)
+        x = advance_state(plant, x, 0.0, 0.0, 0.0, 5 * T_s, 5 * SUBSTEPS)
         now = energy(plant, x)
         assert now <= before + 1e-7 * (1.0 + before)
         before = now
@@ -140,8 +140,8 @@ def mirrored(x: PlantState) -> PlantState:
 def test_swapping_A_and_B_mirrors_the_motion(x: PlantState, u_A: float, u_B: float, tau_ext: float) -> None:
     plant = LAB.dynamics()
     swapped = Dynamics(plant.joint, plant.motor_B, plant.motor_A, plant.spring_B, plant.spring_A)
-    straight = advance(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)
-    reverse = advance(swapped, mirrored(x), u_B, u_A, -tau_ext, 0.02, 20 * SUBSTEPS)
+    straight = advance_state(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)
+    reverse = advance_state(swapped, mirrored(x), u_B, u_A, -tau_ext, 0.02, 20 * SUBSTEPS)
     assert mirrored(reverse) == straight
 
 
@@ -150,8 +150,8 @@ def test_joint_is_in_balance_at_equation_15(common: float, difference: float) ->
     plant = IDEAL.dynamics()
     theta_A, theta_B = common + difference, common - difference
     q_e = plant.joint.r_m * (theta_A - theta_B) / (2.0 * plant.joint.r_j)
-    F_A = tension(plant.spring_A, elongation_A(plant.joint, theta_A, q_e))
-    F_B = tension(plant.spring_B, elongation_B(plant.joint, theta_B, q_e))
+    F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, theta_A, q_e))
+    F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, theta_B, q_e))
     assert F_A > 0.0
     assert joint_acceleration(plant.joint, 0.0, F_A, F_B, 0.0) == pytest.approx(0.0, abs=1e-8)
     # A push towards +q is balanced by the other tendon: F_A − F_B = −F_push at rest.
@@ -165,8 +165,8 @@ def test_stiffness_is_minus_the_slope_of_the_torque_off_equilibrium_too(
     joint = IDEAL.dynamics().joint
 
     def torque(angle: float) -> float:
-        F_A = tension(CUBIC, elongation_A(joint, theta_A, angle))
-        return joint.r_j * (F_A - tension(PAPER, elongation_B(joint, theta_B, angle)))
+        F_A = tendon_tension(CUBIC, elongation_A(joint, theta_A, angle))
+        return joint.r_j * (F_A - tendon_tension(PAPER, elongation_B(joint, theta_B, angle)))
 
     step = 1e-6
     by_difference = -(torque(q + step) - torque(q - step)) / (2.0 * step)
@@ -179,7 +179,7 @@ def test_friction_holds_still_what_the_tendon_alone_would_turn() -> None:
     turned = []
     for parameters in (IDEAL, replace(IDEAL, motor=replace(IDEAL.motor, c0=0.2))):
         x = PlantState(0.0, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0, 0.0)
-        x = advance(parameters.dynamics(), x, 0.0, 0.0, 0.0, 0.5, 500 * SUBSTEPS)
+        x = advance_state(parameters.dynamics(), x, 0.0, 0.0, 0.0, 0.5, 500 * SUBSTEPS)
         turned.append(5.0 - x.theta_A)
     assert turned[0] > 0.4
     assert 0.0 < turned[1] < 0.02

@@ -14,7 +14,7 @@ from plant.dynamics import (
     Friction,
     LuGre,
     PlantState,
-    advance,
+    advance_state,
     bristle_after,
     bristle_rate,
     friction_torque,
@@ -36,7 +36,7 @@ def pulled(torques: np.ndarray, parameters: PlantParameters = STICK) -> np.ndarr
     plant, x, turned = parameters.dynamics(), SLACK, []
     for torque in torques:
         u = (LOAD_NM + torque) / plant.motor_A.K_t
-        x = advance(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
+        x = advance_state(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
         turned.append(x.theta_A - SLACK.theta_A)
     return np.array(turned)
 
@@ -74,7 +74,7 @@ def test_at_constant_speed_it_is_stribecks_curve(omega: float, load: float) -> N
 def test_a_motor_turns_steadily_where_its_torque_meets_stribecks_curve(u: float) -> None:
     plant, x = STICK.dynamics(), SLACK._replace(tau_A=0.0)
     for _ in range(6000):
-        x = advance(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS)
+        x = advance_state(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS)
     B_m, torque = plant.motor_A.B_m, plant.motor_A.K_t * u
     assert abs(x.omega_A) > 1.0
     assert torque == pytest.approx(B_m * x.omega_A + math.copysign(0.02, u), rel=1e-9)
@@ -181,6 +181,6 @@ def test_swapping_A_and_B_mirrors_the_motion(u_A: float, u_B: float, tau_ext: fl
     plant = STICK.dynamics()
     swapped = Dynamics(plant.joint, plant.motor_B, plant.motor_A, plant.spring_B, plant.spring_A)
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.0, 4.0, -0.1, 0.0, z, -0.5 * z)
-    straight = advance(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)
-    reverse = advance(swapped, mirrored(x), u_B, u_A, -tau_ext, 0.02, 20 * SUBSTEPS)
+    straight = advance_state(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)
+    reverse = advance_state(swapped, mirrored(x), u_B, u_A, -tau_ext, 0.02, 20 * SUBSTEPS)
     assert mirrored(reverse) == straight

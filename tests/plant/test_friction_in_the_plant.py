@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from backend.tuning.gains import TuningParameters, feedback_linearization_tuning
+from backend.tuning.gains import TuningParameters, make_feedback_linearization_tuning
 from backend.tuning.simulation import rest_state, rig_of
-from plant.dynamics import SUBSTEPS, PlantState, advance, derivative
+from plant.dynamics import SUBSTEPS, PlantState, advance_state, state_derivative
 from plant.interface import NO_LOAD, T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.plant.test_dynamics import energy
@@ -80,7 +80,7 @@ def test_agrees_with_an_independent_integration(parameters: PlantParameters) -> 
     bounds = np.array([2e-5, 5e-4, *2 * (2e-4, 5e-4, 1e-9), 1e-6, 1e-6])
     for u_A, u_B, tau_ext, ticks in MOVES:
         for _ in range(ticks):
-            x = advance(plant, x, u_A, u_B, tau_ext, T_s, SUBSTEPS)
+            x = advance_state(plant, x, u_A, u_B, tau_ext, T_s, SUBSTEPS)
         own = solve_ivp(
             partial(own_rate, parameters, (u_A, u_B), tau_ext),
             (0.0, ticks * T_s), own, method="LSODA", rtol=1e-8, atol=1e-11, max_step=5e-3,
@@ -100,7 +100,7 @@ def test_unforced_it_only_loses_energy_what_bent_bristles_store_counted_in(x: Pl
 
     before = stored(x)
     for _ in range(20):
-        x = advance(plant, x, 0.0, 0.0, 0.0, 5 * T_s, 5 * SUBSTEPS)
+        x = advance_state(plant, x, 0.0, 0.0, 0.0, 5 * T_s, 5 * SUBSTEPS)
         now = stored(x)
         assert now <= before + 1e-7 * (1.0 + before)
         before = now
@@ -108,7 +108,7 @@ def test_unforced_it_only_loses_energy_what_bent_bristles_store_counted_in(x: Pl
 
 def test_no_more_than_the_last_bit_tells_it_from_the_equation_it_integrates() -> None:
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.3, 4.0, -0.1, 0.2, 1e-3, -5e-4)
-    ours = derivative(STICK.dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
+    ours = state_derivative(STICK.dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
     assert list(ours) == pytest.approx(own_rate(STICK, (1.0, 2.0), 0.1, 0.0, np.array(x)), rel=1e-12)
 
 
@@ -118,7 +118,7 @@ def test_at_rest_it_rests_and_the_torques_alone_bear_the_tendons() -> None:
     assert (x.z_A, x.z_B) == (0.0, 0.0)
     after = x
     for _ in range(1000):
-        after = advance(plant, after, u_A, u_B, 0.0, T_s, SUBSTEPS)
+        after = advance_state(plant, after, u_A, u_B, 0.0, T_s, SUBSTEPS)
     assert list(after) == pytest.approx(list(x), abs=1e-9)
 
 
@@ -126,10 +126,10 @@ def test_what_the_controller_knows_has_no_friction_of_either_kind() -> None:
     assert STICK.identified_dynamics() == LAB.identified_dynamics()
     assert STICK.identified_dynamics().motor_A.friction.lugre is None
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.3, 4.0, -0.1, 0.2, 1e-3, -5e-4)
-    rates = derivative(STICK.identified_dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
-    assert rates == derivative(LAB.identified_dynamics(), x._replace(z_A=0.0, z_B=0.0), 1.0, 2.0, 0.1, NO_LOAD)
+    rates = state_derivative(STICK.identified_dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
+    assert rates == state_derivative(LAB.identified_dynamics(), x._replace(z_A=0.0, z_B=0.0), 1.0, 2.0, 0.1, NO_LOAD)
     assert (rates.z_A, rates.z_B) == (0.0, 0.0)
 
 
 def test_the_law_with_a_full_model_has_the_smoothed_friction_in_it() -> None:
-    assert feedback_linearization_tuning(STICK, TuningParameters()).model == LAB.dynamics()
+    assert make_feedback_linearization_tuning(STICK, TuningParameters()).model == LAB.dynamics()

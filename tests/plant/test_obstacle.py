@@ -16,11 +16,11 @@ from plant.dynamics import (
     Joint,
     Obstacle,
     PlantState,
-    advance,
+    advance_state,
     contact_force,
-    most_damped,
-    require_possible,
-    stiffest,
+    largest_wall_damping,
+    largest_wall_stiffness,
+    require_possible_wall,
 )
 from plant.interface import NO_LOAD, MotorCommand, PlantError, T_s
 from plant.parameters import load_parameters
@@ -52,7 +52,7 @@ def flight(wall: Obstacle, q_dot: float, start: float = 0.0) -> tuple[np.ndarray
     plant, x = free(), thrown(wall.q_wall - wall.side * start, wall.side * q_dot)
     forces = []
     for _ in range(4000):
-        x = advance(plant, x, 0.0, 0.0, 0.0, H, 1, NO_LOAD, wall)
+        x = advance_state(plant, x, 0.0, 0.0, 0.0, H, 1, NO_LOAD, wall)
         forces.append(contact_force(wall, plant.joint, x.q, x.q_dot))
         if len(forces) > 3 and forces[-1] == 0.0 and x.q_dot * wall.side < 0.0:
             break
@@ -99,7 +99,7 @@ def test_no_wall_ever_gives_more_than_it_took(k: float, c: float, q_dot: float, 
     plant, x = free(), thrown(0.2 * side - side * part * H * q_dot, side * q_dot)
     before = energy(plant, x)
     for _ in range(400):
-        x = advance(plant, x, 0.0, 0.0, 0.0, T_s, SUBSTEPS, NO_LOAD, wall)
+        x = advance_state(plant, x, 0.0, 0.0, 0.0, T_s, SUBSTEPS, NO_LOAD, wall)
         depth = max(plant.joint.r_j * wall.side * (x.q - wall.q_wall), 0.0)
         assert energy(plant, x) + 0.5 * k * depth**2 <= 1.003 * before
 
@@ -115,13 +115,13 @@ def test_a_wall_pushes_away_from_itself_or_not_at_all(q: float, q_dot: float, c:
 
 def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> None:
     joint, F_max = LAB.dynamics().joint, LAB.safety.F_max
-    assert math.sqrt(stiffest(joint, H) / mass(joint)) * H == pytest.approx(0.15)
-    assert most_damped(joint, F_max, H) * F_max * H / mass(joint) == pytest.approx(1.0)
-    wall = Obstacle(1.0, 0.3, stiffest(joint, H), most_damped(joint, F_max, H))
+    assert math.sqrt(largest_wall_stiffness(joint, H) / mass(joint)) * H == pytest.approx(0.15)
+    assert largest_wall_damping(joint, F_max, H) * F_max * H / mass(joint) == pytest.approx(1.0)
+    wall = Obstacle(1.0, 0.3, largest_wall_stiffness(joint, H), largest_wall_damping(joint, F_max, H))
     pressed, x = 50.0, thrown(0.29, 3.0)
     plant = LAB.dynamics()
     for _ in range(400):
-        x = advance(plant, x, 0.0, 0.0, joint.r_j * pressed, T_s, SUBSTEPS, NO_LOAD, wall)
+        x = advance_state(plant, x, 0.0, 0.0, joint.r_j * pressed, T_s, SUBSTEPS, NO_LOAD, wall)
     assert contact_force(wall, joint, x.q, x.q_dot) == pytest.approx(-pressed, rel=1e-6)
 
 
@@ -151,7 +151,7 @@ def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(wall: Obstacl
         simulator.obstacle(wall)
     assert told in str(refused.value)
     assert simulator.simulated.field("obstacle").get() == WALL
-    require_possible(WALL, LAB.dynamics().joint, LAB.safety.F_max, LAB.geometry.q_max, H)
+    require_possible_wall(WALL, LAB.dynamics().joint, LAB.safety.F_max, LAB.geometry.q_max, H)
 
 
 def test_it_comes_and_goes_in_flight_and_what_it_presses_is_measured() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from plant import replay
-from plant.replay import load_recording, look_over
+from plant.replay import load_replay, look_over
 from tests.exports.written import to_csv
 
 COLUMNS = {name: np.zeros(20) for name in ("q", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B")}
@@ -36,14 +36,14 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
 def test_what_was_looked_over_is_handed_on_once(file: Path, reads: list[Path]) -> None:
     look_over(file)
-    assert len(load_recording(str(file))) == 20
+    assert len(load_replay(str(file))) == 20
     assert len(reads) == 1
-    load_recording(file)
+    load_replay(file)
     assert len(reads) == 2
 
 
 def test_a_file_that_has_changed_since_is_read_anew(file: Path, reads: list[Path]) -> None:
     look_over(file)
     os.utime(file, ns=(1, 1))
-    load_recording(file)
+    load_replay(file)
     assert len(reads) == 2

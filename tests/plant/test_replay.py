@@ -14,7 +14,7 @@ from backend.realtime.modes import Mode
 from plant import replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters
-from plant.replay import Replay, load_recording
+from plant.replay import Replay, load_replay
 from tests.exports.written import to_csv, to_mat, to_parquet
 from tests.plant.recorded import columns_of, session, trip_recorded
 from tests.realtime.bench_top import BenchTop
@@ -45,7 +45,7 @@ def columns() -> Columns:
 def played(columns: Columns, folder: Path, write: Callable[[Columns], bytes] = to_csv, ending: str = "csv") -> Replay:
     file = folder / f"run-7.{ending}"
     file.write_bytes(write(columns))
-    plant = Replay(load_recording(file))
+    plant = Replay(load_replay(file))
     plant.open()
     return plant
 
@@ -54,7 +54,7 @@ def test_a_trip_that_was_recorded_happens_again_in_the_same_tick(
     recorded: tuple[BenchTop, Path], lab: PlantParameters
 ) -> None:
     bench, file = recorded
-    plant = Replay(load_recording(file))
+    plant = Replay(load_replay(file))
     again = session(lab, plant)
     assert again.loop.fault is bench.loop.fault is Fault.SENSOR_JUMP
     for name in ("fault", "mode"):
@@ -68,7 +68,7 @@ def test_a_trip_that_was_recorded_happens_again_in_the_same_tick(
 
 def test_another_controller_is_told_by_its_voltages(recorded: tuple[BenchTop, Path], lab: PlantParameters) -> None:
     bench, file = recorded
-    plant = Replay(load_recording(file))
+    plant = Replay(load_replay(file))
     plant.open()
     u_A, u_B = (bench.column(name).astype(np.float32).astype(float) for name in ("u_A", "u_B"))
     u_B[4321] += 0.25
@@ -112,7 +112,7 @@ def test_both_formats_of_the_export_say_the_same(
     bench, file = recorded
     other = tmp_path / f"other.{ending}"
     other.write_bytes(write(dict(columns_of(bench))))
-    first, second = load_recording(file), load_recording(other)
+    first, second = load_replay(file), load_replay(other)
     for name, values in first.columns.items():
         np.testing.assert_array_equal(values.astype(np.float32), second.columns[name].astype(np.float32))
 
@@ -215,7 +215,7 @@ def test_a_file_that_is_no_recording_is_refused_with_the_place(
     file = tmp_path / "run-7.csv"
     file.write_bytes(to_csv(columns))
     with pytest.raises(PlantError, match=rf"the recording run-7\.csv cannot be played: .*{said}"):
-        load_recording(file)
+        load_replay(file)
 
 
 def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> None:
@@ -227,10 +227,10 @@ def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> N
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(PlantError, match=said) as error:
-            load_recording(tmp_path / name)
+            load_replay(tmp_path / name)
         assert len(str(error.value).splitlines()) == 1
     with pytest.raises(PlantError, match=r"gone\.csv cannot be played: .*[Nn]o such file"):
-        load_recording(tmp_path / "gone.csv")
+        load_replay(tmp_path / "gone.csv")
 
 
 def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tmp_path: Path) -> None:
@@ -238,4 +238,4 @@ def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tm
     fields = [field.with_metadata({"unit": "deg"}) if field.name == "q" else field for field in table.schema]
     pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
     with pytest.raises(PlantError, match="the column q is in deg, it has to be in rad"):
-        load_recording(tmp_path / "run.parquet")
+        load_replay(tmp_path / "run.parquet")

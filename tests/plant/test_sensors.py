@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.dynamics import AT_REST, PlantState, tension
+from plant.dynamics import AT_REST, PlantState, tendon_tension
 from plant.interface import ZERO_VOLTS, MotorCommand
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator, quantise
@@ -43,8 +43,8 @@ def test_ideal_sensors_read_the_state_itself(ideal: PlantParameters) -> None:
     assert (m.q, m.theta_A, m.theta_B) == (x.q, x.theta_A, x.theta_B)
     r_m, r_j = ideal.geometry.r_m, ideal.geometry.r_j
     spring = ideal.dynamics().spring_A
-    assert tension(spring, r_m * x.theta_A - r_j * x.q) == m.F_A
-    assert tension(spring, r_m * x.theta_B + r_j * x.q) == m.F_B
+    assert tendon_tension(spring, r_m * x.theta_A - r_j * x.q) == m.F_A
+    assert tendon_tension(spring, r_m * x.theta_B + r_j * x.q) == m.F_B
 
 
 @pytest.mark.parametrize("delay_ms", [0, 1, 12, 60])
@@ -83,7 +83,7 @@ def test_load_cells_read_every_step_of_16_bits_over_twice_the_limit_to_either_si
     spring, r_m = ideal.dynamics().spring_A, ideal.geometry.r_m
     angles = 3.0 + np.arange(400) * 2e-4
     seen = np.array([Simulator(parameters, x=STANDING._replace(theta_A=angle)).read().F_A for angle in angles])
-    true = np.array([tension(spring, r_m * angle) for angle in angles])
+    true = np.array([tendon_tension(spring, r_m * angle) for angle in angles])
     steps = seen / step
     assert steps == pytest.approx(np.round(steps), abs=1e-9)
     assert np.max(np.abs(seen - true)) <= 0.5 * step * (1.0 + 1e-9)

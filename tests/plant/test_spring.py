@@ -8,15 +8,15 @@ from scipy.interpolate import PchipInterpolator
 
 from plant.dynamics import (
     Spring,
-    curvature,
-    elongation,
-    polynomial,
     polynomial_spring,
     require_stiffening,
-    slope,
+    spring_curvature,
+    spring_elongation,
+    spring_polynomial,
+    spring_slope,
     tabulated_spring,
-    tension,
-    tension_slope,
+    tendon_tension,
+    tendon_tension_slope,
 )
 from plant.parameters import PlantParameters, load_parameters
 
@@ -35,28 +35,28 @@ def table_of(k: tuple[float, ...], rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_force_and_root_are_the_papers() -> None:
-    assert tension(PAPER, 0.06135) == pytest.approx(50.0, abs=0.01)
+    assert tendon_tension(PAPER, 0.06135) == pytest.approx(50.0, abs=0.01)
     assert pytest.approx(6.46e-3, abs=5e-6) == PAPER.x_slack
 
 
 @pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
 def test_stiffness_at_the_nominal_tensions(F: float, S: float) -> None:
-    x = elongation(PAPER, F)
-    assert tension(PAPER, x) == pytest.approx(F, abs=1e-9)
-    assert 2.0 * r_j**2 * tension_slope(PAPER, x) == pytest.approx(S, abs=0.006)
+    x = spring_elongation(PAPER, F)
+    assert tendon_tension(PAPER, x) == pytest.approx(F, abs=1e-9)
+    assert 2.0 * r_j**2 * tendon_tension_slope(PAPER, x) == pytest.approx(S, abs=0.006)
 
 
 def test_least_stiffness_under_the_pulling_constraint_is_that_of_erratum_E8() -> None:
-    assert 2.0 * r_j**2 * slope(PAPER, PAPER.x_slack) == pytest.approx(4.97, abs=0.005)
+    assert 2.0 * r_j**2 * spring_slope(PAPER, PAPER.x_slack) == pytest.approx(4.97, abs=0.005)
 
 
 @pytest.mark.parametrize("k", [K, CUBIC, (-2.0, 300.0, 7000.0, 4e4, 1e5, 2e6)])
 def test_polynomials_of_order_2_to_5_and_their_derivatives(k: tuple[float, ...]) -> None:
     spring, curve = polynomial_spring(k, 0.05, 1e5), np.polynomial.Polynomial(k)
     for x in np.linspace(0.008, 0.0499, 17):
-        assert tension(spring, x) == pytest.approx(curve(x), rel=1e-12)
-        assert tension_slope(spring, x) == pytest.approx(curve.deriv()(x), rel=1e-12)
-        assert curvature(spring, x) == pytest.approx(curve.deriv(2)(x), rel=1e-12)
+        assert tendon_tension(spring, x) == pytest.approx(curve(x), rel=1e-12)
+        assert tendon_tension_slope(spring, x) == pytest.approx(curve.deriv()(x), rel=1e-12)
+        assert spring_curvature(spring, x) == pytest.approx(curve.deriv(2)(x), rel=1e-12)
 
 
 @pytest.mark.parametrize("k", [K, CUBIC])
@@ -64,8 +64,8 @@ def test_table_is_the_monotone_cubic_of_scipy(k: tuple[float, ...]) -> None:
     x, F = table_of(k, 12)
     spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
     for value in np.linspace(x[0] + 1e-6, 0.06, 97):
-        assert tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
-        assert tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)
+        assert tendon_tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
+        assert tendon_tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)
     assert pytest.approx(reference(0.06), abs=1e-10) == spring.F_solid
 
 
@@ -75,28 +75,28 @@ def spring(request: pytest.FixtureRequest) -> Spring:
 
 
 def test_tendon_never_pushes_and_never_pulls_less_when_stretched_further(spring: Spring) -> None:
-    forces = np.array([tension(spring, x) for x in np.linspace(-0.2, 0.2, 2001)])
+    forces = np.array([tendon_tension(spring, x) for x in np.linspace(-0.2, 0.2, 2001)])
     assert forces[0] == 0.0
     assert np.all(np.diff(forces) >= 0.0)
-    assert tension_slope(spring, spring.x_slack - 1e-9) == 0.0
+    assert tendon_tension_slope(spring, spring.x_slack - 1e-9) == 0.0
 
 
 def test_coils_on_coils_are_steep_and_join_without_a_jump(spring: Spring) -> None:
-    beyond, before = tension(spring, spring.x_solid + 1e-9), tension(spring, spring.x_solid - 1e-9)
+    beyond, before = tendon_tension(spring, spring.x_solid + 1e-9), tendon_tension(spring, spring.x_solid - 1e-9)
     assert beyond == pytest.approx(before, abs=1e-3)
-    assert tension(spring, spring.x_solid + 1e-3) == pytest.approx(spring.F_solid + 100.0)
-    assert tension_slope(spring, spring.x_solid + 1e-6) > 50.0 * slope(spring, spring.x_solid)
+    assert tendon_tension(spring, spring.x_solid + 1e-3) == pytest.approx(spring.F_solid + 100.0)
+    assert tendon_tension_slope(spring, spring.x_solid + 1e-6) > 50.0 * spring_slope(spring, spring.x_solid)
 
 
 @given(st.floats(0.1, 49.9))
 def test_elongation_inverts_tension(F: float) -> None:
-    assert tension(PAPER, elongation(PAPER, F)) == pytest.approx(F, rel=1e-12)
+    assert tendon_tension(PAPER, spring_elongation(PAPER, F)) == pytest.approx(F, rel=1e-12)
 
 
 @pytest.mark.parametrize("F", [-1.0, 0.0, 51.0])
 def test_elongation_refuses_what_the_spring_cannot_carry(F: float) -> None:
     with pytest.raises(ValueError, match=rf"{F:g} N is outside 0-50\.0 N"):
-        elongation(PAPER, F)
+        spring_elongation(PAPER, F)
 
 
 def test_curves_that_do_not_rise_are_refused() -> None:
@@ -141,7 +141,7 @@ def test_a_spring_that_does_not_stiffen_cannot_set_stiffness() -> None:
 
 
 def test_the_curve_goes_on_where_the_tendon_is_slack(ideal: PlantParameters) -> None:
-    assert polynomial(ideal.identified_spring("A"), 0.0) == pytest.approx(K[0])
+    assert spring_polynomial(ideal.identified_spring("A"), 0.0) == pytest.approx(K[0])
     assert load_parameters("lab").dynamics().spring_A.k == pytest.approx([0.985 * k for k in K])
 
 
@@ -150,5 +150,5 @@ def test_a_table_with_uneven_steps_is_that_of_scipy_too() -> None:
     F = np.array([0.0, 1.0, 2.5, 9.0, 12.0, 40.0, 60.0])
     spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
     for value in np.linspace(1e-6, 0.06, 211):
-        assert tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
-        assert tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)
+        assert tendon_tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
+        assert tendon_tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import plant.parameters
-from plant.parameters import MotorParameters, ParameterError, PlantParameters, load_parameters, parameters_of
+from plant.parameters import MotorParameters, ParameterError, PlantParameters, load_parameters, parse_parameters
 
 FOLDER = Path(plant.parameters.__file__).parent / "parameters"
 STICK, LAB = ((FOLDER / f"{name}.toml").read_text(encoding="utf-8") for name in ("lab-stick", "lab"))
@@ -44,10 +44,10 @@ def test_a_set_without_them_is_smoothed_and_its_document_is_what_it_was(name: st
 def test_they_come_back_from_a_stored_document() -> None:
     parameters = load_parameters("lab-stick")
     kept = json.loads(json.dumps(parameters.document()))
-    assert parameters_of("lab-stick", kept) == parameters
+    assert parse_parameters("lab-stick", kept) == parameters
     for name in OWN:
         del kept["motor"][name]
-    assert parameters_of("lab", kept).motor == load_parameters("lab").motor
+    assert parse_parameters("lab", kept).motor == load_parameters("lab").motor
 
 
 def test_one_side_may_stick_and_one_may_not(tmp_path: Path) -> None:
@@ -58,7 +58,7 @@ def test_one_side_may_stick_and_one_may_not(tmp_path: Path) -> None:
         assert A is not None
         assert A.sigma_0 == sigma_0
         assert B is None
-        assert parameters_of(parameters.name, parameters.document()) == parameters
+        assert parse_parameters(parameters.name, parameters.document()) == parameters
     assert smooth_B.document()["motor_B"]["sigma_0"]["value"] == 0.0
 
 
@@ -66,7 +66,7 @@ def test_zero_is_an_answer_and_is_kept(tmp_path: Path) -> None:
     parameters = load(tmp_path, re.sub(r"(?m)^sigma_0 = .*\n", number("sigma_0", 0), STICK))
     assert parameters.dynamics() == load_parameters("lab").dynamics()
     assert parameters.document()["motor"]["sigma_0"]["value"] == 0.0
-    assert parameters_of("bench", parameters.document()) == parameters
+    assert parse_parameters("bench", parameters.document()) == parameters
 
 
 @pytest.mark.parametrize(

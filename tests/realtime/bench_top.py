@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.realtime.commands import Accepted, Command, Event, Refused, SetMode
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import SetTuning
 from backend.sample import INDEX
@@ -38,7 +38,9 @@ class BenchTop:
         self.samples = Samples()
         self._plant_is_given = plant is not None
         self.plant = plant or Simulator(parameters)
-        self.loop = Loop(self.plant, parameters, self.samples, tuning or tuning_for(parameters, TuningParameters()))
+        self.loop = Loop(
+            self.plant, parameters, self.samples, tuning or make_tuning_command(parameters, TuningParameters())
+        )
         self.events: list[Event] = []
 
     def send(self, command: Command) -> Accepted | Refused:

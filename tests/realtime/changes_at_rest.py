@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from backend.realtime.commands import Command, Refused, RunProgram, SetMode, SetReferences
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import ConfigureContactDetection, Law, Program, Segment, SetTuning
 from backend.realtime.ring_buffer import Ring
@@ -54,7 +54,7 @@ class Session:
         self._ring = Ring.create(1 << 14)
         self._bias: list[tuple[float, float]] = []
         self._lambdas, self._bank, self._interpolate = TuningParameters(), list[PointModel](), False
-        self._tuning = tuning_for(plant, self._lambdas, u_plan=float(self._random.choice(budgets)))
+        self._tuning = make_tuning_command(plant, self._lambdas, u_plan=float(self._random.choice(budgets)))
         self._loop = Loop(Simulator(plant, seed=seed), plant, self._ring, self._tuning)
 
     def close(self) -> None:
@@ -165,7 +165,7 @@ class Session:
             u_plan = float(random.choice(self._budgets))
         if name in ("k_ext", "all"):
             k_ext = float(random.choice([0.0, 0.5, 1.0]))
-        return tuning_for(
+        return make_tuning_command(
             self._plant, self._lambdas, self._bank, interpolate=self._interpolate, u_plan=u_plan, k_ext=k_ext
         )
 

@@ -1,6 +1,6 @@
 import pytest
 
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.program import SetTuning
 from backend.tuning.gains import TuningParameters
 from plant.parameters import PlantParameters, load_parameters
@@ -13,4 +13,4 @@ def ideal() -> PlantParameters:
 
 @pytest.fixture(scope="session")
 def tuning(ideal: PlantParameters) -> SetTuning:
-    return tuning_for(ideal, TuningParameters())
+    return make_tuning_command(ideal, TuningParameters())

@@ -22,7 +22,7 @@ from backend.realtime.commands import (
     TryMotor,
 )
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.process import warm_up
 from backend.realtime.program import ConfigureContactDetection, Excitation, Law, Program, Segment, Shape
@@ -70,7 +70,7 @@ def ask(loop: Loop, commands: Sequence[Command]) -> None:
 
 def main() -> None:
     lab = load_parameters("lab")
-    tuning = tuning_for(lab, TuningParameters())
+    tuning = make_tuning_command(lab, TuningParameters())
     if "--unrehearsed" not in sys.argv:
         warm_up(lab, tuning)
     loop = Loop(Simulator(lab), lab, Ring.create(16), tuning)

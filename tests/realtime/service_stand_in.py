@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from backend.realtime.commands import SetMode
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.ipc import Setup
 from backend.realtime.modes import Mode
 from backend.realtime.supervisor import Supervisor
@@ -16,7 +16,7 @@ from plant.parameters import load_parameters
 
 
 async def serve() -> None:
-    tuning = tuning_for(load_parameters("ideal"), TuningParameters())
+    tuning = make_tuning_command(load_parameters("ideal"), TuningParameters())
     supervisor = Supervisor(Setup(plant=SIMULATOR, parameters="ideal", seed=0, tuning=tuning))
     await supervisor.start()
     await supervisor.send(SetMode(Mode.PRETENSION))

@@ -9,11 +9,11 @@ import pytest
 
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Refused, RunProgram
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.motions import BASELINES
 from backend.realtime.program import Law, Program, Segment
-from backend.tuning.gains import TuningParameters, feedback_linearization_tuning, single_loop_tuning
+from backend.tuning.gains import TuningParameters, make_feedback_linearization_tuning, make_single_loop_tuning
 from backend.tuning.simulation import Trajectory
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
@@ -22,8 +22,8 @@ from tests.realtime.bench_top import BenchTop
 IDEAL = load_parameters("ideal")
 SEGMENTS = (Segment(4.0, 0.0, 10.0), Segment(4.0, 0.6, 10.0), Segment(4.0, 0.6, 12.0))
 OFFLINE: dict[Law, tuple[Callable[..., Trajectory], Callable[[PlantParameters, TuningParameters], Any]]] = {
-    Law.SINGLE_LOOP: (run_single_loop, single_loop_tuning),
-    Law.FEEDBACK_LINEARIZATION: (run_feedback_linearization, feedback_linearization_tuning),
+    Law.SINGLE_LOOP: (run_single_loop, make_single_loop_tuning),
+    Law.FEEDBACK_LINEARIZATION: (run_feedback_linearization, make_feedback_linearization_tuning),
 }
 
 
@@ -62,14 +62,14 @@ def test_gains_are_fixed_while_a_baseline_plays() -> None:
     bench.wind_up()
     bench.send(RunProgram(Program(Law.SINGLE_LOOP, SEGMENTS)))
     bench.advance(0.1)
-    answer = bench.send(tuning_for(IDEAL, TuningParameters(lam_q=0.8)))
+    answer = bench.send(make_tuning_command(IDEAL, TuningParameters(lam_q=0.8)))
     assert isinstance(answer, Refused)
     assert "fixed while its program plays" in answer.reason
     assert bench.column("lam_q", last=1)[0] == TuningParameters().lam_q
 
 
 def test_a_lambda_without_gains_is_refused_before_anything_moves() -> None:
-    bench = BenchTop(IDEAL, tuning_for(IDEAL, TuningParameters(lam_q=2.5)))
+    bench = BenchTop(IDEAL, make_tuning_command(IDEAL, TuningParameters(lam_q=2.5)))
     bench.wind_up()
     answer = bench.send(RunProgram(Program(Law.SINGLE_LOOP, SEGMENTS)))
     assert isinstance(answer, Refused)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.control.decoupler import bounds_for
+from backend.control.decoupler import compute_bounds
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import (
     Accepted,
@@ -23,7 +23,7 @@ from backend.realtime.commands import (
     SetReferences,
     Stopped,
 )
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.ring_buffer import Ring
@@ -72,7 +72,7 @@ class Session:
     def __init__(self, database: Database) -> None:
         self.simulator = Simulator(LAB, seed=3)
         self.rig = VirtualRig(load_wiring("pcie-6323"), self.simulator)
-        self.loop = SimulatedLoop(self.rig, LAB, tuning_for(LAB, TuningParameters()), self._record)
+        self.loop = SimulatedLoop(self.rig, LAB, make_tuning_command(LAB, TuningParameters()), self._record)
         self.recorder = Recorder(database, self.loop.ring)
         self.loop.listen(self.recorder.hear)
         self.stops: list[Stopped] = []
@@ -149,7 +149,7 @@ def test_a_broken_card_ends_in_a_fault_and_zero_volts(
         (told,) = [event.reason for event in bench.failing] if gone else [event.detail for event in bench.stops]
         assert says in told
         assert len(bench.stops) == (not gone)
-        assert abs(bench.simulator.x.q) < bounds_for(LAB).q_trip
+        assert abs(bench.simulator.x.q) < compute_bounds(LAB).q_trip
 
         _, rows, _ = bench.loop.ring.read(injected, latched + AFTER_TICKS - injected)
         at_outputs = rows[latched - injected :, [INDEX["u_A"], INDEX["u_B"]]]

@@ -19,7 +19,7 @@ from backend.realtime.commands import (
     Stop,
 )
 from backend.realtime.contact import TAIL_S
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import MODE_CODE, Cause, Mode
 from backend.realtime.program import ConfigureContactDetection, ContactDetected, Law, Program, Segment, Shape
 from backend.tuning.gains import TuningParameters
@@ -200,7 +200,7 @@ def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> Non
 def hit(v: float, contact_N: float) -> tuple[float, float, BenchTop]:
     """Peak [N] and impulse [N·s] of half a second from the touch of a wall at ``v`` [rad/s], at 15 N·m/rad."""
     lab = load_parameters("lab")
-    bench = BenchTop(lab, tuning_for(lab, TuningParameters(), u_plan=8.5))
+    bench = BenchTop(lab, make_tuning_command(lab, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(-0.3, 15.0))
     bench.advance(4.0)

@@ -21,7 +21,7 @@ from backend.realtime.commands import (
     SwitchDrives,
     TryMotor,
 )
-from backend.realtime.commissioning_motions import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
+from backend.realtime.commissioning_motions import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, compute_switch_travel
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import MODE_CODE, HomingEnd, Mode
 from backend.realtime.program import SetTuning
@@ -87,7 +87,7 @@ def test_the_zero_is_where_the_switch_is(tuning: SetTuning, position: float, sta
     assert abs(newest[INDEX["q"]]) < 0.05
     assert np.abs(way[:, [INDEX["u_A"], INDEX["u_B"]]]).max() <= HOMING_MAX_V
     assert way[:, [INDEX["F_A"], INDEX["F_B"]]].max() <= TENSION_MAX_N
-    assert np.ptp(way[:, INDEX["q"]]) < travel_to(position)
+    assert np.ptp(way[:, INDEX["q"]]) < compute_switch_travel(position)
 
 
 ELSEWHERE = {"end_switch": {"position": 0.4, "line": "port0/line5"}}
@@ -126,7 +126,7 @@ def test_a_surprise_ends_it_at_zero_volts_with_its_name(
     way = bench.homed(0.4, hand)
     assert bench.ends == [end]
     assert np.abs(way[:, [INDEX["u_A"], INDEX["u_B"]]]).max() <= HOMING_MAX_V
-    assert np.ptp(way[:, INDEX["q"]]) < travel_to(0.4)
+    assert np.ptp(way[:, INDEX["q"]]) < compute_switch_travel(0.4)
     newest = bench.loop.ring.newest()
     assert newest is not None
     assert newest[INDEX["q"]] == pytest.approx(way[-1, INDEX["q"]], abs=0.1)  # no zero was taken: it would be 0.15 off

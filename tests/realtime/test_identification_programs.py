@@ -13,7 +13,7 @@ from backend.realtime.commands import Inject, Refused, RunEnded, RunProgram, Set
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.motions import voltage_steps_of
 from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
-from backend.tuning.gains import TuningParameters, cascade_tuning
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from plant.interface import Breakage, Broken, Measurement, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -149,7 +149,7 @@ def test_a_program_takes_as_long_as_its_parts() -> None:
 def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -> None:
     """Twice, at the joint's centre and where the step starts: here the same place, to which no way leads."""
     program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
-    tuning = cascade_tuning(load_parameters("ideal"), TuningParameters())
+    tuning = make_cascade_tuning(load_parameters("ideal"), TuningParameters())
     carry = MotorLoopState(pid.at_rest_motor_pair(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
     state = voltage_steps_of(program, motion_primitives.VoltageMargin(0.0, 0.0, F_slack=1.0, theta_max=9.0))
     decided: list[ControlOutput] = []

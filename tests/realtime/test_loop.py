@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import max_len_seq
 
 from backend.realtime.commands import ModeChanged, Refused, RunEnded, RunProgram, SetMode, SetReferences
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import LEGAL, MODE_CODE, Mode
 from backend.realtime.program import EntryGains, Excitation, Law, Program, Segment, SetTuning, Shape
 from backend.sample import NAMES
@@ -94,11 +94,11 @@ def test_references_out_of_bounds_change_nothing(ideal: PlantParameters) -> None
 
 
 def test_moving_lambda_at_rest_moves_no_voltage(ideal: PlantParameters) -> None:
-    bench = BenchTop(ideal, tuning_for(ideal, TuningParameters(lam_q=0.6)))
+    bench = BenchTop(ideal, make_tuning_command(ideal, TuningParameters(lam_q=0.6)))
     bench.run()
     bench.send(SetReferences(0.5, 10.0))
     bench.advance(8.0)
-    bench.send(tuning_for(ideal, TuningParameters(lam_q=0.45)))
+    bench.send(make_tuning_command(ideal, TuningParameters(lam_q=0.45)))
     bench.advance(0.001)
     for name in ("u_A", "u_B"):
         before, after = bench.column(name, last=2)
@@ -108,7 +108,7 @@ def test_moving_lambda_at_rest_moves_no_voltage(ideal: PlantParameters) -> None:
 
 def test_gains_that_are_no_numbers_are_refused_whole(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
-    good = tuning_for(ideal, TuningParameters(lam_q=0.6))
+    good = make_tuning_command(ideal, TuningParameters(lam_q=0.6))
     broken = SetTuning(**{**vars(good), "motor_A": good.motor_A.__class__(math.nan, 1.0, 1.0, 1.0)})
     assert isinstance(bench.send(broken), Refused)
     assert isinstance(bench.send(SetTuning(**{**vars(good), "entries": ()})), Refused)
@@ -122,7 +122,7 @@ def test_whole_numbers_are_gains_as_well(ideal: PlantParameters) -> None:
         bench = BenchTop(ideal)
         bench.run()
         bank = (EntryGains(*map(number, (8, 0, 1, 0, 0, 1, 0))),)
-        bench.send(SetTuning(**{**vars(tuning_for(ideal, TuningParameters())), "entries": bank}))
+        bench.send(SetTuning(**{**vars(make_tuning_command(ideal, TuningParameters())), "entries": bank}))
         bench.send(SetReferences(0.2, 10.0))
         bench.advance(0.5)
         voltages.append(bench.column("u_A", last=500))

@@ -30,7 +30,7 @@ from backend.realtime.process import Worker
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import Pacer
 from backend.sample import INDEX, NAMES
-from plant.replay import Replay, load_recording
+from plant.replay import Replay, load_replay
 from tests.exports.written import to_csv
 
 SAMPLES = 200
@@ -46,7 +46,7 @@ class Played:
         whole = {**still, "t": ticks / 1000.0, "q": ticks / 100.0, "u_A": ticks / 20.0, "u_B": -ticks / 40.0, **columns}
         file.write_bytes(to_csv(whole))
         self.ring = Ring.create()
-        self.recording = load_recording(file)
+        self.recording = load_replay(file)
         self.loop = PlayerLoop(self.recording, self.ring)
         self.told: list[Event] = []
 

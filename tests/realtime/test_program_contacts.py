@@ -20,7 +20,7 @@ from backend.realtime.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import MODE_CODE, Cause, Mode
 from backend.realtime.program import (
     MAX_TOUCHES,
@@ -59,7 +59,7 @@ PRESSED, BACK = 3000, 5000
 
 def played(program: Program, seconds: float = 0.0) -> tuple[BenchTop, int]:
     """The bench after a program, or so long into it; the tick in which it begins."""
-    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
+    bench = BenchTop(LAB, make_tuning_command(LAB, TuningParameters(), u_plan=8.5))
     bench.wind_up()
     begun = len(bench.samples.rows)
     assert isinstance(bench.send(RunProgram(program, 8)), Accepted)
@@ -116,7 +116,7 @@ def test_no_voltage_jumps_where_it_gives_way_or_goes_on() -> None:
 
 
 def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None:
-    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
+    bench = BenchTop(LAB, make_tuning_command(LAB, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(0.0, 12.0))
     bench.advance(4.0)
@@ -156,7 +156,7 @@ def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why
 
 
 def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -> None:
-    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
+    bench = BenchTop(LAB, make_tuning_command(LAB, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(0.0, 12.0))
     bench.advance(4.0)
@@ -180,7 +180,7 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
 
 def test_what_was_changed_in_the_part_that_is_over_is_in_force_behind_it() -> None:
     parts = (*PARTS[:2], replace(PARTS[2], tuning=1, wall=2), *PARTS[3:])
-    slower = tuning_for(LAB, TuningParameters(0.8, 0.6))
+    slower = make_tuning_command(LAB, TuningParameters(0.8, 0.6))
     bench, begun = played(replace(HITS, segments=parts, tunings=(slower,), walls=(WALL, None)), 5.01)
     assert gives_way(bench, begun)[0] < 4000
     assert told(bench, TuningChanged)[-1].lam_q == 0.8
@@ -219,7 +219,7 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_moves(program: Program, words: str) -> None:
-    bench = BenchTop(LAB, tuning_for(LAB, TuningParameters(), u_plan=8.5))
+    bench = BenchTop(LAB, make_tuning_command(LAB, TuningParameters(), u_plan=8.5))
     bench.wind_up()
     refused = bench.send(RunProgram(program, 8))
     assert isinstance(refused, Refused)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.process import WarmUpError, warm_up
 from backend.realtime.program import SetTuning
-from backend.tuning.gains import LAM_MAX, TuningError, TuningParameters, single_loop_tuning
+from backend.tuning.gains import LAM_MAX, TuningError, TuningParameters, make_single_loop_tuning
 from plant.parameters import PlantParameters
 
 SESSION = Path(__file__).with_name("rehearsed_session.py")
@@ -40,7 +40,7 @@ def test_a_tuning_that_cannot_even_start_is_told(ideal: PlantParameters, tuning:
 @pytest.mark.parametrize(("lam_q", "lam_S"), [(LAM_MAX, 0.5), (0.5, LAM_MAX), (LAM_MAX, LAM_MAX)])
 def test_a_loop_starts_with_each_lambda_that_is_offered(ideal: PlantParameters, lam_q: float, lam_S: float) -> None:
     """Also with those that the single loop, which is rehearsed too, does not take: from 8 T_m on."""
-    tuning = tuning_for(ideal, TuningParameters(lam_q=lam_q, lam_S=lam_S))
+    tuning = make_tuning_command(ideal, TuningParameters(lam_q=lam_q, lam_S=lam_S))
     warm_up(ideal, tuning)
     with pytest.raises(TuningError):
-        single_loop_tuning(ideal, TuningParameters(lam_q=lam_q, lam_S=lam_S))
+        make_single_loop_tuning(ideal, TuningParameters(lam_q=lam_q, lam_S=lam_S))

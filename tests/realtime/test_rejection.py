@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from backend.realtime.commands import Accepted, ApplyPush, Refused, RunProgram, SetMode, SetReferences
-from backend.realtime.gains import tuning_for, tuning_of
+from backend.realtime.gains import make_tuning_command, tuning_of
 from backend.realtime.modes import Mode
 from backend.realtime.program import ConfigureContactDetection, Law, Program, Segment, SetTuning
-from backend.tuning.gains import UNSEEN_F, TuningParameters, knowledge
+from backend.tuning.gains import UNSEEN_F, TuningParameters, collect_plant_knowledge
 from backend.tuning.simulation import NEAR_RAD, PUSH_N, push_forecast
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -18,7 +18,7 @@ from tests.realtime.bench_top import BenchTop
 def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
     """In run at 0 rad, at rest, nothing learned."""
     parameters = load_parameters(name)
-    tuning = tuning_for(parameters, TuningParameters(lam_q, 0.345), u_plan=8.5)
+    tuning = make_tuning_command(parameters, TuningParameters(lam_q, 0.345), u_plan=8.5)
     bench = BenchTop(parameters, tuning)
     bench.run()
     bench.send(SetReferences(0.0, S))
@@ -49,7 +49,7 @@ def back_s(bench: BenchTop, F_push: float, seconds: float) -> float:
 def test_the_joint_is_back_when_the_forecast_says_so(k_ext: float) -> None:
     """Nonlinear springs, a simulator of its own method and the whole loop, against the linear model."""
     bench, tuning = learned("ideal", 1.0, k_ext)
-    known = tuning_of(tuning, knowledge(load_parameters("ideal")))
+    known = tuning_of(tuning, collect_plant_knowledge(load_parameters("ideal")))
     forecast = push_forecast(load_parameters("ideal"), known, 10.0, 1.0)
     assert back_s(bench, PUSH_N, 8.0) == pytest.approx(forecast.back_s, rel=0.06)
     assert np.max(np.abs(bench.column("q", last=8000))) == pytest.approx(forecast.give, rel=0.02)
@@ -170,7 +170,7 @@ def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
             k_ext, u_plan = random.uniform(0.0, 1.0), 8.5 if random.random() < 0.7 else 0.0
             parameters = load_parameters(name)
             assert isinstance(
-                bench.send(replace(tuning_for(parameters, lambdas, u_plan=u_plan), k_ext=k_ext)), Accepted
+                bench.send(replace(make_tuning_command(parameters, lambdas, u_plan=u_plan), k_ext=k_ext)), Accepted
             )
         if random.random() < 0.3:
             bench.send(SetReferences(random.uniform(-1.0, 1.0), random.uniform(9.0, 12.0)))

@@ -5,7 +5,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault, Limit
 from backend.realtime.commands import SetReferences, Stop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import NAMES
 from backend.tuning.gains import TuningParameters
@@ -43,7 +43,7 @@ class Session:
     def __init__(self) -> None:
         parameters = load_parameters("lab")
         self.plant = Witness(parameters)
-        self.bench = BenchTop(parameters, tuning_for(parameters, TuningParameters(0.3, 0.5)), self.plant)
+        self.bench = BenchTop(parameters, make_tuning_command(parameters, TuningParameters(0.3, 0.5)), self.plant)
         self.bench.run(run=7)
         self.bench.advance(2.0)
         self.begun = len(self.bench.samples.rows)

@@ -22,7 +22,7 @@ from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
-from backend.realtime.timing import timing
+from backend.realtime.timing import compute_timing
 from backend.sample import INDEX
 from plant.interface import SIMULATOR, PlantChoice, PlantKind
 from plant.safety_card import WATCHDOG_S
@@ -68,7 +68,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         assert refused.legal == (Mode.PRETENSION,)
         assert isinstance(await supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
         await supervisor.advance(0.05)
-        kept = timing(supervisor.ring)
+        kept = compute_timing(supervisor.ring)
         assert 0 < kept.rate_Hz <= 1000.0 + 1e-6
         assert kept.lateness_p99_s >= kept.lateness_p50_s > 0
 

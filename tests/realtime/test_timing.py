@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.realtime.ring_buffer import WIDTH, Ring
-from backend.realtime.timing import lateness_histogram, timing
+from backend.realtime.timing import compute_timing, count_lateness
 from backend.sample import INDEX
 
 
@@ -20,7 +20,7 @@ def test_a_kept_beat_has_the_nominal_rate() -> None:
     ring = Ring.create(6000)
     for tick in range(5500):
         write(ring, lateness_s=1e-4 if tick % 50 else 2e-3, overruns=3)
-    kept = timing(ring)
+    kept = compute_timing(ring)
     assert kept.rate_Hz == pytest.approx(1000.0)
     assert kept.lateness_p50_s == pytest.approx(1e-4)
     assert kept.lateness_p99_s == pytest.approx(2e-3)
@@ -32,7 +32,7 @@ def test_skipped_deadlines_lower_the_rate() -> None:
     ring = Ring.create(6000)
     for tick in range(2001):
         write(ring, 0.0, overruns=tick // 2)
-    assert timing(ring).rate_Hz == pytest.approx(1000.0 * 2000 / 3000)
+    assert compute_timing(ring).rate_Hz == pytest.approx(1000.0 * 2000 / 3000)
     ring.close()
 
 
@@ -40,14 +40,14 @@ def test_a_deadline_missed_right_after_the_first_sample_in_sight_counts() -> Non
     ring = Ring.create(16)
     for overruns in (5, 6, 6, 6, 6):
         write(ring, 0.0, overruns)
-    assert timing(ring).rate_Hz == pytest.approx(1000.0 * 4 / 5)
+    assert compute_timing(ring).rate_Hz == pytest.approx(1000.0 * 4 / 5)
     ring.close()
 
 
 def test_before_the_first_samples_there_is_no_rate() -> None:
     ring = Ring.create(16)
     write(ring, 0.0, 0)
-    assert math.isnan(timing(ring).rate_Hz)
+    assert math.isnan(compute_timing(ring).rate_Hz)
     ring.close()
 
 
@@ -58,5 +58,5 @@ def test_ticks_are_counted_by_how_late_they_began() -> None:
         for _ in range(times):
             write(ring, 1e-6 * lateness_us, 0)
     write(ring, -1e-3, 0)
-    assert lateness_histogram(ring) == [2, 2, 3, 4, 5, 6, 7, 8, 9]
+    assert count_lateness(ring) == [2, 2, 3, 4, 5, 6, 7, 8, 9]
     ring.close()

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from backend.realtime.commands import Accepted, Command, Refused, Reset, RunProgram, SetMode, Stop, TuningChanged
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import Law, Program, Segment
 from backend.realtime.ring_buffer import Ring
@@ -16,8 +16,8 @@ from plant.parameters import load_parameters
 from plant.simulator import Simulator
 
 LAB = load_parameters("lab")
-OPERATORS = tuning_for(LAB, TuningParameters(0.5, 0.5))
-SLOWER = tuning_for(LAB, TuningParameters(0.9, 0.7))
+OPERATORS = make_tuning_command(LAB, TuningParameters(0.5, 0.5))
+SLOWER = make_tuning_command(LAB, TuningParameters(0.9, 0.7))
 SEGMENTS = (Segment(0.3, 0.0, 10.0), Segment(0.4, 0.1, 10.0, tuning=1), Segment(0.3, 0.0, 10.0))
 WOUND_UP = 5900
 

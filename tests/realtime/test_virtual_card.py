@@ -16,7 +16,7 @@ from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.program import SetTuning
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
-from plant.calibration import fingerprint
+from plant.calibration import wiring_fingerprint
 from plant.interface import Breakage, Broken, PlantChoice, PlantKind
 from plant.wiring import load_wiring
 from tests.realtime.test_supervisor import TIMEOUT_S, loop_processes
@@ -83,7 +83,7 @@ def test_a_loop_that_starts_while_hands_are_at_the_rig_has_its_line_off_until_th
         await supervisor.start()
         await supervisor.advance(0.1)
         looking.cancel()
-        assert supervisor.started_with.wired == fingerprint(load_wiring(VIRTUAL.wiring))
+        assert supervisor.started_with.wired == wiring_fingerprint(load_wiring(VIRTUAL.wiring))
         assert len(seen) > 10
         assert not any(seen)
         assert isinstance(await supervisor.send(SetMode(Mode.PRETENSION)), Refused)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from backend.recording.codec import BUCKET_TICKS, CodecError, pack, summarise, unpack
+from backend.recording.codec import BUCKET_TICKS, CodecError, pack_table, summarise_buckets, unpack
 
 TABLES = npst.arrays(np.float32, npst.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=130))
 
@@ -16,7 +16,7 @@ TABLES = npst.arrays(np.float32, npst.array_shapes(min_dims=2, max_dims=2, min_s
 @given(TABLES)
 @settings(deadline=None)
 def test_unpacking_gives_the_same_bits(table: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> None:
-    back = unpack(pack(table), table.shape[1])
+    back = unpack(pack_table(table), table.shape[1])
     assert back.dtype == np.float32
     assert back.shape == table.shape
     assert back.tobytes() == table.tobytes()
@@ -24,13 +24,13 @@ def test_unpacking_gives_the_same_bits(table: np.ndarray[tuple[int, ...], np.dty
 
 def test_special_values_survive() -> None:
     table = np.array([[np.nan, np.inf, -np.inf, -0.0, 1e-45, 16777216.0]], np.float32)
-    assert unpack(pack(table), 6).tobytes() == table.tobytes()
+    assert unpack(pack_table(table), 6).tobytes() == table.tobytes()
 
 
 @given(TABLES)
 @settings(deadline=None, max_examples=50)
 def test_summary_holds_every_number_and_no_other(table: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> None:
-    low, high = np.split(summarise(table), 2)
+    low, high = np.split(summarise_buckets(table), 2)
     assert len(low) == math.ceil(len(table) / BUCKET_TICKS)
     for bucket in range(len(low)):
         part = table[bucket * BUCKET_TICKS : (bucket + 1) * BUCKET_TICKS]
@@ -51,4 +51,4 @@ def test_damaged_bytes_are_refused(damaged: bytes, columns: int) -> None:
 
 def test_wrong_number_of_columns_is_refused() -> None:
     with pytest.raises(CodecError, match="no table of 5 columns"):
-        unpack(pack(np.zeros((3, 2), np.float32)), 5)
+        unpack(pack_table(np.zeros((3, 2), np.float32)), 5)

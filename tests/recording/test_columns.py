@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from backend.recording.reader import drawn_columns, recorded_columns
+from backend.recording.reader import read_drawn_columns, read_recorded_columns
 from backend.sample import INDEX, STORED_NAMES
 from backend.storage.database import Database
 from tests.recording.stand_in import Writer, new_run, recorder_of
@@ -15,13 +15,13 @@ def test_columns_hold_every_sample_and_drawings_their_extremes(database: Databas
     writer.write(1)
     recorder.drain()
 
-    columns, missed = recorded_columns(database, run.id)
+    columns, missed = read_recorded_columns(database, run.id)
     assert missed == 0
     assert set(columns) == {"t", *STORED_NAMES}
     np.testing.assert_allclose(columns["t"], np.arange(6_000) * 1e-3)
     np.testing.assert_allclose(columns["q"], written[:, INDEX["q"]], atol=1e-6)
 
-    drawn = drawn_columns(database, run.id, points=50)
+    drawn = read_drawn_columns(database, run.id, points=50)
     assert drawn["t"].size <= 120
     assert np.all(np.diff(drawn["t"]) > 0)
     for name in ("q", "S", "u_A"):
@@ -31,5 +31,5 @@ def test_columns_hold_every_sample_and_drawings_their_extremes(database: Databas
 
 def test_a_run_without_samples_has_empty_columns(database: Database) -> None:
     run = new_run(database)
-    assert recorded_columns(database, run.id)[0]["q"].size == 0
-    assert drawn_columns(database, run.id)["t"].size == 0
+    assert read_recorded_columns(database, run.id)[0]["q"].size == 0
+    assert read_drawn_columns(database, run.id)["t"].size == 0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from backend.experiments.parser import derived_of
+from backend.experiments.parser import parse_derived_signal
 from backend.recording.trigger import Condition, ConditionKind
 from backend.sample import INDEX, NAMES
 
@@ -99,7 +99,7 @@ def test_combined_signals_are_sums_of_columns_with_the_lengths_of_the_joint() ->
 
 def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
     rows = np.arange(2.0 * len(NAMES)).reshape(2, -1)
-    derived = derived_of("F_sum", "N", "F_A + 2 * F_B")
+    derived = parse_derived_signal("F_sum", "N", "F_A + 2 * F_B")
     asked = Condition("F_sum", ConditionKind.RISING, 3.0, derived=derived)
     expected = rows[:, INDEX["F_A"]] + 2.0 * rows[:, INDEX["F_B"]]
     np.testing.assert_array_equal(asked.values(rows, {"r_m": 0.01, "r_j": 0.1}), expected)

@@ -13,7 +13,7 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Stopped
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
-from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, flight_columns
+from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, read_flight_columns
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
@@ -50,7 +50,7 @@ def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, w
     (flight,) = stored(database)
     assert (flight.fault, flight.run_id, flight.first_tick, flight.count) == ("slack", run.id, 10_000, 15_000)
     assert "F_A = 0.2 N" in flight.text
-    columns = flight_columns(database, flight.event_id)
+    columns = read_flight_columns(database, flight.event_id)
     rows = np.concatenate((before[10_000:], *after))
     for name in ("q", "F_A", "fault", "run"):
         np.testing.assert_array_equal(columns[name], rows[:, INDEX[name]].astype(np.float32))
@@ -223,4 +223,4 @@ def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: 
 
 def test_an_unknown_record_is_told(database: Database) -> None:
     with pytest.raises(UnknownRecordError, match="flight record 7"):
-        flight_columns(database, 7)
+        read_flight_columns(database, 7)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.parser import KNOWN, ExpressionError, derived_of, number_of, truth_of
+from backend.experiments.parser import KNOWN, ExpressionError, evaluate_number, parse_derived_signal, truth_of
 from backend.sample import COMBINED, STORED_NAMES
 
 CASES = json.loads((Path(__file__).parent / "formula_cases.json").read_text())
@@ -25,7 +25,7 @@ def numbers(values: list[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["expression"])
 def test_values(case: dict[str, Any]) -> None:
-    derived = derived_of("made", "1", case["expression"])
+    derived = parse_derived_signal("made", "1", case["expression"])
     columns = {name: numbers(values) for name, values in case["columns"].items()}
     wanted = numbers(case["values"])
     np.testing.assert_allclose(derived.values(columns, LENGTHS, len(wanted)), wanted, rtol=1e-12, atol=1e-15)
@@ -34,14 +34,15 @@ def test_values(case: dict[str, Any]) -> None:
 def test_the_steps_in_the_page_s_fixture_are_those_of_the_expressions() -> None:
     fixture = Path(__file__).parents[2] / "frontend/src/samples/formulaCases.fixture.json"
     made = [
-        case | {"steps": [vars(step) for step in derived_of("made", "1", case["expression"]).steps]} for case in CASES
+        case | {"steps": [vars(step) for step in parse_derived_signal("made", "1", case["expression"]).steps]}
+        for case in CASES
     ]
     assert json.loads(fixture.read_text()) == made
 
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_every_signal_may_be_named(name: str) -> None:
-    derived = derived_of("made", "1", f"2 * {name}")
+    derived = parse_derived_signal("made", "1", f"2 * {name}")
     columns = {one: np.full(2, 3.0) for one in STORED_NAMES}
     combined = {one.name: one for one in COMBINED}
     one = 3.0
@@ -51,9 +52,11 @@ def test_every_signal_may_be_named(name: str) -> None:
 
 
 def test_a_column_or_a_length_that_is_not_there_is_a_gap() -> None:
-    derived = derived_of("made", "1", "q + F_wall")
+    derived = parse_derived_signal("made", "1", "q + F_wall")
     assert np.isnan(derived.values({"q": np.ones(3)}, {}, 3)).all()
-    assert np.isnan(derived_of("made", "m", "x_A").values({"q": np.ones(1), "theta_A": np.ones(1)}, {}, 1)).all()
+    assert np.isnan(
+        parse_derived_signal("made", "m", "x_A").values({"q": np.ones(1), "theta_A": np.ones(1)}, {}, 1)
+    ).all()
 
 
 @given(
@@ -66,11 +69,11 @@ def test_a_column_or_a_length_that_is_not_there_is_a_gap() -> None:
 )  # fmt: skip
 def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expression: str) -> None:
     """Where that refuses a value, as of a division by zero, there is a gap."""
-    derived = derived_of("made", "1", expression)
+    derived = parse_derived_signal("made", "1", expression)
     (value,) = derived.values({"q": np.array([q]), "S": np.array([S])}, {}, 1)
     names = {"q": q, "S": S}
     try:
-        wanted = number_of(expression, names)
+        wanted = evaluate_number(expression, names)
     except ExpressionError as error:
         if "is not a finite number" in str(error) and ("True" in str(error) or "False" in str(error)):
             wanted = float(truth_of(expression, names))
@@ -102,11 +105,11 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
 )
 def test_what_is_refused(expression: str, said: str) -> None:
     with pytest.raises(ExpressionError) as refused:
-        derived_of("made", "1", expression)
+        parse_derived_signal("made", "1", expression)
     assert said in str(refused.value)
 
 
 @pytest.mark.parametrize("name", ["q", "x_A", "min", "pi", "and", "t", "1a", "a b", "", "a" * 21, "_a"])
 def test_names_that_are_taken_or_odd_are_refused(name: str) -> None:
     with pytest.raises(ExpressionError):
-        derived_of(name, "1", "q")
+        parse_derived_signal(name, "1", "q")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backend.recording import reader
-from backend.recording.reader import jumps, nth_jump
+from backend.recording.reader import find_jump, jumps
 from backend.storage.database import Database, open_database
 from tests.recording.compared_runs import recorded_run
 
@@ -71,7 +71,7 @@ def test_every_jump_is_found_and_nothing_else(
         for number in (1, len(expected), len(expected) + 1):
             if number == 0:
                 continue
-            at_s, count = nth_jump(session, run, "q_ref", number)
+            at_s, count = find_jump(session, run, "q_ref", number)
             assert count == min(number, len(expected))
             assert (None if at_s is None else round(at_s, 6)) == (
                 expected[number - 1] if number <= len(expected) else None
@@ -83,6 +83,6 @@ def test_a_jump_after_minutes_of_motion_is_found(database: Database) -> None:
     values = np.concatenate((moving, np.full(50, 0.2), np.full(50, 0.4)))
     run = recorded_run(database, {"q_ref": values})
     with database.reading() as session:
-        at_s, count = nth_jump(session, run, "q_ref", 1)
+        at_s, count = find_jump(session, run, "q_ref", 1)
     assert at_s == pytest.approx(130.05)
     assert count == 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.recording.codec import pack, summarise
+from backend.recording.codec import pack_table, summarise_buckets
 from backend.recording.reader import AT_HAND_SAMPLES, read_envelope
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
@@ -53,7 +53,7 @@ def packed_second(error: float) -> tuple[bytes, bytes]:
     table[:, q] = table[:, q_ref] = np.sin(np.arange(CHUNK_TICKS))
     table[:, theta_A] = 2.0
     table[AT, q] += np.float32(error)
-    return pack(summarise(table)), pack(table)
+    return pack_table(summarise_buckets(table)), pack_table(table)
 
 
 def test_the_whole_of_a_long_recording_has_the_extremes_of_every_sample(long_run: tuple[Database, int]) -> None:

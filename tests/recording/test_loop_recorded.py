@@ -6,7 +6,7 @@ import numpy as np
 
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, PretensionReached, SetMode, SetReferences, Stop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.ring_buffer import Ring
@@ -32,7 +32,7 @@ def test_a_session_on_the_simulator_is_recorded_whole(database: Database) -> Non
                 recorder.drain()
 
         headless = SimulatedLoop(
-            Simulator(parameters, seed=3), parameters, tuning_for(parameters, TuningParameters()), record
+            Simulator(parameters, seed=3), parameters, make_tuning_command(parameters, TuningParameters()), record
         )
         recorders.append(Recorder(database, headless.ring))
         headless.listen(recorders[0].hear)

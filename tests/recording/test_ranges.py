@@ -16,7 +16,7 @@ from scipy import signal
 
 from backend.errors import OutOfRangeError
 from backend.exports import writers
-from backend.exports.base import of_run
+from backend.exports.base import export_run
 from backend.recording.reader import UnknownSignalError
 from backend.sample import STORED_NAMES
 from backend.services import signals
@@ -56,7 +56,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Database,
 def whole(stored: tuple[Database, int], tmp_path_factory: pytest.TempPathFactory) -> dict[str, NDArray[np.float64]]:
     """The run's data.csv, read as anybody reads it; beside it what is computed from its columns."""
     file = tmp_path_factory.mktemp("csv") / "data.csv"
-    file.write_bytes(b"".join(writers.write_csv(of_run(*stored))))
+    file.write_bytes(b"".join(writers.write_csv(export_run(*stored))))
     return with_computed(read_csv(file))
 
 
@@ -120,7 +120,7 @@ def test_statistics_of_ten_minutes_are_those_of_the_csv(tmp_path: Path) -> None:
         run = store_run(database, columns, fields=tuple(columns))
         result = last_of(statistics_lines(database, RangeAsked(run, 0.0, None, tuple(columns))))
         file = tmp_path / "data.csv"
-        file.write_bytes(b"".join(writers.write_csv(of_run(database, run))))
+        file.write_bytes(b"".join(writers.write_csv(export_run(database, run))))
     lines = file.read_text().splitlines()
     begin = next(place for place, line in enumerate(lines) if not line.startswith("#"))
     read = np.genfromtxt(lines[begin:], delimiter=",", names=True)

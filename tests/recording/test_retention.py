@@ -9,7 +9,7 @@ from sqlalchemy import text
 
 from backend.models.run import Metrics
 from backend.recording.reader import read_samples
-from backend.recording.retention import NotRemovableError, RetentionRule, overview, remove
+from backend.recording.retention import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
 from backend.storage import events, identifications, recordings, results, runs
 from backend.storage.database import Database, Session
 from backend.storage.orm import UnknownRecordError
@@ -39,15 +39,15 @@ def recorded(database: Database, days: int = 100, end: EndState = EndState.STOPP
 
 
 def ids(database: Database, rule: RetentionRule) -> list[int]:
-    return [run.run_id for run in overview(database, rule).may_go]
+    return [run.run_id for run in summarise_retention(database, rule).may_go]
 
 
 def test_under_the_limit_nothing_may_go(database: Database) -> None:
     run = recorded(database)
-    found = overview(database, RetentionRule(BYTES, 30))
+    found = summarise_retention(database, RetentionRule(BYTES, 30))
     assert (found.total_bytes, found.may_go, found.says) == (BYTES, (), "")
     with pytest.raises(NotRemovableError, match=f"may not go: {run}; may go now: none"):
-        remove(database, RetentionRule(BYTES, 30), [run], "Ana")
+        delete_recordings(database, RetentionRule(BYTES, 30), [run], "Ana")
 
 
 def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> None:
@@ -56,14 +56,14 @@ def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> 
     assert ids(database, RetentionRule(2 * BYTES, 30)) == [first]
     assert ids(database, RetentionRule(BYTES, 30)) == [first, second]
     assert ids(database, RetentionRule(1, 30)) == [first, second, third]
-    says = overview(database, RetentionRule(BYTES, 30)).says
+    says = summarise_retention(database, RetentionRule(BYTES, 30)).says
     assert "recordings take 0.1 MB, limit 0.0 MB: the samples of 2 runs older than 30 days (0.1 MB) may go" in says
 
 
 def test_what_is_young_or_open_stays(database: Database) -> None:
     recorded(database, days=29)
     recorded(database, days=90, end=EndState.RUNNING)
-    found = overview(database, RetentionRule(1, 30))
+    found = summarise_retention(database, RetentionRule(1, 30))
     assert found.may_go == ()
     assert "nothing may go" in found.says
 
@@ -88,23 +88,23 @@ def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Ca
         use(session, used)
     assert ids(database, RetentionRule(1, 0)) == [unused]
     with pytest.raises(NotRemovableError, match=f"may not go: {used}; may go now: {unused}"):
-        remove(database, RetentionRule(1, 0), [used, unused], "Ana")
+        delete_recordings(database, RetentionRule(1, 0), [used, unused], "Ana")
     with database.reading() as session:
         assert recordings.extent(session, unused).count == CHUNKS * 1000, "refused as a whole"
-    assert overview(database, RetentionRule(1, 0)).in_use_bytes == BYTES
+    assert summarise_retention(database, RetentionRule(1, 0)).in_use_bytes == BYTES
 
 
 @pytest.mark.parametrize("named", [[], [999]])
 def test_only_runs_of_the_list_can_be_named(database: Database, named: list[int]) -> None:
     run = recorded(database)
     with pytest.raises(NotRemovableError, match="nothing was deleted"):
-        remove(database, RetentionRule(1, 30), named, "Ana")
+        delete_recordings(database, RetentionRule(1, 30), named, "Ana")
     assert ids(database, RetentionRule(1, 30)) == [run]
 
 
 def test_the_samples_go_and_the_run_stays_and_says_so(database: Database) -> None:
     gone, kept = recorded(database, 90), recorded(database, 80)
-    left = remove(database, RetentionRule(1, 30), [gone], "Ana")
+    left = delete_recordings(database, RetentionRule(1, 30), [gone], "Ana")
     assert [run.run_id for run in left.may_go] == [kept]
     assert left.total_bytes == BYTES
     with database.reading() as session:

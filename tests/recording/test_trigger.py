@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.realtime.ring_buffer import Ring
-from backend.recording.flight import FlightRecorder, Quota, flight_columns
-from backend.recording.trigger import Armed, Condition, ConditionKind, Heard, Trigger, left_armed
+from backend.recording.flight import FlightRecorder, Quota, read_flight_columns
+from backend.recording.trigger import Armed, Condition, ConditionKind, Heard, Trigger, load_armed_trigger
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
@@ -63,7 +63,7 @@ def test_samples_before_and_after_are_exactly_those_asked_for(database: Database
         run.id,
         "trigger: F_A above 1 N",
     )
-    columns = flight_columns(database, flight.event_id)
+    columns = read_flight_columns(database, flight.event_id)
     np.testing.assert_array_equal(columns["q"], np.arange(801, 1301))
     np.testing.assert_array_equal(columns["F_A"], np.float32(np.maximum(0.0, (np.arange(801, 1301) - 1000) * 0.01)))
     assert (columns["t"][0], columns["t"][300], columns["t"][-1]) == (-0.3, 0.0, pytest.approx(0.199))
@@ -160,7 +160,7 @@ def test_samples_that_were_overwritten_are_nan_and_counted(database: Database) -
     trigger.step()
     trigger.drain()
     (flight,) = kept(database)
-    q = flight_columns(database, flight.event_id)["q"]
+    q = read_flight_columns(database, flight.event_id)["q"]
     lost = 3000 - 1023
     assert (len(q), int(np.isnan(q).sum())) == (4010, lost + 10)
     assert f"{lost + 10} samples are missing" in flight.text, "those before it were overwritten too"
@@ -273,13 +273,13 @@ def test_what_is_armed_at_the_end_of_the_service_is_told_once_at_the_next_start(
     append(ring, np.ones(20))
     trigger.close()
     assert [flight.count for flight in stored(database)] == [20]
-    left = left_armed(database)
+    left = load_armed_trigger(database)
     assert left is not None
     assert (left["signal"], left["kind"], left["level"], left["who"]) == ("F_A", "above", 0.5, "Ana")
-    assert left_armed(database) is None
+    assert load_armed_trigger(database) is None
     trigger.arm(armed(ConditionKind.ABOVE, 0.5))
     trigger.keep_armed("Ana")
     append(ring, np.ones(200))
     trigger.step()
     trigger.drain()
-    assert left_armed(database) is None, "all its captures were made"
+    assert load_armed_trigger(database) is None, "all its captures were made"

@@ -11,7 +11,7 @@ from backend.recording.reader import read_samples
 from backend.recording.recorder import RecordingError
 from backend.sample import INDEX
 from backend.storage import recordings
-from backend.storage.database import Database, check
+from backend.storage.database import Database, find_database_errors
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 
@@ -53,7 +53,7 @@ def test_samples_wait_in_the_ring_and_none_is_lost(
         assert recordings.extent(session, run.id).count == 1000
         assert recordings.get(session, run.id).missed == 0
     repair(database)
-    assert check(database.engine) == []
+    assert find_database_errors(database.engine) == []
     rows.append(writer.write(700, run.id))
     writer.write(1)
     recorder.drain()
@@ -93,7 +93,7 @@ def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, 
         recorder.close()
     assert stored_run(database, run.id).end_state == EndState.RUNNING
     repair(database)
-    assert check(database.engine) == []
+    assert find_database_errors(database.engine) == []
 
 
 def test_a_run_whose_folder_is_gone_is_not_called_complete_and_goes_on_once_it_is_back(

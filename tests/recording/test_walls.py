@@ -1,6 +1,6 @@
 """Which walls a run keeps: those that stood in its samples, whenever that was told."""
 
-from backend.models.run import MOST, KeptWall, joined, kept_wall, standing
+from backend.models.run import MOST, KeptWall, find_wall_at, merge_changes, wall_record
 from backend.realtime.commands import WallChanged
 from backend.recording.recorder import Walls
 from backend.storage.database import Database
@@ -32,9 +32,9 @@ def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(data
     writer.write(1)
     recorder.drain()
     kept = [stored_run(database, run).set_to.walls for run in (first, second, third)]
-    assert kept[0] == (kept_wall(0.0, ABOVE), kept_wall(0.4, None))
-    assert kept[1] == (kept_wall(0.05, BELOW),)
-    assert kept[2] == (kept_wall(1.05, ABOVE),)
+    assert kept[0] == (wall_record(0.0, ABOVE), wall_record(0.4, None))
+    assert kept[1] == (wall_record(0.05, BELOW),)
+    assert kept[2] == (wall_record(1.05, ABOVE),)
 
 
 def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database, writer: Writer) -> None:
@@ -57,12 +57,21 @@ def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database,
 
 
 def test_what_stands_at_a_moment() -> None:
-    changes = joined([kept_wall(0.5, ABOVE), kept_wall(0.2, BELOW)], [kept_wall(0.9, None), kept_wall(0.5, BELOW)])
-    assert [standing(changes, t) for t in (0.1, 0.2, 0.5, 0.899, 0.9, 5.0)] == [None, BELOW, BELOW, BELOW, None, None]
-    many = joined((), [kept_wall(float(t), ABOVE) for t in range(MOST + 10)])
+    changes = merge_changes(
+        [wall_record(0.5, ABOVE), wall_record(0.2, BELOW)], [wall_record(0.9, None), wall_record(0.5, BELOW)]
+    )
+    assert [find_wall_at(changes, t) for t in (0.1, 0.2, 0.5, 0.899, 0.9, 5.0)] == [
+        None,
+        BELOW,
+        BELOW,
+        BELOW,
+        None,
+        None,
+    ]
+    many = merge_changes((), [wall_record(float(t), ABOVE) for t in range(MOST + 10)])
     assert len(many) == MOST
-    assert standing(many, MOST - 2.0) == ABOVE
-    assert standing(many, MOST + 5.0) is None
+    assert find_wall_at(many, MOST - 2.0) == ABOVE
+    assert find_wall_at(many, MOST + 5.0) is None
 
 
 def test_many_changes_before_a_run_leave_the_last() -> None:
@@ -70,6 +79,6 @@ def test_many_changes_before_a_run_leave_the_last() -> None:
     for tick in range(12_000):
         walls.tell(WallChanged(tick, 0, ABOVE if tick % 2 else None))
     walls.begin(20_000)
-    assert walls.until(21_000) == [kept_wall(0.0, ABOVE)]
+    assert walls.until(21_000) == [wall_record(0.0, ABOVE)]
     walls.stored(21_000)
     assert walls.until(22_000) == []

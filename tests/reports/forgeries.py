@@ -7,8 +7,16 @@ from typing import Any
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from backend.reports.evidence import ACCOUNT, EvidenceError, ReportManifest, account_hash, element_of, read, to_element
-from backend.reports.signing import public_half, sign_page
+from backend.reports.evidence import (
+    ACCOUNT,
+    EvidenceError,
+    ReportManifest,
+    account_hash,
+    element_of,
+    read_accounts,
+    to_element,
+)
+from backend.reports.signing import derive_public_key, sign_page
 
 SIGNATURE = b'<template id="signature">'
 Path = tuple[str | int, ...]
@@ -81,7 +89,7 @@ def of_the_drawings(page: str) -> Iterator[tuple[str, str]]:
 
 def with_versions(page: str) -> Iterator[tuple[str, str]]:
     """Name other versions in the account, seal it again, and change the page besides."""
-    evidence = read(page)
+    evidence = read_accounts(page)
     assert isinstance(evidence, ReportManifest)
     for name in evidence.made_with:
         said = {**evidence.made_with, name: "0.0.9"}
@@ -128,7 +136,7 @@ def _change(account: Any, path: Path) -> None:
 def _sealed(page: str, changed: str) -> str | None:
     """Return a changed page whose account has its hash again, on the page too; None where it cannot be read."""
     try:
-        evidence = read(changed)
+        evidence = read_accounts(changed)
     except EvidenceError:
         return None
     assert isinstance(evidence, ReportManifest)
@@ -169,7 +177,7 @@ def of_the_signature(page: bytes, other: Ed25519PrivateKey) -> Iterator[tuple[st
     yield "on a line of its own", page[:begin] + b"\n" + page[begin:]
     yield (
         "the public half of another key",
-        page.replace(said["public_key"].encode(), public_half(other).text.encode(), 1),
+        page.replace(said["public_key"].encode(), derive_public_key(other).text.encode(), 1),
     )
     elsewhere = sign_page(unsigned.replace(b"</p>", b" </p>", 1), other, "")
     moved = elsewhere[elsewhere.index(SIGNATURE) :]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
@@ -18,7 +18,7 @@ from backend.reports.model import NO_FIGURE, Figure, Report, Table, to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData, load_source
 from backend.reports.series import series_report
-from backend.reports.verification import Verified, verify
+from backend.reports.verification import Verified, verify_report
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
@@ -54,9 +54,11 @@ def bank(database: Database) -> int:
 
 def played(database: Database, name: str, plan: dict[str, Any] | None = None, **loop: Any) -> RunData:
     settings = LoopSettings(**loop)
-    with headless_station(database, LAB, settings) as station:
+    with open_headless_station(database, LAB, settings) as station:
         outcome = asyncio.run(
-            run_experiment(station, RunRequest(ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator"))
+            run_experiment(
+                station, RunRequest(build_ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator")
+            )
         )
     assert outcome.run.end_state == "completed"
     return load_source(database, outcome.run.id)
@@ -80,13 +82,13 @@ def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
     table = tables_of(report, SHOWN[name])[0]
     assert len(table.rows) == ROWS[name]
     page = to_html(report)
-    assert verify(page, source.columns) == Verified((), ())
+    assert verify_report(page, source.columns) == Verified((), ())
     assert to_pdf(report).startswith(b"%PDF")
     cell = next(cell for cell in table.rows[1] if cell not in ("", NO_FIGURE) and "." in cell)
     assert page.count(cell) >= 1
     place = page.index(cell, page.index(f'id="{SHOWN[name]}-'))
     forged = page[:place] + cell.replace(".", ".9") + page[place + len(cell) :]
-    assert verify(forged, source.columns).differences
+    assert verify_report(forged, source.columns).differences
 
 
 def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank: int) -> None:
@@ -129,11 +131,13 @@ def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database
     name = "frequency_response"
     wild = {**QUICK[name], "q_amplitude": 1.0}
     settings = LoopSettings()
-    with headless_station(database, LAB, settings) as station:
-        outcome = asyncio.run(run_experiment(station, RunRequest(ready_plan(name, **wild), settings, "A. Operator")))
+    with open_headless_station(database, LAB, settings) as station:
+        outcome = asyncio.run(
+            run_experiment(station, RunRequest(build_ready_plan(name, **wild), settings, "A. Operator"))
+        )
     source = load_source(database, outcome.run.id)
     report = build_report(source)
     table = tables_of(report, "bode")[0]
     assert all("not measured: " in row[-1] and row[1] == row[3] == NO_FIGURE for row in table.rows)
     assert all(row[2] != NO_FIGURE for row in table.rows)
-    assert verify(to_html(report), source.columns) == Verified((), ())
+    assert verify_report(to_html(report), source.columns) == Verified((), ())

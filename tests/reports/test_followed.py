@@ -11,8 +11,8 @@ from backend.reports.experiment_report import PapersLaw, beside, papers_law, tra
 from backend.reports.model import Fact, Figure, Report, Table, to_html
 from backend.reports.provenance import tuning_facts
 from backend.reports.run_data import RunData
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import run
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import simulate_cascade
 from backend.units import AngleUnit
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of
@@ -63,9 +63,9 @@ def test_a_report_says_by_what_references_were_followed() -> None:
 
 def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report: Report) -> None:
     """The largest step of q in the table, against the same step from rest and counted here."""
-    tuning = cascade_tuning(load_parameters("ideal"), TuningParameters(lam_q=0.5, lam_S=0.42))
+    tuning = make_cascade_tuning(load_parameters("ideal"), TuningParameters(lam_q=0.5, lam_S=0.42))
     high = float(PLAN.values["q_amplitude"])
-    q = run(load_parameters("ideal"), tuning, np.repeat([-high, high], (500, 4000)), np.full(4500, 10.0)).q
+    q = simulate_cascade(load_parameters("ideal"), tuning, np.repeat([-high, high], (500, 4000)), np.full(4500, 10.0)).q
     took = float(np.argmax(q[500:] >= 0.8 * high)) / 1000.0
     table = compared(report)
     largest = [row for row in table.rows if abs(number(row[2]) - number(row[1])) > 115.0]

@@ -9,8 +9,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from backend.reports.build import build_report
 from backend.reports.evidence import EvidenceError
 from backend.reports.model import to_html
-from backend.reports.signing import public_half, read_signature, sign_page, with_signature
-from backend.reports.verification import verify
+from backend.reports.signing import apply_signature_check, derive_public_key, read_signature, sign_page
+from backend.reports.verification import verify_report
 from tests.reports import forgeries
 from tests.reports.test_verification import Made, made
 
@@ -37,7 +37,7 @@ def held(report: Made, forged: Iterator[tuple[str, str]]) -> tuple[int, list[str
         assert page != report.page, name
         tried += 1
         try:
-            if verify(page, report.source.columns).holds:
+            if verify_report(page, report.source.columns).holds:
                 found.append(name)
         except EvidenceError:
             continue
@@ -75,7 +75,7 @@ def valid(forged: Iterator[tuple[str, bytes]], page: bytes) -> tuple[int, list[s
         assert one != page, name
         tried += 1
         read = read_signature(one)
-        if read.is_valid and read.signature is not None and read.signature.key == public_half(KEY):
+        if read.is_valid and read.signature is not None and read.signature.key == derive_public_key(KEY):
             found.append(name)
     return tried, found
 
@@ -110,10 +110,10 @@ def test_no_page_holds_as_one_of_the_key_without_its_signature(report: Made, sig
         "taken away": report.page.encode(),
     }
     read = read_signature(pages[forge])
-    found = verify(read.page.decode(), report.source.columns)
+    found = verify_report(read.page.decode(), report.source.columns)
     assert found.holds is True
-    assert with_signature(found, read, public_half(KEY)).holds is False
-    assert with_signature(found, read).holds is (forge != "of_the_signature")
+    assert apply_signature_check(found, read, derive_public_key(KEY)).holds is False
+    assert apply_signature_check(found, read).holds is (forge != "of_the_signature")
 
 
 def test_a_page_of_nothing_but_beginnings_takes_no_longer_than_its_size(report: Made) -> None:
@@ -122,7 +122,7 @@ def test_a_page_of_nothing_but_beginnings_takes_no_longer_than_its_size(report: 
     def seconds(megabytes: int) -> float:
         page = report.page.replace("</body>", "<svg" * (megabytes * 250_000) + "</body>")
         begun = time.process_time()
-        assert verify(page, report.source.columns).holds is False
+        assert verify_report(page, report.source.columns).holds is False
         return time.process_time() - begun
 
     seconds(1)

@@ -6,17 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.evaluation import USED, law_of, used_settings
+from backend.analysis.evaluation import USED, find_control_law, select_used_settings
 from backend.banks.tuning_settings import NAMES
-from backend.experiments.library import declared, kept_values, ready_plan
+from backend.experiments.library import build_ready_plan, declare_choice, plan_values
 from backend.experiments.plans import LoopSettings
-from backend.models.settings import declared_values
+from backend.models.settings import describe_values
 from backend.realtime.program import Law
 from backend.reports.build import build_report
 from backend.reports.model import Report, Table
 from backend.reports.run_data import RunData
-from backend.tuning.gains import TuningParameters, cascade_tuning, feedback_linearization_tuning, single_loop_tuning
-from backend.tuning.simulation import run
+from backend.tuning.gains import (
+    TuningParameters,
+    make_cascade_tuning,
+    make_feedback_linearization_tuning,
+    make_single_loop_tuning,
+)
+from backend.tuning.simulation import simulate_cascade
 from plant.parameters import load_parameters
 from tests.reports.tracking_run import PLAN, samples, source_of
 
@@ -25,12 +30,12 @@ CASCADE_ONLY = {"lam_motor", "b", "bank", "interpolate", "motion", "u_plan", "k_
 
 def of_law(law: str) -> RunData:
     tracked = source_of(samples(PLAN))
-    plan = ready_plan("tracking", controller=law, q_duration_s=4.0, S_duration_s=3.0)
+    plan = build_ready_plan("tracking", controller=law, q_duration_s=4.0, S_duration_s=3.0)
     loop = LoopSettings(motion="time-optimal", u_plan=8.5, k_ext=0.3)
     settings = {
-        "plan": kept_values(plan),
+        "plan": plan_values(plan),
         "loop": vars(loop),
-        "declared": [vars(item) for item in (*declared(plan), *declared_values(loop))],
+        "declared": [vars(item) for item in (*declare_choice(plan), *describe_values(loop))],
     }
     return replace(tracked, run=replace(tracked.run, settings=settings))
 
@@ -65,7 +70,7 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
     assert "not their friction" in facts["The law knows"]
 
 
-@pytest.mark.parametrize("tuning_of", [single_loop_tuning, feedback_linearization_tuning])
+@pytest.mark.parametrize("tuning_of", [make_single_loop_tuning, make_feedback_linearization_tuning])
 def test_what_is_left_out_changes_nothing_in_the_law(tuning_of: Any) -> None:
     lab = load_parameters("lab")
     usual = tuning_of(lab, TuningParameters())
@@ -92,16 +97,16 @@ def test_an_identification_uses_the_motor_loops_alone(kind: str, law: Law, used:
     source = of_law("cascade")
     settings = {**source.run.settings, "plan": {}}
     identification = replace(source.run, kind=kind, settings=settings)
-    assert law_of(identification) is law
-    assert {item.name for item in used_settings(identification)} & set(NAMES) == used
+    assert find_control_law(identification) is law
+    assert {item.name for item in select_used_settings(identification)} & set(NAMES) == used
 
 
 def test_the_compliance_experiment_runs_with_its_position_loop_open() -> None:
-    plan = ready_plan("compliance")
+    plan = build_ready_plan("compliance")
     source = of_law("cascade")
-    compliant = replace(source.run, kind="compliance", settings={**source.run.settings, "plan": kept_values(plan)})
-    assert law_of(compliant) is Law.COMPLIANCE
-    assert "lam_q" not in {item.name for item in used_settings(compliant)}
+    compliant = replace(source.run, kind="compliance", settings={**source.run.settings, "plan": plan_values(plan)})
+    assert find_control_law(compliant) is Law.COMPLIANCE
+    assert "lam_q" not in {item.name for item in select_used_settings(compliant)}
 
 
 def test_S_that_is_shown_is_wrong_by_as_much_as_the_springs_are() -> None:
@@ -109,7 +114,9 @@ def test_S_that_is_shown_is_wrong_by_as_much_as_the_springs_are() -> None:
     lab = load_parameters("lab")
     stiffer = replace(lab, asymmetry=replace(lab.asymmetry, spring_A=1.2, spring_B=1.2))
     ticks = 6_000
-    found = run(stiffer, cascade_tuning(lab, TuningParameters()), np.zeros(ticks), np.full(ticks, 12.0))
+    found = simulate_cascade(
+        stiffer, make_cascade_tuning(lab, TuningParameters()), np.zeros(ticks), np.full(ticks, 12.0)
+    )
     rest = slice(-500, None)
     assert found.S[rest].mean() == pytest.approx(12.0, abs=0.02)
     assert found.S_true[rest].mean() == pytest.approx(14.4, abs=0.05)

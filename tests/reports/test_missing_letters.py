@@ -10,7 +10,7 @@ from backend.reports import pdf
 from backend.reports.build import build_report
 from backend.reports.model import to_html
 from backend.reports.pdf import BOX, missing_letters, sentence, to_pdf, with_boxes
-from backend.reports.sheet import sheet_pdf
+from backend.reports.sheet import render_sheet_pdf
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 TITLE = "阻抗 λ 測試 😀"
@@ -52,7 +52,7 @@ def test_a_report_says_which_letters_its_pdf_lacks() -> None:
 
 def test_a_sheet_says_which_letters_it_lacks() -> None:
     head = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm" viewBox="0 0 900 450" font-size="12">'
-    read = printed(sheet_pdf(f'{head}<text x="9" y="40">{TITLE}</text></svg>'))
+    read = printed(render_sheet_pdf(f'{head}<text x="9" y="40">{TITLE}</text></svg>'))
     assert "U+1F600" in read
     assert "fonts of this PDF" in read
-    assert "fonts of this PDF" not in printed(sheet_pdf(f'{head}<text x="9" y="40">λ_q</text></svg>'))
+    assert "fonts of this PDF" not in printed(render_sheet_pdf(f'{head}<text x="9" y="40">λ_q</text></svg>'))

@@ -8,7 +8,7 @@ import pytest
 
 from backend.analysis.disturbance_metrics import compliance_figures
 from backend.analysis.evaluation import figure_documents
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.model import Figure, Report, Table, to_html
@@ -23,7 +23,7 @@ def names_of_figures(report: Report) -> list[str]:
 
 
 def compliance_source() -> RunData:
-    plan = ready_plan("compliance", profile="steps", hold_s=0.5)
+    plan = build_ready_plan("compliance", profile="steps", hold_s=0.5)
     tracked = source_of(samples(PLAN))
     t = np.arange(round(plan.program().duration_s * 1000)) * 1e-3
     columns = {name: np.zeros_like(t) for name in tracked.columns} | {"t": t}

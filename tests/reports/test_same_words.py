@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from backend.models.run import CRITERIA, METRICS
-from backend.reports.build import build_report, metrics_document
+from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import RunData
 from backend.schemas.run import EvaluationView
 from backend.services.runs import experiment_view, run_view
@@ -31,7 +31,7 @@ SOURCES: dict[str, Callable[[], RunData]] = {
 @pytest.mark.parametrize("name", SOURCES)
 def test_report_interface_and_file_say_the_same(name: str) -> None:
     source = SOURCES[name]()
-    report, document = build_report(source), metrics_document(source)
+    report, document = build_report(source), build_metrics_document(source)
     view = experiment_view(source.run, source.result, 1.0)
     assert (view.outcome, view.verdict) == (report.outcome, report.verdict)
     assert document["verdict"] == report.verdict

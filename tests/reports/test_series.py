@@ -13,19 +13,19 @@ import pytest
 
 from backend.errors import RequestRejectedError
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
-from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read
+from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read_accounts
 from backend.reports.model import Report, Table, to_html
 from backend.reports.pdf import to_pdf
-from backend.reports.rendering import render_series
+from backend.reports.rendering import render_series_report
 from backend.reports.run_data import RunData
 from backend.reports.series import series_report
 from backend.reports.series_source import load_series
-from backend.reports.verification import Verified, stored_samples, verify, verify_pdf, verify_series
+from backend.reports.verification import Verified, read_stored_samples, verify_pdf, verify_report, verify_series_report
 from backend.storage import runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
@@ -38,11 +38,11 @@ LAMBDAS = (0.4, 0.5, 0.6)
 
 @pytest.fixture(scope="module")
 def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    plan = ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
+    plan = build_ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
     opened = open_database(tmp_path_factory.mktemp("series"))
     for lam_q in LAMBDAS:
         settings = LoopSettings(lam_q=lam_q)
-        with headless_station(opened, load_parameters("ideal"), settings) as station:
+        with open_headless_station(opened, load_parameters("ideal"), settings) as station:
             asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     yield opened
     opened.close()
@@ -64,7 +64,7 @@ def tables(report: Report, heading: str) -> list[Table]:
 
 
 def account(page: str) -> SeriesEvidence:
-    found = read(page)
+    found = read_accounts(page)
     assert isinstance(found, SeriesEvidence)
     return found
 
@@ -142,53 +142,53 @@ def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[R
 
 def test_a_drawing_more_is_found(database: Database, page: str) -> None:
     more = page.replace("</main>", "<svg><text>0.1</text></svg></main>", 1)
-    found = verify_series(more, account(more), lambda one: stored_samples(database, one)[0])
+    found = verify_series_report(more, account(more), lambda one: read_stored_samples(database, one)[0])
     assert "number of drawings" in [one.name for one in found.differences]
 
 
 def test_a_series_holds_where_its_runs_are_stored(database: Database, page: str) -> None:
     assert "<script" not in page
-    held = verify_series(page, account(page), lambda one: stored_samples(database, one)[0])
+    held = verify_series_report(page, account(page), lambda one: read_stored_samples(database, one)[0])
     assert held == Verified((), ())
 
 
 def test_a_change_is_found_and_named_with_its_run(database: Database, page: str) -> None:
     def bent(one: ReportManifest) -> Columns | None:
-        columns, number = stored_samples(database, one)
+        columns, number = read_stored_samples(database, one)
         if columns is None or number != 2:
             return columns
         q = columns["q"].copy()
         q[3200] += 1e-3
         return columns | {"q": q}
 
-    names = [one.name for one in verify_series(page, account(page), bent).differences]
+    names = [one.name for one in verify_series_report(page, account(page), bent).differences]
     assert "run 2, samples of q from 3 s to 4 s" in names
     assert not any(name.startswith(("run 1", "run 3")) for name in names)
     visible = page.replace(">0.5<", ">0.55<", 1)
-    found = verify_series(visible, account(visible), lambda one: stored_samples(database, one)[0])
+    found = verify_series_report(visible, account(visible), lambda one: read_stored_samples(database, one)[0])
     assert len(found.differences) == 1
     assert "tuning parameter of the position loop" in found.differences[0].name
 
 
 def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[RunData]) -> None:
     with pytest.raises(EvidenceError, match="it is of a series"):
-        verify(page, sources[0].columns)
+        verify_report(page, sources[0].columns)
     with pytest.raises(EvidenceError, match="the samples of its run 1 are not here"):
-        verify_series(page, account(page), lambda _: None)
+        verify_series_report(page, account(page), lambda _: None)
 
 
 def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database, sources: list[RunData]) -> None:
     evidence = account(to_html(series_report(sources))).runs[1]
     elsewhere = replace(evidence, run=replace(evidence.run, id=77))
-    columns, number = stored_samples(database, elsewhere)
+    columns, number = read_stored_samples(database, elsewhere)
     assert number == 2
     assert columns is not None
     with database.reading() as session:
         began = runs.get(session, 1).started_at
-    columns, number = stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=began)))
+    columns, number = read_stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=began)))
     assert number == 1  # another one that began then: what differs can be told
     never = began.replace(year=2001)
-    assert stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=never))) == (None, None)
+    assert read_stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=never))) == (None, None)
 
 
 @pytest.mark.parametrize(
@@ -208,4 +208,4 @@ def test_a_pdf_holds_by_the_page_beside_it(sources: list[RunData], tmp_path: Pat
     assert [one.name for one in verify_pdf(other, page, sources[0].columns).differences] == ["the PDF"]
     touched = page.replace("by A. Operator", "by B. Operator", 1)
     assert "heading" in verify_pdf(pdf, touched, sources[0].columns).differences[0].name
-    assert render_series(sources, "pdf") == to_pdf(series_report(sources))
+    assert render_series_report(sources, "pdf") == to_pdf(series_report(sources))

@@ -17,7 +17,7 @@ from backend.reports.sheet import (
     MOST_OF_A_TITLE,
     MOST_TEXTS,
     read_sheet,
-    sheet_pdf,
+    render_sheet_pdf,
 )
 from backend.schemas.run import LONGEST_SHEET
 
@@ -54,7 +54,7 @@ def drawing() -> str:
 
 @pytest.fixture(scope="module")
 def printed() -> PdfReader:
-    return PdfReader(io.BytesIO(sheet_pdf(drawing())))
+    return PdfReader(io.BytesIO(render_sheet_pdf(drawing())))
 
 
 def test_the_page_is_the_sheet(printed: PdfReader) -> None:
@@ -183,7 +183,7 @@ def at_the_bounds() -> str:
 def test_a_sheet_at_all_bounds_is_drawn() -> None:
     sheet = at_the_bounds()
     assert len(sheet) < LONGEST_SHEET
-    (page,) = PdfReader(io.BytesIO(sheet_pdf(sheet))).pages
+    (page,) = PdfReader(io.BytesIO(render_sheet_pdf(sheet))).pages
     assert float(page.mediabox.width) * MM_PER_POINT == pytest.approx(WIDTH_MM, abs=0.1)
 
 

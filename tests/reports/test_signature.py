@@ -16,11 +16,11 @@ from backend.reports.signing import (
     KeyOwner,
     SigningKeyError,
     UnsignableError,
+    derive_public_key,
     find_public_key,
     load_or_make_signing_key,
-    own_public_key,
+    load_own_public_key,
     parse_public_key,
-    public_half,
     read_signature,
     sign_page,
 )
@@ -40,7 +40,7 @@ def test_it_is_verified_by_nothing_but_the_page_and_the_documented_message() -> 
     text = signed[begin + len(b'<template id="signature">') : end]
     said = json.loads(text)
     value = bytes.fromhex(said["signature"])
-    assert said == {"algorithm": "Ed25519", "public_key": public_half(KEY).text, "name": "<rig> & λ"} | {
+    assert said == {"algorithm": "Ed25519", "public_key": derive_public_key(KEY).text, "name": "<rig> & λ"} | {
         "signature": value.hex()
     }
     assert signed[:begin] + signed[end + len(b"</template>") :] == PAGE
@@ -61,12 +61,12 @@ def test_signing_again_replaces_and_reading_gives_the_page_back() -> None:
     found = read_signature(again)
     assert (found.page, found.is_valid, found.problem) == (PAGE, True, "")
     assert found.signature is not None
-    assert (found.signature.name, found.signature.key) == ("rig-2", public_half(OTHER))
+    assert (found.signature.name, found.signature.key) == ("rig-2", derive_public_key(OTHER))
     assert read_signature(PAGE).signature is None
 
 
 def test_whose_key_it_is() -> None:
-    found, one, other = read_signature(sign_page(PAGE, KEY, "")), public_half(KEY), public_half(OTHER)
+    found, one, other = read_signature(sign_page(PAGE, KEY, "")), derive_public_key(KEY), derive_public_key(OTHER)
     assert found.whose(one, one) == KeyOwner.GIVEN
     assert found.whose(other, one) == found.whose(None, one) == KeyOwner.OWN
     assert found.whose(other, None) == found.whose(None, other) == found.whose(None, None) == KeyOwner.UNKNOWN
@@ -104,7 +104,7 @@ def test_a_public_key_is_found_in_a_text_or_a_file_of_one(tmp_path: Path) -> Non
     file = tmp_path / "key.pub"
     file.write_text(f"# of rig 2\n{PUBLISHED} rig-2\n\n")
     assert find_public_key(str(file)) == find_public_key(f" {PUBLISHED} rig-2 ") == parse_public_key(PUBLISHED)
-    file.write_text(f"{PUBLISHED}\n{public_half(KEY).text}\n")
+    file.write_text(f"{PUBLISHED}\n{derive_public_key(KEY).text}\n")
     for refused in (str(file), str(tmp_path), str(tmp_path / "none"), "\0"):
         with pytest.raises(SigningKeyError):
             find_public_key(refused)
@@ -112,10 +112,10 @@ def test_a_public_key_is_found_in_a_text_or_a_file_of_one(tmp_path: Path) -> Non
 
 def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
     data = tmp_path / "data"
-    assert own_public_key(data) is None
+    assert load_own_public_key(data) is None
     assert not data.exists()
-    made = public_half(load_or_make_signing_key(data))
-    assert public_half(load_or_make_signing_key(data)) == own_public_key(data) == made
+    made = derive_public_key(load_or_make_signing_key(data))
+    assert derive_public_key(load_or_make_signing_key(data)) == load_own_public_key(data) == made
     file = data / "signing-key"
     assert [path.name for path in data.iterdir()] == ["signing-key"]
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
@@ -126,7 +126,7 @@ def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
     file.chmod(0o644)
     load_or_make_signing_key(data)
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    assert public_half(load_or_make_signing_key(tmp_path / "other")) != made
+    assert derive_public_key(load_or_make_signing_key(tmp_path / "other")) != made
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"-----BEGIN "])
@@ -134,7 +134,7 @@ def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: byt
     (tmp_path / "signing-key").write_bytes(content)
     with pytest.raises(SigningKeyError, match="signing-key holds no usable key"):
         load_or_make_signing_key(tmp_path)
-    assert own_public_key(tmp_path) is None
+    assert load_own_public_key(tmp_path) is None
     assert (tmp_path / "signing-key").read_bytes() == content
 
 

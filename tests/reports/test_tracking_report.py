@@ -9,9 +9,9 @@ from typing import cast
 
 import pytest
 
-from backend.exports.base import of_columns
+from backend.exports.base import export_columns
 from backend.models.run import CRITERIA, METRICS
-from backend.reports.build import write_files
+from backend.reports.build import write_report_files
 from backend.reports.experiment_report import tracking_report
 from backend.reports.model import Figure, Report, Table, to_html
 from backend.reports.pdf import to_pdf
@@ -179,9 +179,9 @@ def test_files_for_a_folder_say_the_same_as_the_report(
     monkeypatch.setattr("backend.reports.build.catch_up", lambda *_: None)
     monkeypatch.setattr("backend.reports.build.load_source", lambda *_: tracking_source)
     monkeypatch.setattr(
-        "backend.reports.build.stored_or_none", lambda *_: of_columns(tracking_source.columns, "run 12")
+        "backend.reports.build.stored_or_none", lambda *_: export_columns(tracking_source.columns, "run 12")
     )
-    paths = write_files(cast("Database", None), 12, tmp_path / "out")
+    paths = write_report_files(cast("Database", None), 12, tmp_path / "out")
     assert [path.name for path in paths] == ["report.html", "report.pdf", "data.csv", "metrics.json"]
     assert "\nt,q,q_ref,S,S_ref," in (tmp_path / "out" / "data.csv").read_text()
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())

@@ -12,8 +12,8 @@ import pyarrow.parquet
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import ready_plan
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
@@ -25,14 +25,14 @@ from backend.reports.evidence import (
     account_hash,
     element_of,
     made_with,
-    read,
+    read_accounts,
     to_element,
 )
 from backend.reports.model import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.plotting import forget_drawings
 from backend.reports.run_data import RunData, load_source
-from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify
+from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify_report
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.exports.written import to_csv, written
@@ -57,9 +57,9 @@ class Made:
 
 
 def made(folder: Path) -> RunData:
-    plan = ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
+    plan = build_ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
     database = open_database(folder)
-    with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator", "as usual")))
     source = load_source(database, outcome.run.id)
     database.close()
@@ -77,7 +77,7 @@ def names(found: Verified) -> list[str]:
 
 
 def test_one_that_nobody_touched_holds(report: Made) -> None:
-    assert verify(report.page, report.source.columns) == Verified((), ())
+    assert verify_report(report.page, report.source.columns) == Verified((), ())
 
 
 def test_two_installations_write_the_same_bytes_but_for_the_date(report: Made, tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ ACCOUNTS: dict[str, tuple[Callable[[Document], None], str]] = {
 @pytest.mark.parametrize("what", ACCOUNTS)
 def test_a_change_of_what_it_carries_is_found_and_named(report: Made, what: str) -> None:
     change, name = ACCOUNTS[what]
-    found = verify(report.with_account(change), report.source.columns)
+    found = verify_report(report.with_account(change), report.source.columns)
     assert name in names(found)
     assert "hash of the account" in names(found) or name == "what it was computed from"
 
@@ -180,7 +180,7 @@ def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) ->
     old, new, name = SEEN[what]
     visible, mark, carried = report.page.partition(BEGIN)
     assert old in visible
-    found = verify(visible.replace(old, new, 1) + mark + carried, report.source.columns).differences
+    found = verify_report(visible.replace(old, new, 1) + mark + carried, report.source.columns).differences
     assert len(found) == 1 or what in MORE
     assert name in found[0].name
     assert all(one.said != one.found for one in found)
@@ -188,8 +188,8 @@ def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) ->
 
 def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) -> None:
     begin, end = report.page.index("<svg"), report.page.index("</svg>") + len("</svg>")
-    assert "number of drawings" in names(verify(report.page[:begin] + report.page[end:], report.source.columns))
-    assert names(verify(report.page.removesuffix("\n"), report.source.columns)) == ["length of the page"]
+    assert "number of drawings" in names(verify_report(report.page[:begin] + report.page[end:], report.source.columns))
+    assert names(verify_report(report.page.removesuffix("\n"), report.source.columns)) == ["length of the page"]
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,9 @@ def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) 
 )
 def test_nothing_else_stands_in_the_account(report: Made, old: str, new: str) -> None:
     assert report.page.count(old) >= 1
-    assert names(verify(report.page.replace(old, new, 1), report.source.columns)) == ["the account as it is written"]
+    assert names(verify_report(report.page.replace(old, new, 1), report.source.columns)) == [
+        "the account as it is written"
+    ]
 
 
 IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
@@ -217,7 +219,7 @@ IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
 @pytest.mark.parametrize("what", IMPOSSIBLE)
 def test_what_cannot_be_is_a_difference(report: Made, what: str) -> None:
     change, name = IMPOSSIBLE[what]
-    found = names(verify(report.with_account(change), report.source.columns))
+    found = names(verify_report(report.with_account(change), report.source.columns))
     assert name in found
     assert any(one.startswith("hash of the ") for one in found[:3])
 
@@ -227,7 +229,7 @@ def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> No
     columns: Columns = dict(report.source.columns)
     columns[signal] = columns[signal].copy()
     columns[signal][at] = np.float32(columns[signal][at] + 1e-3)
-    found = names(verify(report.page, columns))
+    found = names(verify_report(report.page, columns))
     assert f"samples of {signal} from {at // 1000} s to {at // 1000 + 1} s" in found
     assert "hash of the samples" in found
 
@@ -235,7 +237,7 @@ def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> No
 def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
     columns: Columns = report.source.columns | {"t": report.source.columns["t"].copy()}
     columns["t"][3200] += 1e-4
-    found = names(verify(report.page, columns))
+    found = names(verify_report(report.page, columns))
     assert {"samples of t from 3 s to 4 s", "hash of the samples"} <= {*found}
 
 
@@ -259,12 +261,12 @@ def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> Non
     result = report.source.result
     assert result is not None
     fewer = replace(report.source, columns=columns, result=result)  # whose result counts none as missing
-    assert "metrics, missing_samples" in names(verify(to_html(build_report(fewer)), columns))
+    assert "metrics, missing_samples" in names(verify_report(to_html(build_report(fewer)), columns))
 
 
 def test_a_sample_more_or_less_is_found(report: Made) -> None:
     fewer = {name: column[:-1] for name, column in report.source.columns.items()}
-    assert "number of samples" in names(verify(report.page, fewer))
+    assert "number of samples" in names(verify_report(report.page, fewer))
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat", ".mcap"])
@@ -272,7 +274,7 @@ def test_it_holds_by_the_files_beside_it(report: Made, tmp_path: Path, suffix: s
     file = tmp_path / f"data{suffix}"
     file.write_bytes(written(report.source.columns, suffix[1:]))
     columns, problems = read_samples_file(file)
-    assert (verify(report.page, columns), problems) == (Verified((), ()), ())
+    assert (verify_report(report.page, columns), problems) == (Verified((), ()), ())
 
 
 def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tmp_path: Path) -> None:
@@ -288,10 +290,10 @@ def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tm
 
 def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
     with pytest.raises(EvidenceError, match="the samples that it was made of are not here"):
-        verify(report.page, None)
+        verify_report(report.page, None)
     for page in ("", "<html></html>", f"{BEGIN}{{}}{END}", f"{BEGIN}[1]{END}", f"{BEGIN}no JSON{END}"):
         with pytest.raises(EvidenceError):
-            read(page)
+            read_accounts(page)
     (tmp_path / "data.csv").write_text("t,q\n0,1\n")
     with pytest.raises(SamplesFileError, match="no export of a run"):
         read_samples_file(tmp_path / "data.csv")
@@ -305,7 +307,7 @@ def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_pa
 
 
 def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made) -> None:
-    found = verify(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
+    found = verify_report(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
     assert names(found) == ["hash of the account"]
     assert "it was written by Sinew 0.0.9" in found.left_out[0]
     assert "every number" not in found.compared
@@ -319,12 +321,12 @@ def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None
     assert changed != report.page
     versions = {name: one for name, one in made_with().items() if name != LAYOUT or said is not None}
     versions |= {} if said is None else {LAYOUT: said}
-    evidence = read(report.page)
+    evidence = read_accounts(report.page)
     assert isinstance(evidence, ReportManifest)
     evidence = replace(evidence, made_with=versions)
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
     page = changed.replace(element_of(changed), to_element(evidence))
-    found = verify(page, report.source.columns)
+    found = verify_report(page, report.source.columns)
     assert (found.holds, found.differences) == (None, ())
     assert len(found.left_out) == 1
 
@@ -339,14 +341,14 @@ def test_signals_that_an_older_version_did_not_record_hold_by_an_export(report: 
     file.write_bytes(to_csv(columns))
     from_file, problems = read_samples_file(file)
     assert {name for name in lacking if np.isnan(from_file[name]).all()} == {*lacking}
-    assert ([one.name for one in problems], verify(page, from_file).differences) == ([], ())
+    assert ([one.name for one in problems], verify_report(page, from_file).differences) == ([], ())
     from_file["V_A"][100] = 1.0
-    assert {"check sums of V_A", "hash of the samples"} <= {*names(verify(page, from_file))}
+    assert {"check sums of V_A", "hash of the samples"} <= {*names(verify_report(page, from_file))}
 
 
 def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made) -> None:
     run = replace(report.source.run, end_state="service_died")
     without = to_html(build_report(replace(report.source, run=run, result=None)))
-    found = verify(without, report.source.columns)
+    found = verify_report(without, report.source.columns)
     assert found.differences == ()
     assert "the report was made without one" in found.left_out[0]

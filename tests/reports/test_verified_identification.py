@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from backend.analysis.evaluation import evaluate_again
+from backend.analysis.evaluation import reevaluate_run
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
+from backend.execution.simulation import open_headless_station
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -18,11 +18,19 @@ from backend.experiments.plans import (
     SpringIdentificationPlan,
 )
 from backend.reports.build import build_report
-from backend.reports.evidence import ACCOUNT, LAYOUT, ReportManifest, account_hash, element_of, read, to_element
+from backend.reports.evidence import (
+    ACCOUNT,
+    LAYOUT,
+    ReportManifest,
+    account_hash,
+    element_of,
+    read_accounts,
+    to_element,
+)
 from backend.reports.model import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData, load_source
-from backend.reports.verification import Verified, verify
+from backend.reports.verification import Verified, verify_report
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 
@@ -40,10 +48,10 @@ def identified(
     """A run of each kind, and the same evaluated once more."""
     database = open_database(tmp_path_factory.mktemp(request.param))
     plan, _ = PLANS[request.param]
-    with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
     first = load_source(database, outcome.run.id)
-    evaluate_again(database, outcome.run.id)
+    reevaluate_run(database, outcome.run.id)
     second = load_source(database, outcome.run.id)
     database.close()
     return request.param, first, second
@@ -52,7 +60,7 @@ def identified(
 def test_one_that_nobody_touched_holds(identified: tuple[str, RunData, RunData]) -> None:
     _, source, _ = identified
     assert source.identification is not None
-    assert verify(to_html(build_report(source)), source.columns) == Verified((), ())
+    assert verify_report(to_html(build_report(source)), source.columns) == Verified((), ())
 
 
 def with_another_number(kind: str, source: RunData) -> tuple[str, RunData]:
@@ -71,17 +79,17 @@ def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[
     kind, source, _ = identified
     assert source.identification is not None
     last, touched = with_another_number(kind, source)
-    names = [one.name for one in verify(to_html(build_report(touched)), source.columns).differences]
+    names = [one.name for one in verify_report(to_html(build_report(touched)), source.columns).differences]
     assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
     verdict = replace(source, identification=replace(source.identification, verdict="Usable for anything."))
-    names = [one.name for one in verify(to_html(build_report(verdict)), source.columns).differences]
+    names = [one.name for one in verify_report(to_html(build_report(verdict)), source.columns).differences]
     assert "identification, verdict" in names
 
 
 def of_another_layout(source: RunData) -> str:
     """Return the page of a run as another state of the source code has written it, with a true account."""
     page = to_html(build_report(source))
-    evidence = read(page)
+    evidence = read_accounts(page)
     assert isinstance(evidence, ReportManifest)
     evidence = replace(evidence, made_with={**evidence.made_with, LAYOUT: "0123456789abcdef"})
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
@@ -94,10 +102,10 @@ def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are
     kind, source, _ = identified
     assert source.identification is not None
     reworded = replace(source, identification=replace(source.identification, verdict="Usable for anything."))
-    found = verify(of_another_layout(reworded), source.columns)
+    found = verify_report(of_another_layout(reworded), source.columns)
     assert (found.holds, found.differences) == (None, ())
     last, touched = with_another_number(kind, source)
-    names = [one.name for one in verify(of_another_layout(touched), source.columns).differences]
+    names = [one.name for one in verify_report(of_another_layout(touched), source.columns).differences]
     assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.analysis.evaluation import tracking_document
 from backend.analysis.step_metrics import tracking_metrics
-from backend.experiments.library import kept_values, ready_plan
+from backend.experiments.library import build_ready_plan, plan_values
 from backend.experiments.plans import ExperimentPlan
 from backend.reports.run_data import RunData
 from backend.sample import STORED_NAMES
@@ -20,7 +20,7 @@ from tests.experiments.judging import tracking_criteria
 
 Array = NDArray[np.float64]
 BEGAN = datetime(2026, 3, 4, 10, 20, 30, 123456, tzinfo=UTC)
-PLAN = ready_plan("tracking", q_duration_s=4.0, S_duration_s=3.0)
+PLAN = build_ready_plan("tracking", q_duration_s=4.0, S_duration_s=3.0)
 
 
 def samples(plan: ExperimentPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:
@@ -50,7 +50,7 @@ def source_of(
     parameters = load_parameters("ideal")
     metrics = tracking_metrics(columns, PLAN.program(), PLAN.phases())
     settings = {
-        "plan": kept_values(PLAN),
+        "plan": plan_values(PLAN),
         "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "seed": 7},
         "declared": [
             {

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from viser.infra import _messages
 
 from backend.sample import FIELDS, INDEX
-from backend.scene.model import PART, SceneMirror
+from backend.scene.model import SCENE_PART, SceneMirror
 from backend.scene.server import PortlessServer, SceneEndedError
 from backend.supervision import Supervision
 from plant.parameters import load_parameters
@@ -152,7 +152,7 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
     async def session() -> None:
         supervision, viewer = Supervision(), Viewer()
         mirror = SceneMirror(load_parameters("ideal"), swinging)
-        kept = supervision.keep_thread(PART, mirror.run, mirror.end)
+        kept = supervision.keep_thread(SCENE_PART, mirror.run, mirror.end)
         looking = asyncio.create_task(mirror.show(viewer.take))
         await until(lambda: len(viewer.messages) > 10)
         died = mirror.server._event_loop

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from backend.scene import model
 from backend.scene.model import SCALE, SLACK_COLOUR, SceneNodes, can_be_drawn, draw_force, force_colour, pose
 from backend.scene.server import PortlessServer
-from plant.dynamics import Obstacle, elongation
+from plant.dynamics import Obstacle, spring_elongation
 from plant.parameters import load_parameters
 
 IDEAL = load_parameters("ideal")
@@ -28,7 +28,7 @@ def sample(q: float, x_A: float, x_B: float, **others: float) -> dict[str, float
 
 @given(q=st.floats(-1.4, 1.4), F=st.floats(1.0, 49.0))
 def test_springs_shorten_by_their_elongation_at_any_joint_position(q: float, F: float) -> None:
-    x = elongation(SPRINGS[0], F)
+    x = spring_elongation(SPRINGS[0], F)
     drawn = pose(sample(q, x, x), R_M, R_J, *SPRINGS)
     for side in (drawn.A, drawn.B):
         assert side.spring_length == pytest.approx(model.SPRING_FREE - x, abs=1e-9)

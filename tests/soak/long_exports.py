@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from backend.exports.base import of_run
-from backend.exports.formats import DataFormat, pieces
-from backend.recording.codec import pack, summarise
+from backend.exports.base import export_run
+from backend.exports.formats import DataFormat, stream_export
+from backend.recording.codec import pack_table, summarise_buckets
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
 from backend.storage import recordings, runs
@@ -49,7 +49,7 @@ def _recorded(folder: Path, seconds: int) -> int:
     tables = [random.normal(0.4, 0.01, shape).astype(np.float32) for _ in range(_ALIKE)]
     for table in tables:
         table[:, STORED_NAMES.index("S_true")] = np.nan
-    packed = [(pack(summarise(table)), pack(table)) for table in tables]
+    packed = [(pack_table(summarise_buckets(table)), pack_table(table)) for table in tables]
     database = open_database(folder)
     try:
         with database.session() as session:
@@ -94,7 +94,7 @@ def _export(connection: Connection, folder: Path, run: int, kind: DataFormat) ->
     assert all((mcap.writer, pyarrow.compute, pyarrow.csv, pyarrow.parquet, scipy.io))
     database = open_database(folder)
     idle, began, size = _peak(), time.monotonic(), 0
-    for piece in pieces(of_run(database, run), kind, folder):
+    for piece in stream_export(export_run(database, run), kind, folder):
         size += len(piece)
     connection.send((idle, _peak(), size, time.monotonic() - began))
     database.close()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from backend.storage.database import restore
+from backend.storage.database import restore_database
 
 left = int(sys.argv[3])
 
@@ -28,5 +28,5 @@ def killed_at(name: str) -> None:
 
 for each in ("replace", "unlink", "fsync", "open"):
     killed_at(each)
-restore(Path(sys.argv[1]), Path(sys.argv[2]))
+restore_database(Path(sys.argv[1]), Path(sys.argv[2]))
 print("done")

@@ -9,7 +9,7 @@ from threading import Event
 import pytest
 
 from backend.exports.importer import import_bundle
-from backend.services.downloads import bundle_pieces
+from backend.services.downloads import stream_bundle
 from backend.storage import banks, results, runs, search_index, tags
 from backend.storage.database import Database, Session, open_database
 from backend.storage.orm import RunIndexRow
@@ -99,7 +99,7 @@ def test_a_bundle_that_is_taken_in_twice_at_once_is_stored_once(server: Database
     here = open_database(tmp_path / "here")
     run = tracked(here)
     file = tmp_path / "run.zip"
-    file.write_bytes(b"".join(bundle_pieces(here, run, tmp_path)))
+    file.write_bytes(b"".join(stream_bundle(here, run, tmp_path)))
     here.close()
     with ThreadPoolExecutor(2) as threads:
         taken = list(threads.map(lambda who: import_bundle(server, file, who, tmp_path), ("Ana", "Ben")))

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from backend.storage.banks import BankEntry, entry_in_use, fits_of, name_of_entry
+from backend.storage.banks import BankEntry, active_entry_name, read_fits, stored_entry_name
 from backend.storage.identifications import Identification
 
 ENTRIES = (BankEntry(8.24, {"tension_N": 10.0}), BankEntry(10.55, {"tension_N": 20.5}), BankEntry(12.43, {}))
@@ -33,7 +33,7 @@ FOUND = Identification(
 
 
 def test_an_entry_goes_by_its_tension_and_without_one_by_its_stiffness() -> None:
-    assert [name_of_entry(entry) for entry in ENTRIES] == ["10 N", "20.5 N", "12.43 N·m/rad"]
+    assert [stored_entry_name(entry) for entry in ENTRIES] == ["10 N", "20.5 N", "12.43 N·m/rad"]
 
 
 @pytest.mark.parametrize(
@@ -47,15 +47,15 @@ def test_an_entry_goes_by_its_tension_and_without_one_by_its_stiffness() -> None
     ],
 )
 def test_what_is_in_use_is_told_by_name(active: float, said: str) -> None:
-    assert entry_in_use(ENTRIES, active) == said
+    assert active_entry_name(ENTRIES, active) == said
 
 
 def test_a_fit_is_that_of_its_own_identification_with_its_errors() -> None:
-    fits = fits_of(FOUND)
+    fits = read_fits(FOUND)
     assert fits["G_q"].in_words() == "usable, fit 98.2 %, standard errors: K 2 %, T 5 %"
     assert fits["G_S"].in_words() == "usable with caution, fit not measured, standard errors: K 1 %, T not measured"
 
 
 def test_an_older_identification_says_what_it_did_not_keep() -> None:
-    older = fits_of(replace(FOUND, quality={}, model={}))["G_q"]
+    older = read_fits(replace(FOUND, quality={}, model={}))["G_q"]
     assert older.in_words() == "grade not recorded, fit not measured, standard errors: K not measured, T not measured"

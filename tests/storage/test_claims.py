@@ -13,7 +13,7 @@ import pytest
 
 from backend.storage import claims
 from backend.storage import database as migrate
-from backend.storage.claims import BEAT_S, LIFE_S, HeldClaim, claimed_by, is_alive, own_claim
+from backend.storage.claims import BEAT_S, LIFE_S, HeldClaim, describe_claim, is_alive, own_claim
 from backend.storage.database import (
     Database,
     OutdatedError,
@@ -21,7 +21,7 @@ from backend.storage.database import (
     can_read,
     newest_revision,
     open_database,
-    revision,
+    read_revision,
 )
 from backend.storage.stations import StationTakenError
 from tests.migrations.old_schema import at_revision
@@ -115,11 +115,11 @@ def test_no_database_is_migrated_while_a_service_works_on_it(tmp_path: Path) -> 
         held = HeldClaim(engine, "")
         with pytest.raises(SchemaError, match="service of version"):
             open_database(tmp_path)
-        assert revision(engine) == "0012_chunk_digest"
-        assert claimed_by(engine)
+        assert read_revision(engine) == "0012_chunk_digest"
+        assert describe_claim(engine)
         held.let_go()
         open_database(tmp_path).close()
-        assert revision(engine) != "0012_chunk_digest"
+        assert read_revision(engine) != "0012_chunk_digest"
 
 
 def test_readers_migrate_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,7 +136,7 @@ def test_readers_migrate_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         assert session.connection().exec_driver_sql("SELECT count(*) FROM run").scalar() == 0
     with pytest.raises(OutdatedError, match="sinew db upgrade"):
         open_database(tmp_path / "data", outdated="refuse")
-    assert revision(database.engine) == newest
+    assert read_revision(database.engine) == newest
     database.close()
 
 
@@ -145,4 +145,4 @@ def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
         assert not can_read(engine)
         with pytest.raises(OutdatedError, match="sinew db upgrade"):
             open_database(tmp_path, outdated="read")
-        assert revision(engine) == "0003_recording_size"
+        assert read_revision(engine) == "0003_recording_size"

@@ -12,7 +12,7 @@ import pytest
 
 from backend.data_folder import only_service_on
 from backend.storage import settings
-from backend.storage.database import Database, backup, is_cut_short, open_database, recover
+from backend.storage.database import Database, backup_database, is_restore_incomplete, open_database, recover_database
 from backend.storage.orm import DamagedError, StorageError
 from tests.cli.test_report import sinew
 
@@ -35,7 +35,7 @@ def with_backup(data: Path) -> Path:
     copy = data / "backups" / "then.db"
     with closing(open_database(data)) as database:
         put(database, "old")
-        backup(database.engine, copy)
+        backup_database(database.engine, copy)
         put(database, "new")
     return copy
 
@@ -51,11 +51,11 @@ def test_a_restore_killed_anywhere_is_completed_or_taken_back(tmp_path: Path) ->
         if ended.returncode == 0:
             break
         assert ended.returncode == -9, ended.stderr
-        cut_short = is_cut_short(data / "sinew.db")
+        cut_short = is_restore_incomplete(data / "sinew.db")
         if cut_short:
             with pytest.raises(StorageError):
                 open_database(data)  # nobody makes an empty one meanwhile
-        said = recover(data / "sinew.db")
+        said = recover_database(data / "sinew.db")
         assert bool(said) == cut_short
         outcomes.append(str(value_of(data)))
         left = {file.name for file in data.iterdir()} - {"sinew.db", "sinew.db-wal", "sinew.db-shm", "backups"}
@@ -102,8 +102,8 @@ def test_leftovers_of_killed_commands_are_removed_and_named(tmp_path: Path) -> N
     )
     for name in names:
         (tmp_path / name).write_bytes(b"half")
-    said = recover(tmp_path / "sinew.db")
+    said = recover_database(tmp_path / "sinew.db")
     assert len(said) == 3
     assert not [name for name in names if (tmp_path / name).exists()]
-    assert recover(tmp_path / "sinew.db") == []
+    assert recover_database(tmp_path / "sinew.db") == []
     assert value_of(tmp_path) is None

@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import text
 
 from backend.storage import runs
-from backend.storage.database import BackupError, Database, backup, check, open_database
+from backend.storage.database import BackupError, Database, backup_database, find_database_errors, open_database
 from backend.storage.orm import StorageError
 from backend.storage.runs import EndState
 from tests.storage.test_lineage import NEW_RUN
@@ -70,24 +70,24 @@ def test_a_backup_is_complete_and_never_overwrites(sqlite: Database, tmp_path: P
     with sqlite.session() as session:
         run = runs.create(session, replace(NEW_RUN, note="kept"))
     target = tmp_path / "copies" / "monday.db"
-    backup(sqlite.engine, target)
+    backup_database(sqlite.engine, target)
     copied = open_database(target.parent, f"sqlite:///{target}")
     with copied.reading() as session:
         assert runs.get(session, run.id) == run
-    assert check(copied.engine) == []
+    assert find_database_errors(copied.engine) == []
     copied.close()
     with pytest.raises(BackupError, match="exists already"):
-        backup(sqlite.engine, target)
+        backup_database(sqlite.engine, target)
     (tmp_path / "file").touch()
     with pytest.raises(BackupError, match="could not be written"):
-        backup(sqlite.engine, tmp_path / "file" / "below.db")
+        backup_database(sqlite.engine, tmp_path / "file" / "below.db")
 
 
 def test_check_finds_what_is_wrong(database: Database) -> None:
-    assert check(database.engine) == []
+    assert find_database_errors(database.engine) == []
     with database.session() as session:
         session.execute(text("DROP TABLE report"))
-    assert any("report" in problem for problem in check(database.engine))
+    assert any("report" in problem for problem in find_database_errors(database.engine))
 
 
 def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> 
     careless.execute(f"INSERT INTO recording ({names}) VALUES (77, '[]', 0.001, 0, '', 0)")
     careless.commit()
     careless.close()
-    assert check(sqlite.engine) == ["table recording refers to rows that are not there"]
+    assert find_database_errors(sqlite.engine) == ["table recording refers to rows that are not there"]
 
 
 def test_check_finds_a_damaged_file(tmp_path: Path) -> None:
@@ -110,5 +110,5 @@ def test_check_finds_a_damaged_file(tmp_path: Path) -> None:
     content[-3 * PAGE :] = b"\xff" * 3 * PAGE
     file.write_bytes(content)
     damaged = open_database(tmp_path)
-    assert any("damaged" in problem for problem in check(damaged.engine))
+    assert any("damaged" in problem for problem in find_database_errors(damaged.engine))
     damaged.close()

@@ -11,15 +11,15 @@ import pytest
 from sqlalchemy import String, text
 
 from backend import __version__
-from backend.banks.tuning_settings import saved_for
+from backend.banks.tuning_settings import saved_tuning_key
 from backend.commissioning.steps import StepId
 from backend.errors import STATION_MAX
 from backend.experiments import library
 from backend.faults import Fault
 from backend.identification.fitting import Fit
-from backend.identification.models import joint_method
+from backend.identification.models import joint_method_name
 from backend.identification.validation import MAX_NOISE_ORDER
-from backend.models.document import digest_of
+from backend.models.document import document_digest
 from backend.models.run import Outcome
 from backend.schemas.run import SEARCH_NAME_MAX
 from backend.storage import identifications, runs
@@ -28,7 +28,7 @@ from backend.storage.events import EventKind
 from backend.storage.imports import KINDS
 from backend.storage.orm import TAG_MAX, Base, FormulaRow, QueuedRow, RunTagRow, StudyRow, UnfitError
 from backend.storage.runs import EndState, RunKind
-from backend.storage.search_index import NO_OUTCOME, ValueSource, insert_new, numbers_of
+from backend.storage.search_index import NO_OUTCOME, ValueSource, insert_new, iterate_parameters
 from backend.studies.point import FAILED, LOST, REFUSED
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 from plant.parameters import load_parameters
@@ -45,10 +45,10 @@ def methods() -> Iterable[str]:
         problem = SimpleNamespace(whitening=np.ones(order + 1), low_pass=low_pass)
         channels.append(Fit(cast(Any, SimpleNamespace(problem=problem)), cast(Any, drive)).method)
     for G_q, G_S in itertools.product(channels, repeat=2):
-        yield joint_method({"G_q": G_q, "G_S": G_S})
+        yield joint_method_name({"G_q": G_q, "G_S": G_S})
 
 
-DIGEST = [digest_of({})]
+DIGEST = [document_digest({})]
 STATIONS = ["x" * STATION_MAX]
 PEOPLE = [LONGEST_PERSON]
 SOFTWARE = [__version__, f"{__version__}.post123.dev123+g{'0' * 12}"]
@@ -81,7 +81,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "run_index.outcome": [*Outcome, NO_OUTCOME],
     "run_tag.tag": ["x" * TAG_MAX],
     "setting.name": [
-        saved_for(2**31 - 1),
+        saved_tuning_key(2**31 - 1),
         f"search/{'x' * SEARCH_NAME_MAX}",
         f"viewer-preferences/{LONGEST_PERSON}",
         f"hands at the {'x' * NAME_MAX}",
@@ -91,7 +91,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "study.runner": [f"{'x' * 64}:{2**22}"],
     "study_point.state": [*EndState, REFUSED, FAILED, LOST],
     "value_name.source": ValueSource,
-    "value_name.name": [name for name, _ in numbers_of(load_parameters("lab").document())],
+    "value_name.name": [name for name, _ in iterate_parameters(load_parameters("lab").document())],
     "bring_up.wiring": ["x" * FILE_NAME_MAX],
     "run.parameters_name": ["x" * FILE_NAME_MAX],
 }

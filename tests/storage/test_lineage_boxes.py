@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
-from backend.recording.codec import digest_of_recording, pack
+from backend.recording.codec import compute_recording_digest, pack_table
 from backend.schemas.run import LineageKind, LineageNode
 from backend.services.lineage import History
 from backend.storage import banks, commissioning, identifications, recordings, runs
@@ -53,7 +53,7 @@ def recorded(session: Session, new: NewRun, cuts: tuple[int, ...] = (0, 20), fir
     run = runs.create(session, new)
     recordings.begin(session, run.id, FIELDS, 1e-3)
     for begin, end in itertools.pairwise(cuts):
-        chunk = Chunk(first_tick + begin, end - begin, b"", pack(SAMPLES[begin:end]))
+        chunk = Chunk(first_tick + begin, end - begin, b"", pack_table(SAMPLES[begin:end]))
         recordings.add_chunks(session, run.id, [chunk])
     runs.end(session, run.id, EndState.COMPLETED)
     return run.id
@@ -164,12 +164,12 @@ def test_a_recording_has_the_same_digest_however_it_is_cut(database: Database) -
         missing = runs.create(session, NEW).id
         recordings.begin(session, missing, FIELDS, 1e-3)
         for begin, end in ((0, 7), (9, 20)):
-            recordings.add_chunks(session, missing, [Chunk(begin, end - begin, b"", pack(SAMPLES[begin:end]))])
+            recordings.add_chunks(session, missing, [Chunk(begin, end - begin, b"", pack_table(SAMPLES[begin:end]))])
     with database.reading() as session:
-        assert [digest_of_recording(session, run) for run in same] == [expected, expected]
+        assert [compute_recording_digest(session, run) for run in same] == [expected, expected]
         row = 3 * 4
         gap = head + struct.pack("<q", 0) + raw[: 7 * row] + struct.pack("<q", 9) + raw[9 * row :]
-        assert digest_of_recording(session, missing) == hashlib.sha256(gap).hexdigest()
+        assert compute_recording_digest(session, missing) == hashlib.sha256(gap).hexdigest()
     assert boxes(database, missing)[f"run-{missing}"].no_sha256 == "the run is not over"
 
 

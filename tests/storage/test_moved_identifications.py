@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
+from backend.execution.simulation import open_headless_station
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -16,7 +16,7 @@ from backend.experiments.plans import (
 )
 from backend.exports.importer import import_bundle
 from backend.identification.fitting import Method
-from backend.services.downloads import bundle_pieces
+from backend.services.downloads import stream_bundle
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import Identification
@@ -36,11 +36,11 @@ def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     """A bundle of a run that identified something, and what was found."""
     folder = tmp_path_factory.mktemp("played")
     database = open_database(folder)
-    with headless_station(database, load_parameters("lab"), SETTINGS) as station:
+    with open_headless_station(database, load_parameters("lab"), SETTINGS) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(PLANS[request.param], SETTINGS, "A. Operator")))
     assert outcome.evaluation.problem == ""
     bundle = folder / "run.zip"
-    bundle.write_bytes(b"".join(bundle_pieces(database, outcome.run.id, folder)))
+    bundle.write_bytes(b"".join(stream_bundle(database, outcome.run.id, folder)))
     with database.reading() as session:
         found = identifications.of_run(session, outcome.run.id)
     database.close()

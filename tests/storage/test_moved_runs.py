@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import NAMES, ready_plan, settings_of
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import NAMES, build_ready_plan, settings_of
 from backend.experiments.plans import LoopSettings, Plan, SequencePlan
-from backend.recording.codec import digest_of_recording
+from backend.recording.codec import compute_recording_digest
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES
-from backend.services.downloads import bundle_pieces, import_file
+from backend.services.downloads import import_run_file, stream_bundle
 from backend.storage import commissioning, origins, recordings, results, runs
 from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, open_database
-from backend.storage.imports import RESULT, RUN, document_of
+from backend.storage.imports import RESULT, RUN, build_record_document
 from backend.storage.runs import RunKind
 from plant.parameters import load_parameters
 from tests.exports.stored import NEW, noise, recorded
@@ -57,16 +57,16 @@ def shortest(name: str) -> Plan:
         return SequencePlan()
     small: dict[str, float] = {
         setting.name: setting.minimum
-        for setting in settings_of(ready_plan(name))
+        for setting in settings_of(build_ready_plan(name))
         if setting.minimum is not None
         and ((setting.unit == "s" and not setting.name.startswith("lam_")) or setting.kind == "integer")
     }
-    return ready_plan(name, **{**small, **FURTHER.get(name, {})})
+    return build_ready_plan(name, **{**small, **FURTHER.get(name, {})})
 
 
 def play(database: Database, name: str) -> int:
     settings = LoopSettings(seed=SEED, lam_q=0.6, lam_S=0.55)
-    with headless_station(database, load_parameters("lab"), settings) as station:
+    with open_headless_station(database, load_parameters("lab"), settings) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(shortest(name), settings, "A. Operator")))
     assert outcome.run.end_state == "completed"
     assert outcome.evaluation.problem == ""
@@ -93,16 +93,16 @@ def moved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     name = str(request.param)
     run = record(database, name) if name in (MANUAL, BROUGHT_UP) else play(database, name)
     file = folder / "run.zip"
-    file.write_bytes(b"".join(bundle_pieces(database, run, folder)))
+    file.write_bytes(b"".join(stream_bundle(database, run, folder)))
     yield Moved(database, run, file)
     database.close()
 
 
 def test_it_is_the_same_where_it_is_taken_in(moved: Moved, database: Database, tmp_path: Path) -> None:
-    taken = import_file(database, moved.file, "Ben", tmp_path)
+    taken = import_run_file(database, moved.file, "Ben", tmp_path)
     assert (taken.was, taken.new) == (moved.run, True)
     with moved.database.reading() as here, database.reading() as there:
-        assert document_of(there, RUN, taken.run) == document_of(here, RUN, moved.run)
+        assert build_record_document(there, RUN, taken.run) == build_record_document(here, RUN, moved.run)
         made, brought = runs.get(here, moved.run), runs.get(there, taken.run)
         assert brought.set_to == made.set_to
         assert brought.parameters == made.parameters
@@ -112,7 +112,7 @@ def test_it_is_the_same_where_it_is_taken_in(moved: Moved, database: Database, t
         np.testing.assert_array_equal(ours.t, theirs.t)
         for name in STORED_NAMES:
             np.testing.assert_array_equal(ours.columns[name], theirs.columns[name], name)
-        assert digest_of_recording(there, taken.run) == digest_of_recording(here, moved.run)
+        assert compute_recording_digest(there, taken.run) == compute_recording_digest(here, moved.run)
         before, after = recordings.get(here, moved.run), recordings.get(there, taken.run)
         assert (after.missed, after.problem, after.period_s) == (before.missed, before.problem, before.period_s)
         was, now = results.newest(here, moved.run), results.newest(there, taken.run)
@@ -122,19 +122,19 @@ def test_it_is_the_same_where_it_is_taken_in(moved: Moved, database: Database, t
             assert now.metrics.figures
             old, new = results.numbers(here, moved.run), results.numbers(there, taken.run)
             without = {"run_id": 0}
-            assert [document_of(there, RESULT, number) | without for number in new] == [
-                document_of(here, RESULT, number) | without for number in old
+            assert [build_record_document(there, RESULT, number) | without for number in new] == [
+                build_record_document(here, RESULT, number) | without for number in old
             ]
             report = results.newest_report(there, taken.run, "html")
             assert report is not None
         carried = origins.of_runs(there, [taken.run])[taken.run].carried
         steps = {one["step"]: one["calibrations"] for one in carried.get(origins.CALIBRATIONS, [])}
         assert steps == (CALIBRATIONS if made.plant == "rig" else {})
-    assert import_file(database, moved.file, "Ben", tmp_path) == replace(taken, new=False)
+    assert import_run_file(database, moved.file, "Ben", tmp_path) == replace(taken, new=False)
     again = tmp_path / "again.zip"
-    again.write_bytes(b"".join(bundle_pieces(database, taken.run, tmp_path)))
+    again.write_bytes(b"".join(stream_bundle(database, taken.run, tmp_path)))
     other = open_database(tmp_path / "other")
-    assert import_file(other, again, "Cy", tmp_path / "other").new
+    assert import_run_file(other, again, "Cy", tmp_path / "other").new
     with other.reading() as session, moved.database.reading() as here:
-        assert digest_of_recording(session, 1) == digest_of_recording(here, moved.run)
+        assert compute_recording_digest(session, 1) == compute_recording_digest(here, moved.run)
     other.close()

@@ -8,7 +8,7 @@ import pytest
 from backend.storage import queue
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnfitError
-from backend.storage.stations import give_all
+from backend.storage.stations import assign_unowned_rows
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_what_waits_goes_with_the_name_of_its_station(tmp_path: Path) -> None:
     nameless = open_database(tmp_path)
     add(nameless, "a")
     with nameless.session() as session:
-        give_all(session, "rig1")
+        assign_unowned_rows(session, "rig1")
     named = open_database(tmp_path, station="rig1")
     assert (waiting(nameless), waiting(named)) == ([], ["a"])
     for database in (nameless, named):

@@ -13,7 +13,7 @@ from backend.storage.banks import BankEntry
 from backend.storage.database import Database, Session
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState, NewRun, RunKind
-from backend.storage.search import QueryError, parse
+from backend.storage.search import QueryError, parse_query
 
 PARAMETERS = {
     "geometry": {"r_j": {"value": 0.075, "unit": "m"}},
@@ -73,7 +73,7 @@ def find(database: Database) -> Find:
 
     def found(query: str) -> set[str]:
         with database.reading() as session:
-            page = search.search(session, parse(query), everywhere=False, limit=100)
+            page = search.search(session, parse_query(query), everywhere=False, limit=100)
             assert page.total == len(page.run_ids)
             assert list(page.run_ids) == sorted(page.run_ids, reverse=True)
             return {names[number] for number in page.run_ids}
@@ -201,7 +201,7 @@ def test_a_run_is_found_by_its_number_as_people_write_it(database: Database) -> 
     def found(query: str) -> list[int] | None:
         with database.reading() as session:
             try:
-                return list(search.search(session, parse(query), everywhere=False, limit=9).run_ids)
+                return list(search.search(session, parse_query(query), everywhere=False, limit=9).run_ids)
             except QueryError:
                 return None
 
@@ -233,7 +233,7 @@ def test_dates_are_years_months_days_and_minutes(database: Database) -> None:
 
     def found(query: str) -> int:
         with database.reading() as session:
-            return search.search(session, parse(query), everywhere=False, limit=1).total
+            return search.search(session, parse_query(query), everywhere=False, limit=1).total
 
     asked = ("date=2026-03-01", "date>2026-03-01", "date<=2026-03-01", "date=2026-03", "date=2026", "date=2026-12")
     assert [found(query) for query in asked] == [2, 2, 2, 3, 4, 1]
@@ -248,7 +248,7 @@ def test_what_is_found_follows_what_is_changed(database: Database) -> None:
 
     def total(query: str) -> int:
         with database.reading() as session:
-            return search.search(session, parse(query), everywhere=False, limit=1).total
+            return search.search(session, parse_query(query), everywhere=False, limit=1).total
 
     assert (total("end=running"), total("verdict=none")) == (1, 1)
     with database.session() as session:
@@ -278,11 +278,11 @@ def test_what_an_earlier_version_has_indexed_is_renewed(database: Database) -> N
     with database.session() as session:
         session.execute(text("DELETE FROM run_index WHERE run_id = :id"), {"id": lost})
     with database.session() as session:
-        assert search.search(session, parse("ana"), everywhere=False, limit=9).total == 0
+        assert search.search(session, parse_query("ana"), everywhere=False, limit=9).total == 0
         assert search_index.is_behind(session)
         assert search_index.renew(session) == 2
         assert not search_index.is_behind(session)
-        assert search.search(session, parse("ana"), everywhere=False, limit=9).run_ids == (lost, number)
+        assert search.search(session, parse_query("ana"), everywhere=False, limit=9).run_ids == (lost, number)
 
 
 def test_a_run_that_cannot_be_read_is_found_by_what_can(database: Database) -> None:
@@ -297,7 +297,7 @@ def test_a_run_that_cannot_be_read_is_found_by_what_can(database: Database) -> N
         runs.end(session, number, EndState.COMPLETED)
     with database.reading() as session:
         for query in ("who=ana", "verdict=incomplete", "kind=tracking"):
-            assert search.search(session, parse(query), everywhere=False, limit=9).run_ids == (number,)
+            assert search.search(session, parse_query(query), everywhere=False, limit=9).run_ids == (number,)
 
 
 def test_a_name_of_two_things_has_to_be_told(database: Database) -> None:
@@ -309,9 +309,9 @@ def test_a_name_of_two_things_has_to_be_told(database: Database) -> None:
         results.add(session, NewResult(number, told, (), "1"))
     with database.reading() as session:
         with pytest.raises(QueryError, match=r"write setting\.lam_q or metric\.lam_q"):
-            search.search(session, parse("lam_q < 1"), everywhere=False, limit=9)
+            search.search(session, parse_query("lam_q < 1"), everywhere=False, limit=9)
         for query, expected in (("setting.lam_q < 0.7", 1), ("metric.lam_q < 0.7", 0)):
-            assert search.search(session, parse(query), everywhere=False, limit=9).total == expected
+            assert search.search(session, parse_query(query), everywhere=False, limit=9).total == expected
 
 
 def test_what_can_be_asked_for_is_told(find: Find, database: Database) -> None:

@@ -12,7 +12,7 @@ import pytest
 from backend.services import maintenance
 from backend.services.maintenance import Soundness
 from backend.storage import runs
-from backend.storage.database import Database, backup, open_database, require_whole, restore
+from backend.storage.database import Database, backup_database, open_database, require_intact_database, restore_database
 from backend.storage.orm import DamagedError, GoneError, StorageError
 from tests.storage.test_lineage import NEW_RUN
 
@@ -42,7 +42,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
     """A database with 200 runs and a backup of it."""
     with closing(open_database(tmp_path)) as opened:
         store_runs(opened, 200)
-        backup(opened.engine, tmp_path / "backups" / "monday.db")
+        backup_database(opened.engine, tmp_path / "backups" / "monday.db")
         yield opened
 
 
@@ -93,13 +93,13 @@ def test_an_emptied_file_is_refused_with_the_backups_by_name(database: Database,
 
 
 def test_damaged_pages_are_found_and_the_way_back_works(database: Database, tmp_path: Path) -> None:
-    require_whole(database, tmp_path)
+    require_intact_database(database, tmp_path)
     database.close()
     damage(tmp_path / "sinew.db")
     told = r"is damaged.*sinew db restore FILE --data .*monday\.db"
     with closing(open_database(tmp_path)) as damaged, pytest.raises(DamagedError, match=told):
         Soundness(damaged, tmp_path).before_start()
-    restore(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
+    restore_database(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
     assert count_runs(tmp_path) == 200
 
 
@@ -126,7 +126,7 @@ def test_a_backup_is_brought_back_over_what_is_no_database(database: Database, t
     (tmp_path / "sinew.db-wal").write_bytes(b"of another time")
     with pytest.raises(StorageError, match="sinew db restore"):
         open_database(tmp_path)
-    restore(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
+    restore_database(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
     assert count_runs(tmp_path) == 200
     (kept,) = tmp_path.glob("sinew.before-restore-*.db")
     assert kept.read_bytes() == content

@@ -33,8 +33,8 @@ from backend.storage.flights import NewFlight
 from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Chunk
 from backend.storage.runs import EndState
-from backend.storage.search import QueryError, parse
-from backend.storage.stations import give_all
+from backend.storage.search import QueryError, parse_query
+from backend.storage.stations import assign_unowned_rows
 from tests.postgres import new_database
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 
@@ -131,11 +131,11 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
                 flights.add(session, NewFlight(event.id, "force_limit", 0, tick, 9, ["q"], b"xx"))
         numbers.append(run.id)
     rule = RetentionRule(max_bytes=1, keep_days=0)
-    assert [one.run_id for one in retention.overview(a, rule).may_go] == numbers[:1]
-    assert retention.overview(a, rule).total_bytes == 100
+    assert [one.run_id for one in retention.summarise_retention(a, rule).may_go] == numbers[:1]
+    assert retention.summarise_retention(a, rule).total_bytes == 100
     with pytest.raises(NotRemovableError, match=f"runs named that may not go: {numbers[1]}"):
-        retention.remove(a, rule, [numbers[1]], "Ana")
-    retention.remove(a, rule, [numbers[0]], "Ana")
+        retention.delete_recordings(a, rule, [numbers[1]], "Ana")
+    retention.delete_recordings(a, rule, [numbers[0]], "Ana")
     with a.session() as session:
         assert flights.give_way(session, records=1, size_bytes=10**9) == 2
     with b.reading() as session:
@@ -163,7 +163,7 @@ def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Da
         ("tag = worn", False, [of_a]),
     ):
         with a.reading() as session:
-            found = search.search(session, parse(query), everywhere=everywhere, limit=9)
+            found = search.search(session, parse_query(query), everywhere=everywhere, limit=9)
             assert (list(found.run_ids), found.total) == (expected, len(expected))
     with a.session() as session:
         assert tags.rename(session, "worn", "old") == 1
@@ -178,9 +178,9 @@ def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database
             runs.create(session, NEW_RUN)
     with database.reading() as session:
         for query, expected in (("station = Rig", 1), ("station = rig", 2), ("station = lab", 3)):
-            assert search.search(session, parse(query), everywhere=True, limit=9).run_ids == (expected,)
+            assert search.search(session, parse_query(query), everywhere=True, limit=9).run_ids == (expected,)
         with pytest.raises(QueryError, match="'RIG' may be several stations: write Rig or rig"):
-            search.search(session, parse("station = RIG"), everywhere=True, limit=9)
+            search.search(session, parse_query("station = RIG"), everywhere=True, limit=9)
 
 
 def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Database, Database]) -> None:
@@ -225,12 +225,12 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         settings.put(session, "active bank", 3, "Ana")
         banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
     with database.session() as session:
-        assert give_all(session, "rig-a") == 1
+        assert assign_unowned_rows(session, "rig-a") == 1
     with (
         database.session() as session,
         pytest.raises(RequestRejectedError, match="rig-a has 1 rows of table run already"),
     ):
-        give_all(session, "rig-a")
+        assign_unowned_rows(session, "rig-a")
     with closing(open_database(tmp_path / "a", url, station="rig-a")) as station, station.reading() as session:
         assert runs.count(session) == 1
         assert [bank.name for bank in banks.find(session)] == ["bench"]
@@ -238,7 +238,7 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         assert active is not None
         assert active.value == 3
         for query in ("", "rig-a", "station = rig-a"):
-            assert search.search(session, parse(query), everywhere=False, limit=9).run_ids == (run.id,)
+            assert search.search(session, parse_query(query), everywhere=False, limit=9).run_ids == (run.id,)
     with database.reading() as session:
         assert runs.count(session) == 0
         assert settings.newest(session, "active bank") is None

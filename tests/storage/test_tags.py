@@ -4,7 +4,7 @@ import pytest
 
 from backend.storage import runs, search, tags
 from backend.storage.database import Database
-from backend.storage.search import parse
+from backend.storage.search import parse_query
 from tests.storage.test_run_search import NEW
 
 
@@ -21,7 +21,7 @@ def test_tags_are_put_taken_and_renamed(database: Database) -> None:
         tags.take(session, first, "OLD")
         assert tags.of_runs(session, [first, second]) == {second: ["old"]}
     with database.reading() as session:
-        assert search.search(session, parse("old"), everywhere=False, limit=9).run_ids == (second,)
+        assert search.search(session, parse_query("old"), everywhere=False, limit=9).run_ids == (second,)
 
 
 def test_an_accent_may_be_typed_as_one_character_or_two(database: Database) -> None:
@@ -32,7 +32,7 @@ def test_an_accent_may_be_typed_as_one_character_or_two(database: Database) -> N
         assert tags.of_runs(session, [number]) == {number: [composed]}
     with database.reading() as session:
         for typed in (composed, decomposed):
-            asked = parse(f"tag={typed}")
+            asked = parse_query(f"tag={typed}")
             assert search.search(session, asked, everywhere=False, limit=9).run_ids == (number,)
 
 

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 
 from backend.storage.database import Database, open_database
-from backend.studies.cluster import ClusterCrew, on_cluster
+from backend.studies.cluster import ClusterCrew, use_cluster
 from backend.studies.crew import CrewGoneError
 from backend.studies.point import LOST, Point, StudyBase
-from backend.studies.runner import local, run_study
+from backend.studies.runner import run_study, use_local_processes
 from tests.studies import studying
 from tests.studies.studying import begun, in_folder, table
 
@@ -67,8 +67,8 @@ def database(tmp_path: Path) -> Database:
 
 def test_a_cluster_computes_the_same_table_bit_for_bit(database: Database, cluster: Cluster) -> None:
     here, there = begun(database), begun(database)
-    assert run_study(database, here, local(2))
-    assert run_study(database, there, on_cluster(cluster.address))
+    assert run_study(database, here, use_local_processes(2))
+    assert run_study(database, there, use_cluster(cluster.address))
     assert len(table(database, here)) == 16
     assert repr(table(database, here)) == repr(table(database, there))
 
@@ -99,9 +99,9 @@ def test_a_point_that_kills_its_worker_is_told_and_computed_when_that_is_asked(
     study = begun(database)
     with ExitStack() as stack:
         strict = Cluster(tmp_path, stack, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
-        assert run_study(database, study, on_cluster(strict.address, studying.die_always))
+        assert run_study(database, study, use_cluster(strict.address, studying.die_always))
         assert table(database, study)[5].state == LOST
-        assert run_study(database, study, on_cluster(strict.address, studying.quick), again=True)
+        assert run_study(database, study, use_cluster(strict.address, studying.quick), again=True)
     assert {row.state for row in table(database, study)} == {"completed"}
 
 
@@ -118,4 +118,4 @@ def test_workers_of_another_version_leave_the_table_as_it_is(database: Database,
 
 def test_a_scheduler_that_is_not_there_is_told(database: Database) -> None:
     with pytest.raises(CrewGoneError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
-        run_study(database, begun(database), on_cluster("tcp://127.0.0.1:1"))
+        run_study(database, begun(database), use_cluster("tcp://127.0.0.1:1"))

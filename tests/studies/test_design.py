@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from backend.banks.tuning_settings import TuningSettings
-from backend.experiments.library import experiment
+from backend.experiments.library import find_experiment
 from backend.experiments.parser import ExperimentError
 from backend.storage.banks import Bank
 from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import StoredStudy
 from backend.studies.design import Design
-from backend.studies.point import numbers_of
-from backend.studies.stored import StudyContext, design_of, new_study
+from backend.studies.point import list_variable_numbers
+from backend.studies.stored import StudyContext, create_study, parse_design
 from plant.parameters import load_parameters
 
 
@@ -23,14 +23,14 @@ def no_bank(number: int) -> Bank:
     raise UnknownRecordError(f"there is no bank {number}")
 
 
-AROUND = StudyContext(experiment, load_parameters("lab"), TuningSettings().document(), no_bank)
+AROUND = StudyContext(find_experiment, load_parameters("lab"), TuningSettings().document(), no_bank)
 
 
 def design(body: str) -> Design:
-    new = new_study(f"format: 1\nname: a\ntitle: A\n{body}", AROUND, "Ana")
+    new = create_study(f"format: 1\nname: a\ntitle: A\n{body}", AROUND, "Ana")
     kept = dict.fromkeys(("created_at", "seen_at", "begun_at"))
     stored = StoredStudy(**vars(new), id=1, runner="", begun_with=0, stop_asked=False, problem="", **kept)  # type: ignore[arg-type]  # nobody looks at its dates
-    return design_of(stored)
+    return parse_design(stored)
 
 
 def test_a_grid_is_all_combinations_the_last_axis_fastest() -> None:
@@ -134,7 +134,7 @@ def test_a_study_may_hold_its_own_experiment() -> None:
 
 def test_every_number_that_is_offered_can_be_varied() -> None:
     parameters = load_parameters("lab")
-    offered = numbers_of(parameters)
+    offered = list_variable_numbers(parameters)
     assert {"motor.c0", "spring.k.1", "asymmetry.spring_A", "sensors.force_delay"} <= {one.name for one in offered}
     document = parameters.document()
     for one in offered:

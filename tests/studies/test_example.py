@@ -11,7 +11,7 @@ from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import open_database
 from backend.studies.point import run_point
-from backend.studies.stored import design_of
+from backend.studies.stored import parse_design
 from plant.parameters import load_parameters
 
 PAGE = Path(__file__).parents[2] / "frontend/src/pages/studies/NewStudy.tsx"
@@ -24,7 +24,7 @@ def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(t
     with closing(open_database(tmp_path)) as database:
         study = Studies(database).begin(found.group(1), "Ana", load_parameters("lab"), active).id
         with database.reading() as session:
-            design = design_of(studies.get(session, study))
+            design = parse_design(studies.get(session, study))
     first, last = design.point(0), design.point(len(design) - 1)
     slow, fast = last.settings["lam_q"], first.settings["lam_q"]
     rows = [run_point(design.base, point) for point in (first, last)]

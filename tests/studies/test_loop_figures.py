@@ -11,7 +11,7 @@ from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.studies.design import Design
 from backend.studies.point import LOOP_FIGURES, loop_figures, planned, run_point
-from backend.studies.stored import design_of
+from backend.studies.stored import parse_design
 from backend.tuning.gains import MotorModel, motor_gains
 from backend.tuning.robustness import motor_robustness
 from plant.parameters import load_parameters
@@ -41,7 +41,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
 def designed(database: Database, text: str) -> Design:
     begun = Studies(database).begin(text, "Ana", load_parameters("ideal"), TuningSettings().document())
     with database.reading() as session:
-        return design_of(studies.get(session, begun.id))
+        return parse_design(studies.get(session, begun.id))
 
 
 def figures_of(design: Design, number: int) -> dict[str, float | None]:

@@ -13,7 +13,16 @@ from backend.analysis.evaluation import FIGURES
 from backend.models.settings import SettingError
 from backend.reports import study_map
 from backend.storage.studies import StoredPoint
-from backend.studies.maps import LEAST_IS_WORST, NEITHER_IS_WORST, PICKS, WORST, axis_labels, map_of, shares, spreadings
+from backend.studies.maps import (
+    LEAST_IS_WORST,
+    NEITHER_IS_WORST,
+    PICKS,
+    WORST,
+    format_axis_labels,
+    map_of,
+    shares,
+    spreadings,
+)
 from backend.studies.point import LOOP_FIGURES, UNSTABLE, PointResult
 from backend.studies.runner import as_stored
 from backend.units import AngleUnit
@@ -65,11 +74,11 @@ def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
 
 
 def test_neighbours_at_an_axis_read_differently() -> None:
-    assert axis_labels((0.5, 0.8), "s", AngleUnit.DEGREES) == ["0.5", "0.8"]
-    assert axis_labels((10.0051, 10.0053, 10.01), "N", AngleUnit.DEGREES) == ["10.0051", "10.0053", "10.01"]
-    assert axis_labels((0.523598775598, 1.0), "rad", AngleUnit.DEGREES) == ["30", "57.3"]
-    assert axis_labels((True, False), "1", AngleUnit.DEGREES) == ["True", "False"]
-    assert axis_labels(("a", "b"), "1", AngleUnit.DEGREES) == ["a", "b"]
+    assert format_axis_labels((0.5, 0.8), "s", AngleUnit.DEGREES) == ["0.5", "0.8"]
+    assert format_axis_labels((10.0051, 10.0053, 10.01), "N", AngleUnit.DEGREES) == ["10.0051", "10.0053", "10.01"]
+    assert format_axis_labels((0.523598775598, 1.0), "rad", AngleUnit.DEGREES) == ["30", "57.3"]
+    assert format_axis_labels((True, False), "1", AngleUnit.DEGREES) == ["True", "False"]
+    assert format_axis_labels(("a", "b"), "1", AngleUnit.DEGREES) == ["a", "b"]
 
 
 def test_a_picture_tells_its_numbers_apart(tmp_path: Path) -> None:

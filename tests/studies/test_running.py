@@ -18,8 +18,8 @@ import pytest
 from backend.banks.tuning_settings import TuningSettings
 from backend.cli.study import _in_time
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import headless_station
-from backend.experiments.library import experiment
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import find_experiment
 from backend.experiments.plans import LoopSettings
 from backend.services.studies import Studies
 from backend.storage import banks, studies
@@ -29,8 +29,8 @@ from backend.storage.studies import StoredPoint
 from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
 from backend.studies.point import FAILED, LOOP_FIGURES, LOST, REFUSED, UNSTABLE, OtherSoftwareError, StudyBase
-from backend.studies.runner import Progress, TakenError, local, run_study
-from backend.studies.stored import design_of
+from backend.studies.runner import Progress, TakenError, run_study, use_local_processes
+from backend.studies.stored import parse_design
 from backend.tuning.gains import designed_point
 from plant.parameters import load_parameters
 from tests.studies import studying
@@ -57,14 +57,14 @@ def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database)
     text = SHORT.replace("draws: 2", "draws: 1").replace("seeds: 2", "seeds: 1")
     study = Studies(database).begin(text, "Ana", lab, tuning).id
     with database.reading() as session:
-        assert design_of(studies.get(session, study)).base.banks == (bank,)
-    assert run_study(database, study, local(2))
+        assert parse_design(studies.get(session, study)).base.banks == (bank,)
+    assert run_study(database, study, use_local_processes(2))
     assert {row.state for row in table(database, study)} == {"completed"}
 
 
 def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database, tmp_path: Path) -> None:
     study = begun(database)
-    assert run_study(database, study, local(2))
+    assert run_study(database, study, use_local_processes(2))
     rows = table(database, study)
     assert [row.number for row in rows] == list(range(16))
     lab = load_parameters("lab")
@@ -74,9 +74,9 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
             motor=replace(lab.motor, c0=row.values["motor.c0"]),
             sensors=replace(lab.sensors, force_noise=row.values["sensors.force_noise"]),
         )
-        plan = experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
+        plan = find_experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
         settings = LoopSettings(lam_q=row.values["lam_q"], seed=row.values["seed"])
-        with headless_station(database, parameters, settings) as station:
+        with open_headless_station(database, parameters, settings) as station:
             outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "Ana")))
         assert outcome.evaluation.result is not None
         expected = {item.name: item.value for item in outcome.evaluation.result.metrics.figures}
@@ -87,7 +87,7 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
 def test_what_no_run_can_be_made_of_is_a_row_that_says_why(database: Database) -> None:
     axes = "axes: [{over: lam_q, values: [0.1]}]"
     study = begun(database, f"format: 1\nname: a\ntitle: A\n{axes}")
-    assert run_study(database, study, local(1))
+    assert run_study(database, study, use_local_processes(1))
     (row,) = table(database, study)
     assert row.state == "refused"
     assert row.figures["M_s_q"] == row.figures["gain_margin_q_true"] == UNSTABLE
@@ -138,14 +138,14 @@ def test_two_do_not_compute_the_same_study(database: Database) -> None:
     with database.session() as session:
         studies.claim(session, study, "elsewhere:1")
     with pytest.raises(TakenError, match="elsewhere:1"):
-        run_study(database, study, local(1))
+        run_study(database, study, use_local_processes(1))
 
 
 def test_another_version_computes_no_row_of_a_study(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     study = begun(database)
     monkeypatch.setattr(point, "__version__", "99.0")
     with pytest.raises(OtherSoftwareError, match=r"Sinew 99\.0 computes here"):
-        run_study(database, study, local(1))
+        run_study(database, study, use_local_processes(1))
     with pytest.raises(OtherSoftwareError):
         Studies(database).resume(study)
     assert table(database, study) == []
@@ -205,7 +205,7 @@ def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_pat
     process = subprocess.Popen([sys.executable, str(script), str(tmp_path), str(study)], env=environment)
     until(lambda: len(table(database, study)) == 4)
     with pytest.raises(TakenError):
-        run_study(database, study, local(1))
+        run_study(database, study, use_local_processes(1))
     workers = children(process.pid)
     process.send_signal(signal.SIGKILL)
     process.wait()

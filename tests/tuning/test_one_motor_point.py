@@ -6,8 +6,8 @@ integral has made up for it: r_m² F'/(2 K_t k_i) later on both sides, which lea
 
 import pytest
 
-from backend.tuning.gains import motor_loops
-from backend.tuning.robustness import one_motor_point
+from backend.tuning.gains import make_motor_loops
+from backend.tuning.robustness import linearize_one_motor
 from plant.parameters import load_parameters
 
 
@@ -16,7 +16,7 @@ from plant.parameters import load_parameters
 def test_gains_and_lags_are_those_of_the_closed_form(S: float, lam_motor: float) -> None:
     parameters = load_parameters("ideal")
     g, known, K_t = parameters.geometry, parameters.identified, parameters.motor.K_t
-    found = one_motor_point(parameters, motor_loops(parameters, lam_motor), S)
+    found = linearize_one_motor(parameters, make_motor_loops(parameters, lam_motor), S)
     assert found.K_q == pytest.approx(g.r_m / (2.0 * g.r_j), rel=1e-6)
     assert pytest.approx(2.0 * g.r_j**2 * known.k[2] * g.r_m, rel=1e-6) == found.K_S
     assert found.T_q == pytest.approx(4.0 * lam_motor + g.B_j / S, rel=1e-6)

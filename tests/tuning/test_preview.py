@@ -11,17 +11,17 @@ from backend.tuning.gains import (
     LAM_MOTOR,
     TuningError,
     TuningParameters,
-    cascade_tuning,
     designed_point,
+    make_cascade_tuning,
+    make_motor_loops,
     motor_gains,
-    motor_loops,
     motor_model,
     position_gains,
     stiffness_gains,
 )
 from backend.tuning.preview import Steps, TuningPreviewer
-from backend.tuning.robustness import M_S_MAX, common_range, decoupled_model, motor_range, motor_robustness
-from backend.tuning.simulation import run
+from backend.tuning.robustness import M_S_MAX, common_lambda_range, decoupled_model, motor_range, motor_robustness
+from backend.tuning.simulation import simulate_cascade
 from plant.parameters import load_parameters
 
 
@@ -39,7 +39,7 @@ def test_small_steps_are_those_of_the_linear_loop(previewer: TuningPreviewer, la
     """Of a state space that python-control closes and integrates: four lags of the motors, their load, the joint."""
     parameters, lambdas = load_parameters("ideal"), TuningParameters(lam_q=lam, lam_S=lam)
     preview = previewer.preview(lambdas, 10.55, steps=SMALL)
-    model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), 10.55)
+    model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), 10.55)
     point, s = designed_point(parameters), control.tf("s")
     for channel, gains, step in (
         (0, position_gains(parameters, point, lambdas), preview.step_q),
@@ -57,7 +57,7 @@ def test_small_steps_are_those_of_the_linear_loop(previewer: TuningPreviewer, la
 def test_margins_are_those_of_python_control(previewer: TuningPreviewer, S: float) -> None:
     parameters, lambdas, s = load_parameters("ideal"), TuningParameters(lam_q=0.45, lam_S=0.4), control.tf("s")
     preview = previewer.preview(lambdas, S)
-    model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), S)
+    model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), S)
     point = designed_point(parameters)
     for channel, gains, found in (
         (0, position_gains(parameters, point, lambdas), preview.position.robustness),
@@ -122,7 +122,9 @@ def test_a_weak_drive_narrows_the_range() -> None:
 
     def peak(lam_q: float) -> float:
         q_ref = np.repeat([-np.pi / 3.0, np.pi / 3.0], [100, 6000])
-        trajectory = run(weak, cascade_tuning(weak, TuningParameters(lam_q=lam_q)), q_ref, np.full(q_ref.size, 10.55))
+        trajectory = simulate_cascade(
+            weak, make_cascade_tuning(weak, TuningParameters(lam_q=lam_q)), q_ref, np.full(q_ref.size, 10.55)
+        )
         return float(np.max(np.abs([trajectory.u_A, trajectory.u_B])))
 
     assert peak(lam_q_min) < 4.0
@@ -173,7 +175,7 @@ def test_two_motors_that_no_lambda_serves_are_refused() -> None:
     slow = motor_model(replace(ideal, motor=replace(ideal.motor, tau_e=0.02)), "A")
     brisk = replace(motor_model(ideal, "B"), T_m=0.02)
     with pytest.raises(TuningError, match=r"one needs 0\.121 s at least, one 0\.076 s at most"):
-        common_range([slow, brisk])
+        common_lambda_range([slow, brisk])
 
 
 def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:

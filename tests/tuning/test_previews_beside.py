@@ -5,12 +5,12 @@ from dataclasses import replace
 
 from backend.services import background_work
 from backend.services.background_work import AskedTuning
-from backend.services.tuning_state import by_default
+from backend.services.tuning_state import default_tuning
 from plant.parameters import load_parameters
 
 
 def test_it_is_the_same_from_what_goes_to_another_process() -> None:
-    tuning, _ = by_default(load_parameters("lab"))
+    tuning, _ = default_tuning(load_parameters("lab"))
     asked = pickle.loads(pickle.dumps(AskedTuning.of(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
     assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
@@ -19,7 +19,7 @@ def test_it_is_the_same_from_what_goes_to_another_process() -> None:
 
 
 def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:
-    tuning, _ = by_default(load_parameters("lab"))
+    tuning, _ = default_tuning(load_parameters("lab"))
     asked = AskedTuning.of(tuning)
     first = asked.made().previewer
     assert asked.made().previewer is first

@@ -11,11 +11,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from backend.control import disturbance_observer, pid
-from backend.control.decoupler import gains_at, select
+from backend.control.decoupler import interpolate_gains, select_entry
 from backend.control.disturbance_observer import Rejection
 from backend.errors import OutOfRangeError
-from backend.tuning.gains import UNSEEN_F, TuningParameters, cascade_tuning, require_share
-from backend.tuning.robustness import decoupling, linear_plant
+from backend.tuning.gains import UNSEEN_F, TuningParameters, make_cascade_tuning, require_share
+from backend.tuning.robustness import decoupling_matrix, linear_plant
 from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, Array, push_forecast
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -55,7 +55,7 @@ def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 
 @pytest.mark.parametrize("k_ext", [0.0, 0.7, 1.0])
 @pytest.mark.parametrize("lam", [0.4, 1.0])
 def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: float) -> None:
-    found = push_forecast(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
+    found = push_forecast(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
     q = np.abs(integrated(lam, k_ext, R_J * PUSH_N, 2.0 + 8.0 * lam))
     assert found.give == pytest.approx(q.max(), rel=0.01)
     back_s = float(np.flatnonzero(q > NEAR_RAD)[-1] + 1) * T_s
@@ -66,7 +66,7 @@ def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: f
 @pytest.mark.parametrize("k_ext", [0.0, 1.0])
 def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> None:
     lam, tau = 1.0, 0.2
-    found = push_forecast(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
+    found = push_forecast(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
     for f, felt in zip(FELT_HZ, (found.felt_slow, found.felt_fast), strict=True):
         periods = 8.0 if f > 0.5 else 2.0
         q = integrated(lam, k_ext, tau, (8.0 if f > 0.5 else 20.0) + periods / f, f)[-round(periods / f / T_s) :]
@@ -78,7 +78,8 @@ def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> No
 def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
     """With a slow position loop: behind the motors' lags, what comes at 1 Hz comes with the push, not against it."""
     off, on = (
-        push_forecast(LAB, cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0) for k in (0.0, 1.0)
+        push_forecast(LAB, make_cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0)
+        for k in (0.0, 1.0)
     )
     assert off.felt_slow == pytest.approx(HELD, rel=0.02)
     assert on.felt_slow > 3.0 * off.felt_slow
@@ -88,7 +89,7 @@ def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
 
 
 def test_what_does_not_come_back_in_time_is_not_said_to() -> None:
-    slow = cascade_tuning(IDEAL, TuningParameters(lam_q=3.0))
+    slow = make_cascade_tuning(IDEAL, TuningParameters(lam_q=3.0))
     assert math.isnan(push_forecast(IDEAL, slow, HELD, 0.1).back_s)  # looked at for 3.4 s
     assert math.isnan(push_forecast(IDEAL, slow, HELD, 0.1).back_s)  # and as remembered
 
@@ -107,7 +108,7 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
 
     The springs are ``off`` times what the observer takes them for; the joint leans on ``K_env`` [N·m/rad].
     """
-    tuning = cascade_tuning(LAB, TuningParameters(lam_q=lam), k_ext=k_ext)
+    tuning = make_cascade_tuning(LAB, TuningParameters(lam_q=lam), k_ext=k_ext)
     d, observer = tuning.decoupler, disturbance_observer.observer_for(LAB)
     plant = linear_plant(LAB, d, S)
     moving = plant.A.copy()
@@ -116,8 +117,8 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
     both = np.zeros((10, 10))
     both[:8, :8], both[:8, 8:] = moving, plant.B[:, :2]
     held = expm(both * T_s)
-    split = decoupling(d, S)
-    gains_q, _ = gains_at(tuning.schedule, select(tuning.schedule, -1.0, S))
+    split = decoupling_matrix(d, S)
+    gains_q, _ = interpolate_gains(tuning.schedule, select_entry(tuning.schedule, -1.0, S))
     r = Rejection(k_ext, 0.0, math.inf, tuning.rejection.kept)
 
     def tick(x: Array, q_e: float) -> Array:

@@ -4,15 +4,15 @@ import control
 import numpy as np
 import pytest
 
-from backend.control.decoupler import decoupler_for, motor_positions
+from backend.control.decoupler import build_decoupler, motor_positions
 from backend.tuning.gains import (
     LAM_MAX,
     MotorModel,
     TuningError,
     TuningParameters,
     designed_point,
+    make_motor_loops,
     motor_gains,
-    motor_loops,
     outer_gains,
     position_gains,
     stiffness_gains,
@@ -26,7 +26,7 @@ from backend.tuning.robustness import (
     peak,
     safe_lambda,
 )
-from plant.dynamics import tension
+from plant.dynamics import tendon_tension
 from plant.interface import T_s
 from plant.parameters import load_parameters
 
@@ -122,14 +122,14 @@ def test_fast_outer_loop_is_unstable(four_lags: OuterProcess) -> None:
 def test_high_order_model_has_unit_gain_and_no_cross_coupling() -> None:
     parameters = load_parameters("lab")
     for S in (8.24, 14.06):
-        gain = decoupled_model(parameters, motor_loops(parameters, LAM), S).dcgain()
+        gain = decoupled_model(parameters, make_motor_loops(parameters, LAM), S).dcgain()
         assert gain == pytest.approx(np.eye(2), abs=1e-6)
 
 
 def test_safe_range_ends_where_M_s_is_1_7() -> None:
     parameters = load_parameters("ideal")
     point = designed_point(parameters)
-    model = decoupled_model(parameters, motor_loops(parameters, LAM), point.S_nominal)
+    model = decoupled_model(parameters, make_motor_loops(parameters, LAM), point.S_nominal)
     q, S = OuterProcess(model[0, 0]), OuterProcess(model[1, 1])
     lam_q = safe_lambda(q, lambda lam: position_gains(parameters, point, TuningParameters(lam_q=lam)))
     lam_S = safe_lambda(S, lambda lam: stiffness_gains(parameters, point, TuningParameters(lam_S=lam)))
@@ -144,7 +144,7 @@ def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
     """One λ in the middle may be it alone: then neither the one before nor one further on bounds the search."""
     parameters = load_parameters("ideal")
     point = designed_point(parameters)
-    model = decoupled_model(parameters, motor_loops(parameters, LAM), point.S_nominal)
+    model = decoupled_model(parameters, make_motor_loops(parameters, LAM), point.S_nominal)
     lively, calm = (position_gains(parameters, point, TuningParameters(lam_q=lam)) for lam in (0.2, 3.0))
     at = np.geomspace(0.05, LAM_MAX, 60)[30]
     found = safe_lambda(OuterProcess(model[0, 0]), lambda lam: lively if abs(lam / at - 1.0) < 0.01 else calm)
@@ -154,5 +154,7 @@ def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
 @pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
 def test_tension_at_a_stiffness_is_that_of_the_papers_nominal_points(F: float, S: float) -> None:
     parameters = load_parameters("ideal")
-    theta_A, _ = motor_positions(decoupler_for(parameters), 0.0, S)
-    assert tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A) == pytest.approx(F, abs=0.05)
+    theta_A, _ = motor_positions(build_decoupler(parameters), 0.0, S)
+    assert tendon_tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A) == pytest.approx(
+        F, abs=0.05
+    )

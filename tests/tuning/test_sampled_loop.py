@@ -14,8 +14,8 @@ from scipy.signal import cont2discrete
 
 from backend.control import cascade
 from backend.tuning import simulation
-from backend.tuning.gains import TuningParameters, cascade_tuning
-from backend.tuning.simulation import INPUTS, OUTPUTS, planned_response, sampled_loop
+from backend.tuning.gains import TuningParameters, make_cascade_tuning
+from backend.tuning.simulation import INPUTS, OUTPUTS, make_sampled_loop, planned_response
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 
@@ -101,7 +101,7 @@ def by_hand(signal: str, lam: float, f: Array = F) -> Complex:
 
 @pytest.mark.parametrize("lam", [0.355, 0.5, 0.65])
 def test_both_loops_answer_as_the_modes_written_out_do(lam: float) -> None:
-    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam, lam_S=lam)), S).closed
+    loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam, lam_S=lam)), S).closed
     H = loop.response(F)
     np.testing.assert_allclose(H[:, OUTPUTS.q, [INPUTS.q_ref, INPUTS.tau_ext]], by_hand("q", lam), rtol=2e-4)
     np.testing.assert_allclose(H[:, OUTPUTS.S, INPUTS.S_ref], by_hand("S", lam), rtol=2e-4)
@@ -109,7 +109,7 @@ def test_both_loops_answer_as_the_modes_written_out_do(lam: float) -> None:
 
 
 def test_without_the_joint_loop_a_torque_turns_the_joint_by_what_its_stiffness_says() -> None:
-    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, TuningParameters()), S, position_loop=False).closed
+    loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters()), S, position_loop=False).closed
     slow = np.abs(loop.response(np.array([1e-4]))[0, OUTPUTS.q, INPUTS.tau_ext])
     assert slow == pytest.approx(1.0 / S, rel=1e-3)
 
@@ -132,7 +132,7 @@ def test_a_push_is_answered_as_a_differential_equation_says() -> None:
         return np.concatenate([moved, laws])
 
     exact = solve_ivp(rate, (0.0, 3.0), np.zeros(9), "LSODA", np.arange(3000) * T_s, rtol=1e-8, atol=1e-10).y[0]
-    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam)), S).closed
+    loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam)), S).closed
     w = np.zeros((3000, len(INPUTS)))
     w[:, INPUTS.tau_ext] = tau
     q = loop.played(w)[:, OUTPUTS.q]
@@ -160,7 +160,7 @@ def measured_response(parameters: PlantParameters, tuning: cascade.CascadeTuning
     # No two samples in a row are alike: a reference that stands for a tick goes on as a small step (decision 0053).
     wave = size * np.sin(phase + 0.001)
     q_ref, S_ref = (wave, S + still) if signal == "q" else (still, S + wave)
-    run = simulation.run(parameters, tuning, q_ref, S_ref)
+    run = simulation.simulate_cascade(parameters, tuning, q_ref, S_ref)
     line = np.exp(-1j * phase)[before:]
     asked = (wave[before:] * line).sum()
     return np.array([(seen[before:] * line).sum() / asked for seen in (run.q, run.S)])
@@ -175,7 +175,7 @@ def test_the_simulated_actuator_follows_a_small_sine_as_predicted(
 ) -> None:
     """The non-linear simulator with the tick's cascade, beside the linear loop in ticks."""
     parameters = IDEAL if sides == "alike" else UNLIKE
-    tuning = cascade_tuning(parameters, TuningParameters(lam_q=0.4), u_plan=u_plan)
+    tuning = make_cascade_tuning(parameters, TuningParameters(lam_q=0.4), u_plan=u_plan)
     f = np.array([1.0 / (period * T_s)])
     by = planned_response if u_plan else loop_response
     H = by(parameters, tuning, S, f)[0, :, {"q": 0, "S": 1}[signal]]
@@ -188,12 +188,14 @@ def test_the_simulated_actuator_follows_a_small_sine_as_predicted(
 
 
 def loop_response(parameters: PlantParameters, tuning: cascade.CascadeTuning, S: float, f: Array) -> Complex:
-    return sampled_loop(parameters, tuning, S).closed.response(f)
+    return make_sampled_loop(parameters, tuning, S).closed.response(f)
 
 
 def test_with_a_plan_lambda_hardly_matters_and_neither_lags_nor_gain_are_left() -> None:
     slow, fast = (
-        planned_response(IDEAL, cascade_tuning(IDEAL, TuningParameters(lam_q=lam, lam_S=lam), u_plan=8.5), S, F[:3])
+        planned_response(
+            IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam, lam_S=lam), u_plan=8.5), S, F[:3]
+        )
         for lam in (0.4, 1.0)
     )
     np.testing.assert_allclose(np.abs(slow[:, [0, 1], [0, 1]]), 1.0, atol=1e-3)

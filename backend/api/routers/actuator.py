@@ -25,7 +25,7 @@ from backend.schemas.state import (
     WishView,
 )
 from backend.services.actuator import set_obstacle
-from backend.services.fault_injection import fault_list, inject, mend
+from backend.services.fault_injection import apply_fault, clear_faults, describe_faults
 
 # Control -------------------------------------------------------------------------------------------
 #
@@ -80,19 +80,19 @@ faults_router = APIRouter(prefix="/api/faults", tags=["faults"])
 @faults_router.get("")
 async def list_faults(_person: SignedIn, service: ServiceInUse) -> FaultList:
     """List all faults with message, remedy, and what brings them about on what is driven."""
-    return fault_list(service.actuator.present.plant)
+    return describe_faults(service.actuator.present.plant)
 
 
 @faults_router.post("/injection", status_code=204)
 async def inject_fault(body: Injection, service: ServiceInUse, person: InControl) -> None:
     """Break a part of a simulated plant or a link of the safety chain; refused on any other."""
-    await inject(service.actuator, service.control, body, person.name)
+    await apply_fault(service.actuator, service.control, body, person.name)
 
 
 @faults_router.delete("/injection", status_code=204)
 async def mend_fault(service: ServiceInUse, person: InControl) -> None:
     """Mend what was broken; the latched fault stays until it is reset."""
-    await mend(service.actuator, person.name)
+    await clear_faults(service.actuator, person.name)
 
 
 # Operate -------------------------------------------------------------------------------------------

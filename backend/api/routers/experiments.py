@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Request
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
-from backend.experiments.schema import schema
+from backend.experiments.schema import build_json_schema
 from backend.schemas.experiment import (
     CheckedExperiment,
     CheckedStudy,
@@ -120,7 +120,7 @@ ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own
 @own_experiments_router.get("/schema")
 async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
     """Return the JSON schema of an experiment."""
-    return schema()
+    return build_json_schema()
 
 
 @own_experiments_router.get("/own")

@@ -3,13 +3,13 @@
 from fastapi import APIRouter, Request
 
 from backend import __version__
-from backend.analysis.identification import from_table
+from backend.analysis.identification import fit_spring_table
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
 from backend.schemas import identification
 from backend.schemas.base import RowNumber
 from backend.schemas.identification import IdentificationCurves, Trend, UnseenView
 from backend.schemas.tuning import ApplyRequest, ParametersView, UndoRequest
-from backend.services.jobs import identification_kinds
+from backend.services.jobs import describe_identification_kinds
 
 router = APIRouter(prefix="/api", tags=["identification"])
 
@@ -50,7 +50,7 @@ async def list_identifications(service: ServiceInUse, _person: SignedIn) -> iden
 @router.get("/identification-kinds")
 async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationKindList:
     """List what can be identified, with the settings of each."""
-    return identification.IdentificationKindList(kinds=identification_kinds())
+    return identification.IdentificationKindList(kinds=describe_identification_kinds())
 
 
 @router.get("/identifications/{id}")
@@ -83,7 +83,7 @@ async def add_table(
 ) -> identification.SpringTableView:
     """Identify a spring from a table measured elsewhere."""
     asked = body.name, body.table, person.name, __version__, body.header, body.decimal
-    new = await service.texts.run(person, request.is_disconnected, from_table, *asked)
+    new = await service.texts.run(person, request.is_disconnected, fit_spring_table, *asked)
     return await service.identifications.add_spring_table(new)
 
 

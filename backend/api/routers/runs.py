@@ -10,7 +10,7 @@ from pydantic import Field, StringConstraints
 
 from backend.api.dependencies import AnglesRead, Operator, RowId, ServiceInUse, SignedIn
 from backend.exports.formats import MEDIA_TYPES, DataFormat
-from backend.exports.mcap import layout
+from backend.exports.mcap import foxglove_layout
 from backend.plain_text import as_file_name
 from backend.reports.series_source import MOST_RUNS
 from backend.schemas.base import Finite, Schema
@@ -44,8 +44,8 @@ from backend.schemas.run import (
 )
 from backend.schemas.state import FormulaList, FormulaName, FormulaText, FormulaView
 from backend.server.security import DOCUMENT_POLICY, SHEETS
-from backend.services.background_work import unless_left
-from backend.services.runs import RunQuery, SampleSlice, planned
+from backend.services.background_work import run_while_connected
+from backend.services.runs import RunQuery, SampleSlice, read_planned_run
 from backend.services.signals import RangeAsked
 from backend.storage.events import EventKind
 from backend.storage.orm import TAG_MAX
@@ -93,7 +93,7 @@ async def list_runs(
 @runs_router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
 async def get_layout(_person: SignedIn) -> Response:
     """Return the layout that shows an MCAP file in Foxglove and Lichtblick."""
-    return download(layout().encode(), JSON, "sinew-foxglove-layout.json")
+    return download(foxglove_layout().encode(), JSON, "sinew-foxglove-layout.json")
 
 
 @runs_router.get("/{id}")
@@ -125,7 +125,7 @@ async def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Op
 @runs_router.post("/{id}/evaluation")
 async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
-    await unless_left(service.evaluations.again(id), request.is_disconnected)
+    await run_while_connected(service.evaluations.again(id), request.is_disconnected)
     return await service.runs.run(id)
 
 
@@ -144,7 +144,7 @@ async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunM
 @runs_router.get("/{id}/planned")
 async def get_planned(request: Request, id: RowId, service: ServiceInUse, person: SignedIn) -> Planned:
     """Return the references that a run was to follow, from begin to end."""
-    return await service.texts.run(person, request.is_disconnected, planned, service.database, id)
+    return await service.texts.run(person, request.is_disconnected, read_planned_run, service.database, id)
 
 
 @runs_router.post("/{id}/replay", status_code=204)
@@ -191,7 +191,7 @@ async def get_report_html(
     request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
 ) -> Response:
     """Return the report of a run as one self-contained page."""
-    return report(await unless_left(service.downloads.report_html(id, angles), request.is_disconnected), "html")
+    return report(await run_while_connected(service.downloads.report_html(id, angles), request.is_disconnected), "html")
 
 
 @runs_router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
@@ -199,7 +199,7 @@ async def get_report_pdf(
     request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
 ) -> Response:
     """Return the report of a run as PDF."""
-    content = await unless_left(service.downloads.report_pdf(id, angles), request.is_disconnected)
+    content = await run_while_connected(service.downloads.report_pdf(id, angles), request.is_disconnected)
     return report(content, "pdf", f"sinew-run-{id}.pdf")
 
 
@@ -348,7 +348,7 @@ async def get_differences(
     request: Request, asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
 ) -> Differences:
     """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
-    return await unless_left(service.downloads.differences(asked), request.is_disconnected)
+    return await run_while_connected(service.downloads.differences(asked), request.is_disconnected)
 
 
 @run_library_router.get("/run-comparison/{content}.csv", response_class=Response)
@@ -373,7 +373,7 @@ async def get_series_report(
     run: Annotated[list[RunNumber], Query(min_length=1, max_length=MOST_RUNS, description="runs, in order")],
 ) -> Response:
     """Return one report of many runs, as a self-contained page or as PDF."""
-    content = await unless_left(service.downloads.series(run, format, angles), request.is_disconnected)
+    content = await run_while_connected(service.downloads.series(run, format, angles), request.is_disconnected)
     return report(content, format, "sinew-series.pdf")
 
 

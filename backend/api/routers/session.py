@@ -17,8 +17,8 @@ from backend.schemas.session import (
     SessionView,
     SignIn,
 )
-from backend.server.deployment import PEER, PUBLIC, findings
-from backend.server.security import authentication_of, forget, grant, shown_by
+from backend.server.deployment import PEER, PUBLIC, find_deployment_problems
+from backend.server.security import end_session, find_authentication, read_credentials, set_session_cookie
 
 # Preferences ---------------------------------------------------------------------------------------
 #
@@ -58,13 +58,13 @@ async def get_health(service: ServiceInUse) -> Health:
 async def check_page_address(body: PageAddress, request: Request) -> PageAddressFindings:
     """Tell what is wrong with the way from a page's address to this service; open to all. A foreign page gets 403."""
     public, peer = request.scope[PUBLIC], request.scope[PEER]
-    return PageAddressFindings(problems=findings(body.url, public, request.headers, peer))
+    return PageAddressFindings(problems=find_deployment_problems(body.url, public, request.headers, peer))
 
 
 @session_router.get("/session")
 async def get_session(request: Request, response: Response, person: SignedIn) -> SessionView:
     """Tell who is signed in; the browser keeps its cookie for longer by that."""
-    grant(authentication_of(request), request, response, person)
+    set_session_cookie(find_authentication(request), request, response, person)
     return _view(person)
 
 
@@ -73,9 +73,9 @@ async def set_name(
     body: NameRequest, request: Request, response: Response, service: ServiceInUse, person: SignedIn
 ) -> SessionView:
     """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
-    authentication = authentication_of(request)
+    authentication = find_authentication(request)
     renamed = authentication.people.rename(person, body.name)
-    grant(authentication, request, response, renamed)
+    set_session_cookie(authentication, request, response, renamed)
     service.control.rename(renamed)
     return _view(renamed)
 
@@ -83,9 +83,9 @@ async def set_name(
 @session_router.post("/session")
 async def sign_in(body: SignIn, request: Request, response: Response) -> SessionView:
     """Exchange a token for a session cookie."""
-    authentication = authentication_of(request)
-    person = authentication.sign_in(shown_by(request), body.token, body.name)
-    grant(authentication, request, response, person)
+    authentication = find_authentication(request)
+    person = authentication.sign_in(read_credentials(request), body.token, body.name)
+    set_session_cookie(authentication, request, response, person)
     await authentication.sessions.save()
     return _view(person)
 
@@ -93,8 +93,8 @@ async def sign_in(body: SignIn, request: Request, response: Response) -> Session
 @session_router.delete("/session", status_code=204)
 async def sign_out(request: Request, response: Response) -> None:
     """End the session: its cookie opens nothing any more, wherever else it may be, and its pages are closed."""
-    authentication = authentication_of(request)
-    forget(authentication, request, response)
+    authentication = find_authentication(request)
+    end_session(authentication, request, response)
     await authentication.sessions.save()
 
 
@@ -102,9 +102,9 @@ async def sign_out(request: Request, response: Response) -> None:
 async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> FreshTokens:
     """Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks."""
     roles = list(Role) if body.role is None else [body.role]
-    authentication = authentication_of(request)
+    authentication = find_authentication(request)
     tokens = await authentication.rotate(roles, person)
-    grant(authentication, request, response, person)
+    set_session_cookie(authentication, request, response, person)
     return FreshTokens(tokens={role: tokens.of(role) for role in roles})
 
 

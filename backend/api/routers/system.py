@@ -10,7 +10,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.routing import Match, Route
 from starlette.types import Receive, Scope, Send
 
-from backend.api.dependencies import InControl, Operator, ServiceInUse, SignedIn, serve, service_of, signed_in
+from backend.api.dependencies import InControl, Operator, ServiceInUse, SignedIn, require_signed_in, serve, service_of
 from backend.api.errors import STATUS
 from backend.commissioning.steps import StepId
 from backend.errors import RequestRejectedError
@@ -18,7 +18,7 @@ from backend.public_url import PublicUrl
 from backend.schemas.commissioning import BringUpView, DrivesSwitch, StepValues
 from backend.schemas.state import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
 from backend.server.deployment import COOKIE_PATH, PUBLIC
-from backend.server.security import LIVE, authentication_of, grant, message_page, shown_by
+from backend.server.security import LIVE, find_authentication, read_credentials, render_message_page, set_session_cookie
 
 _log = logging.getLogger(__name__)
 
@@ -75,13 +75,13 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
     """Sign in by the link's token, then show the dashboard under an address without it."""
     if token is None:
         return _dashboard()
-    authentication = authentication_of(request)
+    authentication = find_authentication(request)
     try:
-        person = authentication.sign_in(shown_by(request), token, name)
+        person = authentication.sign_in(read_credentials(request), token, name)
     except RequestRejectedError as error:
-        return message_page(STATUS[error.category], str(error))
+        return render_message_page(STATUS[error.category], str(error))
     answer = RedirectResponse("./", status_code=303)  # from here: a proxy may have a path before it
-    grant(authentication, request, answer, person)
+    set_session_cookie(authentication, request, answer, person)
     await authentication.sessions.save()
     return answer
 
@@ -133,7 +133,7 @@ class _Files(StaticFiles):
 def _dashboard() -> Response:
     file = STATIC / "index.html"
     if not file.is_file():
-        return message_page(
+        return render_message_page(
             503, "The dashboard's pages are not built yet: run make frontend, then load this page again."
         )
     return FileResponse(file, headers={"Cache-Control": "no-cache"})
@@ -150,7 +150,7 @@ stream_router = APIRouter()
 @stream_router.websocket(LIVE)
 async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
-    person, service = signed_in(websocket), service_of(websocket)
+    person, service = require_signed_in(websocket), service_of(websocket)
     await websocket.accept()
     _log.info("live stream to %s opened", person.name)
     try:

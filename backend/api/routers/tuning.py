@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
-from backend.errors import ErrorCode, RequestRejectedError
+from backend.errors import RequestRejectedError
 from backend.schemas.base import Finite, RowNumber
 from backend.schemas.state import State
 from backend.schemas.tuning import (
@@ -24,6 +24,7 @@ from backend.schemas.tuning import (
     TuningRequest,
     TuningView,
 )
+from plant.errors import ErrorCode
 
 # Banks ---------------------------------------------------------------------------------------------
 #

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq
 
-from backend.analysis.disturbance_metrics import MeasuredPush, pushes_seen
-from backend.analysis.frequency_metrics import bode_lines
+from backend.analysis.disturbance_metrics import MeasuredPush, measure_pushes
+from backend.analysis.frequency_metrics import build_bode_lines
 from backend.analysis.step_metrics import load_steps
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -83,7 +83,9 @@ def responses(plant: str, motion: str) -> Found:
     """Return bandwidths, measured and predicted, and the largest difference of both responses."""
     run = in_motion(plant, "frequency_response", motion)
     figures = {figure.name: figure.value for figure in run.played.metrics.figures}
-    highest = {lines.signal: lines.f[-1] for lines in bode_lines(run.played.columns, run.plan.program(), run.in_force)}
+    highest = {
+        lines.signal: lines.f[-1] for lines in build_bode_lines(run.played.columns, run.plan.program(), run.in_force)
+    }
 
     def width(signal: str) -> str:
         value = figures[f"bandwidth_{signal}_Hz"]
@@ -107,7 +109,7 @@ def responses(plant: str, motion: str) -> Found:
 def disturbances(plant: str, motion: str) -> Found:
     """Return the largest deviation at each stiffness under steps and impulses, and how far they are off."""
     run = in_motion(plant, "disturbance_battery", motion)
-    pushes = pushes_seen(run.played.columns, run.plan.program(), run.in_force)
+    pushes = measure_pushes(run.played.columns, run.plan.program(), run.in_force)
     steps, impulses, ramps = (
         [push for push in pushes if push.window.shape == shape] for shape in ("step", "impulse", "ramp")
     )

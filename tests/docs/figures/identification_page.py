@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from backend.control.decoupler import decoupler_for, stiffness_slope
+from backend.control.decoupler import build_decoupler, stiffness_slope
 from backend.experiments.plans import ActuatorIdentificationPlan
-from backend.identification.estimation import estimate
+from backend.identification.estimation import estimate_model
 from backend.identification.fitting import Method
 from backend.identification.models import TABLE_1
 from backend.identification.motor import identify_motor
@@ -87,9 +87,9 @@ def motor_rows(parameters: PlantParameters) -> Iterator[list[str]]:
 
 def gain_row(parameters: PlantParameters, tension: float, record: Columns) -> list[str]:
     g, row = parameters.geometry, TABLE_1[tension]
-    G_q = estimate(Record(T_s, record["theta_A_ref"], record["q"]), "lags4")
-    G_S = estimate(Record(T_s, record["theta_A_ref"], record["S"]), "order:4")
-    gain_q, gain_S = g.r_m / (2.0 * g.r_j), stiffness_slope(decoupler_for(parameters), row.S)
+    G_q = estimate_model(Record(T_s, record["theta_A_ref"], record["q"]), "lags4")
+    G_S = estimate_model(Record(T_s, record["theta_A_ref"], record["S"]), "order:4")
+    gain_q, gain_S = g.r_m / (2.0 * g.r_j), stiffness_slope(build_decoupler(parameters), row.S)
     return [
         f"{tension:g} N", f"{row.K_q:.4f}", *_gain(G_q.first_order.K, gain_q), f"{G_q.first_order.T:.3f}",
         f"{row.K_S:.3f}", *_gain(G_S.first_order.K, gain_S), f"{G_S.first_order.T:.3f}",
@@ -124,7 +124,7 @@ def _gain(found: float, geometry: float) -> tuple[str, str]:
 
 def _arx(run: Columns, signal: str) -> tuple[str, str]:
     try:
-        found = estimate(Record(T_s, run["theta_A_ref"], run[signal]), "first", Method.ARX)
+        found = estimate_model(Record(T_s, run["theta_A_ref"], run[signal]), "first", Method.ARX)
     except IdentificationError:
         return "none", "none"
     return f"{found.first_order.K:.3f}", f"{found.first_order.T:.2f}"
@@ -132,7 +132,7 @@ def _arx(run: Columns, signal: str) -> tuple[str, str]:
 
 def _fitted_third(run: Columns, signal: str) -> str:
     try:
-        found = estimate(Record(T_s, run["theta_A_ref"], run[signal]), "third", Method.OUTPUT_ERROR)
+        found = estimate_model(Record(T_s, run["theta_A_ref"], run[signal]), "third", Method.OUTPUT_ERROR)
     except IdentificationError:
         return "none"
     return _third(*(found.model.parameters[name] for name in ("K", "T", "a2", "a1")))

@@ -11,7 +11,7 @@ from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.motor import VoltageStepRecord
 from backend.realtime.commands import Refused, RunProgram, SetMode
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_for
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import Mode
 from backend.sample import INDEX
 from backend.tuning.gains import TuningParameters
@@ -30,7 +30,9 @@ class Bench:
 
     def __init__(self, parameters: PlantParameters, seed: int = 0) -> None:
         self._rows: list[Array] = []
-        self._loop = Loop(Simulator(parameters, seed), parameters, self, tuning_for(parameters, TuningParameters()))
+        self._loop = Loop(
+            Simulator(parameters, seed), parameters, self, make_tuning_command(parameters, TuningParameters())
+        )
         self._order(SetMode(Mode.PRETENSION))
         self._tick_until_pretension()
 

@@ -5,11 +5,11 @@ from functools import partial
 
 import numpy as np
 
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import ApplyPush
 from backend.realtime.gains import tuning_of
-from backend.tuning.gains import knowledge
+from backend.tuning.gains import collect_plant_knowledge
 from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, push_forecast
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -87,7 +87,7 @@ def margins() -> Found:
 def forecast_of(plant: str, settings: LoopSettings) -> PushForecast:
     """Return what the tuning card expects of a held push."""
     parameters = load_parameters(plant)
-    gains = tuning_of(tuning_command(parameters, settings, None), knowledge(parameters))
+    gains = tuning_of(build_tuning_command(parameters, settings, None), collect_plant_knowledge(parameters))
     return push_forecast(parameters, gains, S_REF, settings.lam_q)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis.context import EvaluationContext
-from backend.banks.builder import tuning_command
+from backend.banks.builder import build_tuning_command
 from backend.execution.simulation import SimulatedRun, headless_loop, play_in_memory
-from backend.experiments.library import ready_plan
+from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Command, SetMode, SetReferences
 from backend.realtime.headless import SimulatedLoop
@@ -60,7 +60,7 @@ def experiment(
     parameters: PlantParameters, name: str, settings: LoopSettings | None = None, **values: Any
 ) -> Experiment:
     """Play a ready-made experiment to its end; ``settings`` are the defaults unless given."""
-    plan, used = ready_plan(name, **values), settings or LoopSettings()
+    plan, used = build_ready_plan(name, **values), settings or LoopSettings()
     played = play_in_memory(parameters, plan, used, no_bank)
     assert played.end_state == "completed", played.end_detail
     return Experiment(parameters, plan, used, played)
@@ -105,7 +105,7 @@ class Bench:
     def learn(self, S: float) -> None:
         """Learn what the outside force reads with nothing outside, then use the rejection of the settings."""
         self.send(ConfigureContactDetection(((S, float(np.mean(self.column("F_ext_hat", 500)))),)))
-        self.send(tuning_command(self.parameters, self.settings, None))
+        self.send(build_tuning_command(self.parameters, self.settings, None))
 
     def column(self, name: str, last: int) -> Array:
         """Return the last samples of a signal."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from backend.analysis.disturbance_metrics import Hit, beside_each_other, hits_of
+from backend.analysis.disturbance_metrics import Hit, find_hits, pair_hits
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
 from tests.docs.figures.runs import experiment
@@ -52,11 +52,11 @@ def impacts() -> Found:
     """Return both tables and what the text says of them."""
     run = experiment(load_parameters("lab"), "impact")
     columns, geometry = run.played.columns, run.parameters.geometry
-    hits = hits_of(columns, run.plan.program())
+    hits = find_hits(columns, run.plan.program())
     plain = [hit for hit in hits if not hit.reacts]
     low = min(hit.S_ref for hit in plain)
     soft, stiff = ([hit for hit in plain if (hit.S_ref == low) is is_soft] for is_soft in (True, False))
-    pairs, why = beside_each_other(hits)
+    pairs, why = pair_hits(hits)
     assert not why, why
     pairs = tuple(sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed)))
     later = [1e3 * columns["t"][int(np.argmax(np.abs(columns["F_wall"][hit.window])))] for hit in plain]

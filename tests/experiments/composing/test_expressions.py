@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.parser import ExpressionError, Names, number_of, require_known, truth_of
+from backend.experiments.parser import ExpressionError, Names, evaluate_number, require_known, truth_of
 
 KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
 
@@ -33,7 +33,7 @@ KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
     ],
 )
 def test_an_expression_is_the_number_that_arithmetic_says(expression: float | str, expected: float) -> None:
-    assert number_of(expression, KNOWN) == pytest.approx(expected, rel=1e-15)
+    assert evaluate_number(expression, KNOWN) == pytest.approx(expected, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
     ],
 )
 def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str) -> None:
-    for ask in (number_of, truth_of, require_known):
+    for ask in (evaluate_number, truth_of, require_known):
         with pytest.raises(ExpressionError):
             ask(expression, KNOWN)
 
@@ -115,14 +115,14 @@ def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str)
 )
 def test_an_expression_without_a_number_says_why(expression: str, told: str) -> None:
     with pytest.raises(ExpressionError, match=r".") as refused:
-        number_of(expression, KNOWN)
+        evaluate_number(expression, KNOWN)
     assert told in str(refused.value)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True])
 def test_what_is_no_finite_number_is_none_without_an_expression_too(value: float) -> None:
     with pytest.raises(ExpressionError, match="not a finite number"):
-        number_of(value, KNOWN)
+        evaluate_number(value, KNOWN)
 
 
 def test_a_number_is_no_comparison() -> None:
@@ -140,14 +140,14 @@ def test_names_are_looked_for_without_values() -> None:
 @given(st.text(max_size=200))
 def test_any_text_is_a_number_or_refused(text: str) -> None:
     with suppress(ExpressionError):
-        assert math.isfinite(number_of(text, KNOWN))
+        assert math.isfinite(evaluate_number(text, KNOWN))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.sampled_from(["+", "-", "*", "<", "<=", ">", ">=", "==", "!="]))
 def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str) -> None:
     names = {"a": a, "b": b}
     expected = eval(f"a {sign} b", {}, names)
-    found = truth_of(f"a {sign} b", names) if isinstance(expected, bool) else number_of(f"a {sign} b", names)
+    found = truth_of(f"a {sign} b", names) if isinstance(expected, bool) else evaluate_number(f"a {sign} b", names)
     assert found == expected
 
 
@@ -168,18 +168,18 @@ def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str
 )
 def test_an_expression_that_costs_much_is_refused_before_it_is_evaluated(expression: str | int) -> None:
     with pytest.raises(ExpressionError):
-        number_of(expression, {})
+        evaluate_number(expression, {})
 
 
 @pytest.mark.parametrize(
     ("expression", "value"), [("round(7.5)", 8.0), ("round(2.345, 1)", 2.3), ("round(1234, -2)", 1200.0)]
 )
 def test_rounding_is_that_of_floats(expression: str, value: float) -> None:
-    assert number_of(expression, {}) == value
+    assert evaluate_number(expression, {}) == value
 
 
 def test_whole_numbers_are_floats_in_every_operation() -> None:
     """With Python's whole numbers 3 ** 2000 would be exact, and costly beyond any bound."""
-    assert number_of("n * n", {"n": 2**60}) == float(2**60) ** 2
+    assert evaluate_number("n * n", {"n": 2**60}) == float(2**60) ** 2
     with pytest.raises(ExpressionError):
-        number_of("3 ** 2000", {})
+        evaluate_number("3 ** 2000", {})

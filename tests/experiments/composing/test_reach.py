@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from backend.control.decoupler import bounds_for
+from backend.control.decoupler import compute_bounds
 from backend.experiments.compiler import CompiledExperiment, require_reach
 from backend.experiments.parser import ExperimentError
 from backend.realtime.program import OSCILLATING, Segment, Shape
@@ -12,7 +12,7 @@ from plant.parameters import load_parameters
 
 _LAB = load_parameters("lab")
 PLANT = replace(_LAB, geometry=replace(_LAB.geometry, q_max=1.0))
-BOUNDS = bounds_for(PLANT)
+BOUNDS = compute_bounds(PLANT)
 HELD = Segment(1.0, 0.0, 10.0)
 LINES = {(): 1, ("phases", 0, "parts", 0): 9, ("phases", 0, "parts", 1): 10, ("phases", 0, "parts", 2): 11}
 

@@ -5,7 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.experiments.library import WITHIN_F_N, WITHIN_Q_RAD, WITHIN_S, ReferenceChange, commanded, followed
+from backend.experiments.library import (
+    WITHIN_F_N,
+    WITHIN_Q_RAD,
+    WITHIN_S,
+    ReferenceChange,
+    find_commanded_range,
+    follow_columns,
+)
 from backend.experiments.parser import ExperimentError, of_document
 from backend.experiments.plans import ExperimentPlan
 from backend.realtime.program import Law, Program, Segment, Shape
@@ -36,7 +43,7 @@ def again(parts: list[dict[str, Any]]) -> np.ndarray:
 @pytest.mark.parametrize("segments", [STEPS_AND_RAMPS, SINE], ids=["steps and ramps", "sine"])
 def test_what_is_played_again_is_what_was_recorded(segments: tuple[Segment, ...]) -> None:
     recorded = played(Program(Law.CASCADE, segments), 0.0, 10.0)
-    found = followed(recorded[:, 0], recorded[:, 1])
+    found = follow_columns(recorded[:, 0], recorded[:, 1])
     replayed = again(found.parts)
     assert len(replayed) == len(recorded)
     off_q, off_S = np.abs(replayed - recorded).max(axis=0)
@@ -48,14 +55,14 @@ def test_what_is_played_again_is_what_was_recorded(segments: tuple[Segment, ...]
 
 def test_steps_holds_and_ramps_come_back_as_they_were_written() -> None:
     recorded = played(Program(Law.CASCADE, STEPS_AND_RAMPS), 0.0, 10.0)
-    parts = followed(recorded[:, 0], recorded[:, 1]).parts
+    parts = follow_columns(recorded[:, 0], recorded[:, 1]).parts
     assert [part["do"] for part in parts] == ["step", "ramp", "hold", "ramp", "step"]
     assert [part["duration_s"] for part in parts] == [segment.duration_s for segment in STEPS_AND_RAMPS]
 
 
 def test_a_way_that_begins_with_a_jump_is_off_by_what_is_told() -> None:
     way = np.linspace(0.3, 0.6, 1000)
-    found = followed(way, np.full(1000, 10.0))
+    found = follow_columns(way, np.full(1000, 10.0))
     replayed = again(found.parts)
     assert found.off_q_rad == pytest.approx(np.abs(replayed[:1000, 0] - way).max(), abs=1e-9)
     assert found.off_q_rad == pytest.approx(9 * 0.3 / 999, abs=1e-6)  # of the shortest part there is, ten ticks
@@ -71,13 +78,13 @@ def test_a_way_that_begins_with_a_jump_is_off_by_what_is_told() -> None:
 )
 def test_what_was_not_commanded_cannot_be_followed(q_ref: np.ndarray, told: str) -> None:
     with pytest.raises(ExperimentError, match=told):
-        commanded(q_ref, np.full(len(q_ref), 10.0))
+        find_commanded_range(q_ref, np.full(len(q_ref), 10.0))
 
 
 def test_too_many_parts_are_refused() -> None:
     q_ref = np.where(np.arange(40_000) // 20 % 2, 0.1, 0.0)
     with pytest.raises(ExperimentError, match="more than 1000"):
-        followed(q_ref, np.full(len(q_ref), 10.0))
+        follow_columns(q_ref, np.full(len(q_ref), 10.0))
 
 
 def pushed(parts: list[dict[str, Any]]) -> np.ndarray:
@@ -99,7 +106,7 @@ def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
     F[2000:2500] = -4.5
     q_ref = np.full(4000, 0.1)
     q_ref[1700:] = 0.3
-    found = followed(q_ref, np.full(4000, 10.0), F)
+    found = follow_columns(q_ref, np.full(4000, 10.0), F)
     assert [(part["do"], part["duration_s"]) for part in found.parts] == [
         ("step", 0.5),
         ("push", 1.0),
@@ -115,7 +122,7 @@ def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
 def test_a_smooth_push_is_followed_within_its_bound() -> None:
     F = np.zeros(3000)
     F[1000:2000] = 8.0 * np.sin(np.pi * np.arange(1000) / 1000.0) ** 2
-    found = followed(np.full(3000, 0.1), np.full(3000, 10.0), F)
+    found = follow_columns(np.full(3000, 0.1), np.full(3000, 10.0), F)
     off = np.abs(pushed(found.parts)[:3000] - F).max()
     assert off <= WITHIN_F_N
     assert off == pytest.approx(found.off_F_N, abs=1e-9)
@@ -128,7 +135,7 @@ def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None
     q_ref[1000:2000] += 0.4 * np.arange(1, 1001) / 1000.0
     q_ref[2000:3000] = 0.5
     q_ref[3000:] = 0.2
-    found = followed(q_ref, np.full(4000, 10.0), F)
+    found = follow_columns(q_ref, np.full(4000, 10.0), F)
     assert found.unpushed == [(1000, 2000), (3000, 3010)]
     missing = np.flatnonzero(pushed(found.parts)[:4000] != F)
     assert missing.tolist() == [*range(1000, 2000), *range(3000, 3010)]
@@ -145,7 +152,7 @@ def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:
         ReferenceChange(703, {"do": "tuning", "lam_S": 0.6}),
         ReferenceChange(1200, wall),
     ]
-    found = followed(np.full(2000, 0.1), np.full(2000, 10.0), None, changes)
+    found = follow_columns(np.full(2000, 0.1), np.full(2000, 10.0), None, changes)
     assert [part["do"] for part in found.parts] == [
         "tuning",
         "step",

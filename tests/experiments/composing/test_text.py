@@ -13,10 +13,10 @@ from backend.experiments.parser import (
     MAX_CHARACTERS,
     ExperimentError,
     canonical,
+    find_line,
     in_words,
-    line_of,
-    of_canonical,
     of_document,
+    parse_canonical,
     read,
 )
 from backend.experiments.schema import EXPERIMENT, Experiment, Hold, Section, Step
@@ -59,9 +59,9 @@ def test_each_part_is_read_with_its_line() -> None:
 
 def test_a_place_that_has_no_line_has_that_of_what_it_lies_in() -> None:
     _, lines = read(SMALL)
-    assert line_of(("phases", 0, "parts", 1, "S_ref"), lines) == 11
-    assert line_of(("phases", 0, "parts", 7), lines) == 8
-    assert line_of(("phases", 0), {}) is None
+    assert find_line(("phases", 0, "parts", 1, "S_ref"), lines) == 11
+    assert find_line(("phases", 0, "parts", 7), lines) == 8
+    assert find_line(("phases", 0), {}) is None
     assert in_words(("phases", 0, "parts", 1, "q_ref")) == "phases 1, parts 2, q_ref"
     assert in_words(()) == "experiment"
 
@@ -82,7 +82,7 @@ def test_line_ends_of_other_machines_count_alike(line_end: str) -> None:
 @pytest.mark.parametrize("word", ["no", "yes", "on", "off", "1:30", "0x1f", "1_000", "2001-01-01", "12", "true", "~"])
 def test_words_that_look_like_something_else_stay_words(word: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=word)
-    assert of_canonical(canonical(experiment)) == experiment
+    assert parse_canonical(canonical(experiment)) == experiment
     assert read(json.dumps(json.loads(canonical(experiment))))[0] == experiment
 
 
@@ -98,13 +98,13 @@ def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
 )
 def test_a_title_is_the_same_in_the_text_that_a_run_keeps(title: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=title)
-    assert of_canonical(canonical(experiment)) == experiment
+    assert parse_canonical(canonical(experiment)) == experiment
 
 
 @pytest.mark.parametrize("line", ["", "[]", "{", "[" * 100_000, '{"format": 1}'])
 def test_what_is_no_such_text_is_refused_in_a_sentence(line: str) -> None:
     with pytest.raises(ExperimentError):
-        of_canonical(line)
+        parse_canonical(line)
 
 
 @pytest.mark.parametrize("value", ["!!int abc", "!!float abc", "!!int '5'", "!!str 5", "! 5"])

@@ -1,6 +1,6 @@
 """What is told of each part against what the program plays."""
 
-from backend.experiments.compiler import played_parts
+from backend.experiments.compiler import list_played_parts
 from backend.experiments.parser import read
 from backend.experiments.plans import ExperimentPlan
 
@@ -22,7 +22,7 @@ phases:
 
 def test_each_part_is_told_with_its_place_its_times_and_from_where_to_where() -> None:
     experiment, lines = read(WRITTEN)
-    step, ramp, pulse = played_parts(ExperimentPlan(experiment, {}, lines=lines).laid)
+    step, ramp, pulse = list_played_parts(ExperimentPlan(experiment, {}, lines=lines).laid)
     assert step.path == ("phases", 0, "parts", 0)
     assert (step.start_s, step.end_s, step.q_from, step.q_to) == (0.0, 1.0, None, 0.1)
     assert ramp.path == ("phases", 0, "parts", 1, "parts", 0)

@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 
 from backend.data_folder import only_service_on
-from backend.storage.database import check, open_database, recover
+from backend.storage.database import find_database_errors, open_database, recover_database
 from tests.migrations.old_schema import at_revision
 from tests.soak.attack.isolation import mount_small, unmount
 from tests.soak.attack.tally import Tally
@@ -141,7 +141,7 @@ def _judge(
 ) -> None:
     """Start as the service does, and compare."""
     with only_service_on(folder / "data"):
-        recover(folder / "data" / "sinew.db")
+        recover_database(folder / "data" / "sinew.db")
     found = trial.state(folder)
     tally.lost(found not in (before, after), f"{what}: {found}, neither {before} nor {after}")
     outcomes["new" if found == after else "old"] += 1
@@ -150,7 +150,7 @@ def _judge(
     copies = {one.name for one in (folder / "data" / "backups").glob("*")}
     tally.lost(any(not name.endswith(".db") for name in copies), f"{what}: left {sorted(copies)}")
     with closing(open_database(folder / "data")) as database:
-        tally.lost(bool(problems := check(database.engine)), f"{what}: {problems}")
+        tally.lost(bool(problems := find_database_errors(database.engine)), f"{what}: {problems}")
 
 
 def _on_full_disk(trial: Trial, before: str, after: str, room: float, tally: Tally) -> None:

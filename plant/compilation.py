@@ -175,7 +175,7 @@ class _InTurns(FunctionCache):
             super().save_overload(sig, data)
 
 
-def kept(function: _F) -> _F:
+def cache_compiled(function: _F) -> _F:
     """Return what numba has decorated so that its machine code is kept on disk, by many processes at a time."""
     dispatcher: Any = function
     if CACHE is not None:
@@ -207,7 +207,7 @@ def compiled(function: _F) -> _F:
     a spring's table down to the innermost sum costs nothing (counting made the offline closed loop four times slower).
     """
     dispatcher = _Compiled(function, targetoptions={"nopython": True, "no_cfunc_wrapper": True, **STRICT})
-    return kept(cast(_F, dispatcher))
+    return cache_compiled(cast(_F, dispatcher))
 
 
 class PrecompiledCall(Generic[_R, *_Arguments]):
@@ -288,7 +288,7 @@ def compiled_run(function: _F) -> _F:
 
     Not for what the tick calls: giving up and taking back Python's lock would let another thread delay the tick.
     """
-    return kept(cast(_F, numba.njit(nogil=True, **STRICT)(function)))
+    return cache_compiled(cast(_F, numba.njit(nogil=True, **STRICT)(function)))
 
 
 # Cell ----------------------------------------------------------------------------------------------
@@ -528,5 +528,5 @@ def _keep(_context: Any, cell: Any, value: Any) -> Any:
     return types.void(cell, cell.holds), generate
 
 
-keep: Callable[[StateBlock[_T], _T], None] = cast(Any, intrinsic)(_keep)
+keep_compiled: Callable[[StateBlock[_T], _T], None] = cast(Any, intrinsic)(_keep)
 """Let a cell hold a value of its type; for compiled functions."""
