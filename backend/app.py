@@ -10,75 +10,85 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter
 
-from backend.analysis.evaluation import evaluate_finished_run
-from backend.api.dependencies import Service, require_signed_in
-from backend.auth.authentication import AUTHENTICATION_PART as TOKENS
-from backend.auth.authentication import Authentication
-from backend.auth.control_lease import CONTROL_LEASE_PART as CONTROL
-from backend.auth.control_lease import ControlLease
-from backend.auth.handover import HANDOVER_PART as HAND_OVER
-from backend.auth.handover import ControlHandover
-from backend.commissioning.session import KeptHands
-from backend.commissioning.status import find_completed_commissioning
+from backend.analysis import evaluate_finished_run
+from backend.api import Service, require_signed_in
+from backend.auth import AUTHENTICATION_PART as TOKENS
+from backend.auth import CONTROL_LEASE_PART as CONTROL
+from backend.auth import HANDOVER_PART as HAND_OVER
+from backend.auth import Authentication, ControlHandover, ControlLease
+from backend.commissioning import KeptHands, find_completed_commissioning
 from backend.data_folder import DATA_FOLDER_PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
-from backend.execution.runner import ExperimentRig
+from backend.execution import ExperimentRig
 from backend.faults import Fault
-from backend.models.document import UnreadableDocumentError
-from backend.realtime.ipc import Setup
-from backend.realtime.launching import LoopProcess
-from backend.realtime.supervisor import Supervisor
-from backend.recording.flight import FLIGHT_RECORDER_PART as FLIGHTS
-from backend.recording.flight import FlightRecorder, Quota
-from backend.recording.recorder import Recorder
-from backend.recording.retention import RetentionRule
-from backend.recording.trigger import TRIGGER_PART as TRIGGER
-from backend.recording.trigger import Heard, Trigger
-from backend.scene.model import SCENE_PART as SCENE
-from backend.scene.model import SceneMirror
-from backend.scene.proxy import create_scene_router as scene_router
-from backend.schemas.state import EventMessage, MarkKind, StateMessage
-from backend.services.actuator import ActuatorService, SafeStop, SessionRuns
-from backend.services.background_work import ChartSheets, TextWork
-from backend.services.banks import StoredBanks
-from backend.services.commissioning import BringUp
-from backend.services.downloads import Downloads
-from backend.services.event_log import EVENT_LOG_PART as JOURNAL
-from backend.services.event_log import EventLog, Refusals
-from backend.services.identifications import StoredIdentifications
-from backend.services.jobs import JobManager
-from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
-from backend.services.lineage import History
-from backend.services.live_stream import LIVE_STREAM_PART as LIVE
-from backend.services.live_stream import LiveStream
-from backend.services.maintenance import MAINTENANCE_PART as RETENTION
-from backend.services.maintenance import Maintenance, Retention, Soundness
-from backend.services.parameters import (
+from backend.models import UnreadableDocumentError
+from backend.realtime import LoopProcess, Setup, Supervisor
+from backend.recording import FLIGHT_RECORDER_PART as FLIGHTS
+from backend.recording import TRIGGER_PART as TRIGGER
+from backend.recording import FlightRecorder, Heard, Quota, Recorder, RetentionRule, Trigger
+from backend.scene import SCENE_PART as SCENE
+from backend.scene import SceneMirror
+from backend.scene import create_scene_router as scene_router
+from backend.schemas import EventMessage, MarkKind, StateMessage
+from backend.services import EVENT_LOG_PART as JOURNAL
+from backend.services import LIVE_STREAM_PART as LIVE
+from backend.services import MAINTENANCE_PART as RETENTION
+from backend.services import (
+    ActiveTuning,
+    ActuatorService,
     Applied,
     AppliedVersion,
+    BringUp,
+    ChartSheets,
+    Downloads,
+    DryRuns,
+    Evaluations,
+    EventLog,
+    Formulas,
+    History,
+    JobManager,
+    KeptFigures,
+    LiveState,
+    LiveStream,
+    Maintenance,
+    OwnExperiments,
+    RecordedFigures,
+    Refusals,
+    ReplayView,
+    Retention,
+    RunLibrary,
+    SafeStop,
+    SavedTunings,
+    SessionRuns,
+    Soundness,
+    StoredBanks,
+    StoredIdentifications,
+    StoredPreferences,
+    StoredRuns,
+    StoredTimeline,
+    StudyScheduler,
+    TextWork,
+    Triggers,
+    TuningStore,
     changed_sections,
+    describe_recording,
     find_last_applicant,
     list_parameter_versions,
 )
-from backend.services.player import describe_recording
-from backend.services.queue import DryRuns
-from backend.services.runs import Evaluations, ReplayView, StoredRuns, StoredTimeline
-from backend.services.signals import Formulas, RecordedFigures
-from backend.services.state import LiveState
-from backend.services.studies import StudyScheduler
-from backend.services.triggers import Triggers
-from backend.services.tuning import SavedTunings
-from backend.services.tuning_state import ActiveTuning, KeptFigures, TuningStore
 from backend.settings import Settings
-from backend.storage import runs
-from backend.storage.claims import HeldClaim
-from backend.storage.database import Database, find_database_file, open_database, recover_database
-from backend.storage.events import EventKind
-from backend.storage.stations import HeldStation
+from backend.storage import (
+    Database,
+    EventKind,
+    HeldClaim,
+    HeldStation,
+    find_database_file,
+    open_database,
+    recover_database,
+    runs,
+)
 from backend.supervision import KeptThread, Part, Supervision
 from backend.workers import SCIENCE, Processes
-from plant.interface import PlantKind
-from plant.parameters import ParameterError, PlantParameters, load_parameters
+from plant import ParameterError, PlantKind, PlantParameters, load_parameters
 
 if TYPE_CHECKING:
     pass

@@ -3,17 +3,16 @@
 This is the half of the service. ``python -m backend.realtime.compile_ahead`` is that of the loop; both run in parallel.
 """
 
-import backend.api.app
-import backend.app
-import backend.cli.server
-import backend.main
-import backend.server.server
+from backend import app, main
+from backend.api import create_app
+from backend.cli import server
 from backend.realtime import heartbeat
-from backend.services.tuning_state import KeptFigures, default_tuning
-from plant.parameters import load_parameters
+from backend.server import prepare_routes
+from backend.services import KeptFigures, default_tuning
+from plant import load_parameters
 
 PARAMETERS = "lab"
-STARTED = (backend.main, backend.app, backend.api.app, backend.cli.server, backend.server.server)
+STARTED = (main, app, create_app, server, prepare_routes)
 """What a start imports: it is bytecode from now on."""
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from backend.supervision import Part
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Data folder ---------------------------------------------------------------------------------------
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from backend.units import DIGITS, AngleUnit, format_quantity, in_digits, read, reading_of, with_unit
-from plant.errors import ErrorCode as ErrorCode
-from plant.errors import SinewError as SinewError
+from plant import ErrorCode as ErrorCode
+from plant import SinewError as SinewError
 
 # Refusal -------------------------------------------------------------------------------------------
 #

@@ -14,11 +14,10 @@ from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, supp
 from typing import TYPE_CHECKING
 
 from backend import logs, workers
-from backend.auth.sessions import TokenFiles, Tokens
+from backend.auth import TokenFiles, Tokens
 from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
-from backend.realtime.launching import launch_loop
-from backend.server.descriptors import raise_limit
-from backend.server.listening import Ending, browser_address, listening_socket
+from backend.realtime import launch_loop
+from backend.server import Ending, browser_address, listening_socket, raise_limit
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
 from backend.workers import refuse_forks
@@ -26,9 +25,8 @@ from backend.workers import refuse_forks
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-    from backend.realtime.supervisor import Supervisor
-    from backend.realtime.timing import RealTimeStatus
-    from backend.recording.recorder import Recorder
+    from backend.realtime import RealTimeStatus, Supervisor
+    from backend.recording import Recorder
 
 
 _log = logging.getLogger(__name__)
@@ -80,12 +78,11 @@ async def _serve(
         starting = asyncio.create_task(foundation.supervisor.start(), name="start of the loop")
         parts.push_async_callback(_abandon, starting, foundation.supervisor)
         await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
-        from backend.api.app import create_app
+        from backend.api import create_app
         from backend.app import build_services
-        from backend.auth.authentication import Authentication
-        from backend.auth.sessions import Sessions
-        from backend.server.server import Server, prepare_routes
-        from backend.storage.events import EventKind
+        from backend.auth import Authentication, Sessions
+        from backend.server import Server, prepare_routes
+        from backend.storage import EventKind
 
         authentication = Authentication(files, Sessions(settings.data))
         # All who listen to the loop are there before the event loop gets to hear from it.
@@ -145,7 +142,7 @@ async def _join_loop(
     stack: AsyncExitStack,
 ) -> None:
     """Wait until the loop ticks and record it; both end before the other parts do."""
-    from backend.recording.recorder import RECORDER_PART as RECORDER
+    from backend.recording import RECORDER_PART as RECORDER
 
     await starting
     recorder.follow(supervisor.ring)

@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import AfterValidator, ValidationInfo
 
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 _REFUSED = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 _DIRECTION = "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"

@@ -13,8 +13,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from backend.errors import require_station_name
 from backend.logs import Level
 from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
-from plant.errors import ErrorCode, SinewError
-from plant.interface import DEFAULT_WIRING, PlantChoice, PlantKind
+from plant import DEFAULT_WIRING, ErrorCode, PlantChoice, PlantKind, SinewError
 
 _PREFIX = "SINEW_"
 _HOST_NAME = re.compile(r"[\w.-]{1,253}", re.ASCII)

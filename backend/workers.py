@@ -22,7 +22,7 @@ from traceback import format_exc
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from backend.supervision import Part, Supervision
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Forks ---------------------------------------------------------------------------------------------
 #

@@ -3,8 +3,7 @@
 from alembic import context
 from sqlalchemy import Connection
 
-from backend.storage.database import connect_database
-from backend.storage.orm import FormulaRow, QueuedRow, RunIndexRow, StudyRow
+from backend.storage import FormulaRow, QueuedRow, RunIndexRow, StudyRow, connect_database
 
 # Each module of tables has to be loaded for them to be known.
 METADATA = RunIndexRow.metadata

@@ -1,1 +1,5 @@
 """Metrics of runs, and the evaluation that stores them. Pure, but for the evaluation."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.analysis.step_metrics import timed
-from backend.banks.builder import BankError, HasEntries, entry_points
-from backend.banks.tuning_settings import NAMES, TuningSettings
+from backend.banks import NAMES, BankError, HasEntries, TuningSettings, entry_points
 from backend.control import cascade
-from backend.experiments.plans import ExperimentPlan
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import StoredLoopSettings, complete_motion
-from backend.realtime.program import Law, final_references
-from backend.tuning.gains import PointModel, TuningError, make_cascade_tuning
-from plant.errors import SinewError
-from plant.parameters import PlantParameters
+from backend.experiments import ExperimentPlan
+from backend.models import StoredLoopSettings, UnreadableDocumentError, complete_motion
+from backend.realtime import Law, final_references
+from backend.tuning import PointModel, TuningError, make_cascade_tuning
+from plant import PlantParameters, SinewError
 
 
 class NotPredictedError(SinewError, ValueError):

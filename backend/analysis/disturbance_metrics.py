@@ -24,10 +24,9 @@ from backend.analysis.step_metrics import (
     whole,
 )
 from backend.faults import Limit
-from backend.realtime.program import Program, Shape
-from backend.tuning.simulation import INPUTS, OUTPUTS, disturbance_response, make_sampled_loop
-from plant.interface import T_s
-from plant.parameters import SIDES, PlantParameters, Side
+from backend.realtime import Program, Shape
+from backend.tuning import INPUTS, OUTPUTS, disturbance_response, make_sampled_loop
+from plant import SIDES, PlantParameters, Side, T_s
 
 # Compliance ----------------------------------------------------------------------------------------
 #

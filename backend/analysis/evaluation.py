@@ -49,43 +49,49 @@ from backend.analysis.step_metrics import (
     tracking_metrics,
     unseen,
 )
-from backend.banks.tuning_settings import DECLARED, NAMES
+from backend.banks import DECLARED, NAMES
 from backend.errors import Path
-from backend.experiments.library import parse_stored_plan
-from backend.experiments.parser import (
+from backend.experiments import (
     OF_THE_PLANT,
-    ExperimentError,
-    ExpressionError,
-    Lines,
-    evaluate_number,
-    find_line,
-    require_known,
-)
-from backend.experiments.plans import (
     ActuatorIdentificationPlan,
+    Bound,
+    Experiment,
+    ExperimentError,
     ExperimentPlan,
+    ExpressionError,
     IdentificationPlan,
+    Lines,
+    Measure,
     MotorIdentificationPlan,
     Plan,
     SequencePlan,
     SpringIdentificationPlan,
+    evaluate_number,
+    find_line,
+    parse_stored_plan,
+    require_known,
 )
-from backend.experiments.schema import Bound, Experiment, Measure
-from backend.identification.fitting import Method
-from backend.models.run import DeclaredValue, MeasuredFigure, Metrics, Phase, RunCriterion, StepFigures, Value
-from backend.realtime.program import IDENTIFYING, Law
-from backend.recording.reader import Columns as ReaderColumns
-from backend.recording.reader import read_recorded_columns
-from backend.storage import banks, identifications, results, runs
-from backend.storage.database import Database
-from backend.storage.identifications import Identification, NewIdentification
-from backend.storage.results import NewResult, Result
-from backend.storage.runs import EndState, Run, RunKind
-from backend.tuning.gains import PointModel, TuningParameters
-from backend.tuning.preview import least_reach_time
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
-from plant.parameters import PlantParameters, parse_parameters
+from backend.identification import Method
+from backend.models import DeclaredValue, MeasuredFigure, Metrics, Phase, RunCriterion, StepFigures, Value
+from backend.realtime import IDENTIFYING, Law
+from backend.recording import Columns as ReaderColumns
+from backend.recording import read_recorded_columns
+from backend.storage import (
+    Database,
+    EndState,
+    Identification,
+    NewIdentification,
+    NewResult,
+    Result,
+    Run,
+    RunKind,
+    banks,
+    identifications,
+    results,
+    runs,
+)
+from backend.tuning import PointModel, TuningParameters, least_reach_time
+from plant import ErrorCode, PlantParameters, SinewError, T_s, parse_parameters
 
 # Document ------------------------------------------------------------------------------------------
 #

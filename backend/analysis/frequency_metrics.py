@@ -11,10 +11,9 @@ from backend.analysis.context import EvaluationContext, NotPredictedError
 from backend.analysis.step_metrics import NO_NUMBER, Columns, Excited, NoSamplesError, Whole, excitations, figure, whole
 from backend.control import cascade
 from backend.faults import Limit
-from backend.realtime.program import Program
-from backend.tuning.robustness import decoupling_matrix
-from backend.tuning.simulation import INPUTS, OUTPUTS, make_sampled_loop, planned_response
-from plant.interface import T_s
+from backend.realtime import Program
+from backend.tuning import INPUTS, OUTPUTS, decoupling_matrix, make_sampled_loop, planned_response
+from plant import T_s
 
 # Response ------------------------------------------------------------------------------------------
 #

@@ -9,37 +9,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis.step_metrics import NoSamplesError, figure
-from backend.control.decoupler import build_decoupler, compute_bounds, stiffness_slope
-from backend.experiments.library import parse_stored_plan
-from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
-from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification
-from backend.identification.actuator import identify_actuator as estimate_actuator
-from backend.identification.estimation import (
-    Candidates,
-    ModelComparison,
-    count_fitted_samples,
-    fit_percent,
-    split_last_part,
-    validate_held_out,
-    validate_on_record,
+from backend.control import build_decoupler, compute_bounds, stiffness_slope
+from backend.experiments import (
+    ActuatorIdentificationPlan,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+    parse_stored_plan,
 )
-from backend.identification.fitting import Method, fit_parameters
-from backend.identification.friction import COLUMNS, LoadFrictionResult, TensionRun, estimate_load_friction
-from backend.identification.models import CorrelationTest, Estimate, Grade, Model, find_structure, joint_method_name
-from backend.identification.motor import (
+from backend.identification import (
+    COLUMNS,
+    RESIDUAL_LEVEL,
+    ActuatorGeometry,
+    ActuatorIdentification,
+    Candidates,
+    CorrelationTest,
+    DataFileError,
+    DecimalMark,
+    Estimate,
+    FileFault,
+    Grade,
+    IdentificationError,
+    LoadFrictionResult,
+    Method,
+    Model,
+    ModelComparison,
     MotorIdentification,
+    Record,
+    RecordError,
+    SpringIdentification,
+    TensionRun,
     VoltageStepRecord,
+    count_fitted_samples,
+    estimate_load_friction,
+    find_structure,
+    fit_parameters,
+    fit_percent,
     identify_motor,
+    identify_spring,
+    joint_method_name,
+    read_load_sweep,
+    read_whiteness_test,
+    split_last_part,
     steady_speed,
     turn_from_rest,
+    validate_held_out,
     validate_motor_step,
+    validate_on_record,
 )
-from backend.identification.records import DataFileError, FileFault, IdentificationError, Record, RecordError
-from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
-from backend.identification.tables import DecimalMark
-from backend.identification.validation import RESIDUAL_LEVEL, read_whiteness_test
-from backend.models.document import Document, UnreadableDocumentError
-from backend.models.identification import (
+from backend.identification import identify_actuator as estimate_actuator
+from backend.models import (
     CHANNELS,
     MODEL,
     MOTOR_MODELS,
@@ -53,6 +71,7 @@ from backend.models.identification import (
     ChannelModel,
     ChannelName,
     ChannelQuality,
+    Document,
     FailedCandidate,
     Fitted,
     FrequencyEstimate,
@@ -77,19 +96,14 @@ from backend.models.identification import (
     StoredStepCurve,
     TableReading,
     TriedStructure,
+    UnreadableDocumentError,
 )
 from backend.plain_text import PlainTextError, require_line, require_plain
-from backend.realtime.program import Excitation
-from backend.recording.reader import Columns, count_missing_ticks, read_recorded_columns
-from backend.storage import identifications, runs
-from backend.storage.database import Database
-from backend.storage.identifications import Identification, NewIdentification
-from backend.storage.runs import EndState, Run, RunKind
-from backend.tuning.gains import PointModel, TuningError, make_motor_loops
-from backend.tuning.robustness import linearize_one_motor
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
-from plant.parameters import SIDES, ParameterError, PlantParameters, Side, parse_parameters
+from backend.realtime import Excitation
+from backend.recording import Columns, count_missing_ticks, read_recorded_columns
+from backend.storage import Database, EndState, Identification, NewIdentification, Run, RunKind, identifications, runs
+from backend.tuning import PointModel, TuningError, linearize_one_motor, make_motor_loops
+from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, SinewError, T_s, parse_parameters
 
 # Actuator identification ---------------------------------------------------------------------------
 #

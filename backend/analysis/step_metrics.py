@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.models.run import Phase, RunCriterion
-from backend.realtime.program import Program, Segment, Shape, final_references
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
-from plant.parameters import SIDES, Side
+from backend.models import Phase, RunCriterion
+from backend.realtime import Program, Segment, Shape, final_references
+from plant import SIDES, ErrorCode, Side, SinewError, T_s
 
 # Criteria ------------------------------------------------------------------------------------------
 #

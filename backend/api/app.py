@@ -14,8 +14,7 @@ from backend.api.dependencies import angles_of
 from backend.api.middleware import AuthenticationMiddleware, tell_refused
 from backend.api.routers import actuator, experiments, identifications, runs, session, system, tuning
 from backend.public_url import PublicUrl
-from backend.server.connections import RequestSchedulingMiddleware
-from backend.server.security import HostOriginMiddleware, SessionExpiryMiddleware
+from backend.server import HostOriginMiddleware, RequestSchedulingMiddleware, SessionExpiryMiddleware
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "

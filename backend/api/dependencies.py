@@ -12,36 +12,44 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
-from backend.auth.authentication import BEARER, OPEN, User
-from backend.auth.control_lease import HEADER, ControlLease, read_stamp
-from backend.auth.handover import ControlHandover
+from backend.auth import BEARER, HEADER, OPEN, ControlHandover, ControlLease, User, read_stamp
 from backend.errors import RequestRejectedError
-from backend.schemas.session import Role
-from backend.schemas.state import Ping, Pong
-from backend.server.security import COOKIE, SHEETS, find_authentication, read_credentials
-from backend.services.actuator import ActuatorService
-from backend.services.background_work import ChartSheets, TextWork, WorkPlaces
-from backend.services.banks import StoredBanks
-from backend.services.commissioning import BringUp
-from backend.services.downloads import Downloads
-from backend.services.event_log import Refusals
-from backend.services.identifications import StoredIdentifications
-from backend.services.jobs import JobManager
-from backend.services.library import OwnExperiments, RunLibrary, StoredPreferences
-from backend.services.lineage import History
-from backend.services.live_stream import Client, LiveStream
-from backend.services.maintenance import Maintenance, Retention
-from backend.services.parameters import Applied
-from backend.services.queue import DryRuns
-from backend.services.runs import Evaluations, ReplayView, StoredRuns, StoredTimeline
-from backend.services.signals import Formulas, RecordedFigures
-from backend.services.studies import StudyScheduler
-from backend.services.triggers import Triggers
-from backend.services.tuning import SavedTunings
-from backend.storage.database import Database
-from backend.storage.orm import StorageError
+from backend.schemas import Ping, Pong, Role
+from backend.server import COOKIE, SHEETS, find_authentication, read_credentials
+from backend.services import (
+    ActuatorService,
+    Applied,
+    BringUp,
+    ChartSheets,
+    Client,
+    Downloads,
+    DryRuns,
+    Evaluations,
+    Formulas,
+    History,
+    JobManager,
+    LiveStream,
+    Maintenance,
+    OwnExperiments,
+    RecordedFigures,
+    Refusals,
+    ReplayView,
+    Retention,
+    RunLibrary,
+    SavedTunings,
+    StoredBanks,
+    StoredIdentifications,
+    StoredPreferences,
+    StoredRuns,
+    StoredTimeline,
+    StudyScheduler,
+    TextWork,
+    Triggers,
+    WorkPlaces,
+)
+from backend.storage import Database, StorageError
 from backend.units import AngleUnit
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Auth ----------------------------------------------------------------------------------------------
 #

@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from backend.errors import RequestRejectedError
-from backend.schemas.base import (
+from backend.schemas import (
     ErrorDetail,
     ErrorResponse,
     error_message,
@@ -20,10 +20,9 @@ from backend.schemas.base import (
     printable_refused_value,
     replace_unsendable,
 )
-from backend.server.deployment import missing_page_message
-from backend.server.security import is_page_request, render_message_page
+from backend.server import is_page_request, missing_page_message, render_message_page
 from backend.units import AngleUnit
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 _log = logging.getLogger(__name__)
 

@@ -13,9 +13,8 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from backend.api.app import create_app
-from backend.glossary.glossary import render_glossary_typescript
-from backend.schemas.state import LiveMessage, Ping
-from backend.schemas.typescript import render_sample_typescript
+from backend.glossary import render_glossary_typescript
+from backend.schemas import LiveMessage, Ping, render_sample_typescript
 
 
 def openapi() -> dict[str, Any]:

@@ -10,10 +10,10 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from backend.api.dependencies import Service, require_signed_in, service_of
 from backend.api.errors import answer_to
-from backend.auth.authentication import User
+from backend.auth import User
 from backend.errors import RequestRejectedError
-from backend.schemas.base import UNITS
-from backend.server.connections import (
+from backend.schemas import UNITS
+from backend.server import (
     ALL_PLACES,
     LONGEST_WAIT_S,
     PASSES_BY,
@@ -21,8 +21,6 @@ from backend.server.connections import (
     Arrivals,
     ConnectionLimiter,
     ConnectionSlot,
-)
-from backend.server.security import (
     body_limit,
     find_authentication,
     has_body,
@@ -32,7 +30,7 @@ from backend.server.security import (
     require_valid_body,
 )
 from backend.units import in_digits
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Admission -----------------------------------------------------------------------------------------
 #

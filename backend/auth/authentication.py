@@ -14,9 +14,9 @@ from itsdangerous import BadData, URLSafeSerializer
 
 from backend.auth.sessions import Sessions, TokenFiles, Tokens
 from backend.errors import RequestRejectedError
-from backend.schemas.session import PersonView, Role
+from backend.schemas import PersonView, Role
 from backend.supervision import Part
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Attempts ------------------------------------------------------------------------------------------
 #

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from backend.auth.authentication import BEARER, OPEN, User
 from backend.errors import RequestRejectedError
-from backend.schemas.state import HolderView, Lease
+from backend.schemas import HolderView, Lease
 from backend.supervision import Part
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Command turns -------------------------------------------------------------------------------------
 #

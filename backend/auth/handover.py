@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from backend.auth.authentication import ActiveUsers, User
 from backend.auth.control_lease import CommandToken, ControlLease, LeaseHolder
 from backend.errors import RequestRejectedError
-from backend.schemas.session import Role
-from backend.schemas.state import OPEN_WISHES, HandoverAnswer, HandoverStatus, WishView
+from backend.schemas import OPEN_WISHES, HandoverAnswer, HandoverStatus, Role, WishView
 from backend.supervision import Part
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 HANDOVER_PART = Part(
     "The watch over who asks for control", "Requests that were under way are answered or asked once more."

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from backend.data_folder import write_private
-from backend.schemas.session import Role
-from plant.errors import ErrorCode, SinewError
+from backend.schemas import Role
+from plant import ErrorCode, SinewError
 
 # Sessions ------------------------------------------------------------------------------------------
 #

@@ -8,29 +8,24 @@ from math import isfinite
 from typing import Any, Protocol
 
 from backend.banks.tuning_settings import TuningSettings, default_lam_motor
-from backend.control import pid
-from backend.control.decoupler import build_decoupler, stiffness_slope
-from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
-from backend.models.run import ENTRY, PLANT_NUMBERS, EntryModel, StoredPlantNumber
+from backend.control import build_decoupler, pid, stiffness_slope
+from backend.identification import MAX_GAIN_ERROR_PERCENT
+from backend.models import ENTRY, PLANT_NUMBERS, EntryModel, StoredPlantNumber
 from backend.plain_text import PlainTextError, as_line, require_line, require_plain_texts
-from backend.realtime.gains import make_tuning_command
-from backend.realtime.program import SetTuning
-from backend.storage import banks, identifications, runs
-from backend.storage.banks import Bank, BankEntry, entry_name
-from backend.storage.database import Database, Session
-from backend.storage.identifications import Identification
-from backend.tuning.gains import (
+from backend.realtime import SetTuning, make_tuning_command
+from backend.storage import Bank, BankEntry, Database, Identification, Session, banks, entry_name, identifications, runs
+from backend.tuning import (
+    OuterProcess,
     PointModel,
     TuningError,
     TuningParameters,
+    TuningPreviewer,
+    decoupled_model,
     make_motor_loops,
     position_gains,
     stiffness_gains,
 )
-from backend.tuning.preview import TuningPreviewer
-from backend.tuning.robustness import OuterProcess, decoupled_model
-from plant.errors import ErrorCode, SinewError
-from plant.parameters import PlantParameters
+from plant import ErrorCode, PlantParameters, SinewError
 
 # Bank consistency ----------------------------------------------------------------------------------
 #

@@ -7,23 +7,38 @@ from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
 from typing import Any, Self
 
-from backend.models.document import DocumentCodec
-from backend.models.run import LAMBDA, MOTIONS, PLANT_NUMBERS, TIME_OPTIMAL, StoredLoopSettings, Value, complete_motion
-from backend.models.settings import (
+from backend.models import (
+    LAMBDA,
+    MOTIONS,
+    PLANT_NUMBERS,
+    TIME_OPTIMAL,
+    DocumentCodec,
+    StoredLoopSettings,
+    Value,
     boolean_setting,
     build_plan,
     choice_setting,
+    complete_motion,
     describe_settings,
     integer_setting,
     number_setting,
 )
-from backend.storage import settings
-from backend.storage.database import Database, Session
-from backend.storage.settings import StoredSetting
-from backend.tuning.gains import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, PointModel, TuningParameters, motor_model
-from backend.tuning.preview import TuningPreviewer, usual_budget
-from backend.tuning.robustness import LAM_MOTOR_MAX, LAM_MOTOR_MIN, common_lambda_range
-from plant.parameters import SIDES, PlantParameters
+from backend.storage import Database, Session, StoredSetting, settings
+from backend.tuning import (
+    LAM_MAX,
+    LAM_MOTOR,
+    LAM_MOTOR_MAX,
+    LAM_MOTOR_MIN,
+    LAM_Q,
+    LAM_S,
+    PointModel,
+    TuningParameters,
+    TuningPreviewer,
+    common_lambda_range,
+    motor_model,
+    usual_budget,
+)
+from plant import SIDES, PlantParameters
 
 # Kept tuning ---------------------------------------------------------------------------------------
 #

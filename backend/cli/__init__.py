@@ -51,7 +51,7 @@ app.command()(server.doctor)
 
 def main() -> None:
     """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
-    from plant.wiring import WiringError
+    from plant import WiringError
 
     exclude_working_directory()
     escape_unprintable_output()

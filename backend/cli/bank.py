@@ -13,9 +13,8 @@ from backend.cli.options import DataFolder, ParameterSet, StationName, database_
 from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
 
 if TYPE_CHECKING:
-    from backend.banks.builder import BankEntryChange, OuterLoopFigures
-    from backend.storage.banks import Bank, StoredFit
-    from backend.storage.database import Database
+    from backend.banks import BankEntryChange, OuterLoopFigures
+    from backend.storage import Bank, Database, StoredFit
 
     Fits = Mapping[int, Mapping[str, StoredFit]]
 
@@ -55,8 +54,7 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show the entries of a bank and the identifications they came from."""
-    from backend.storage import banks, identifications
-    from backend.storage.banks import load_bank_fits
+    from backend.storage import banks, identifications, load_bank_fits
 
     with (
         database_of(load_settings(data=data, station=station), reading=True) as database,
@@ -76,9 +74,8 @@ def build(
     as_json: AsJson = False,
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
-    from backend.banks.builder import build_bank
-    from backend.storage.banks import load_bank_fits
-    from backend.storage.identifications import find_estimate_runs
+    from backend.banks import build_bank
+    from backend.storage import find_estimate_runs, load_bank_fits
 
     settings = load_settings(data=data, station=station)
     with database_of(settings) as database:
@@ -109,9 +106,9 @@ def diff(
 
     Settings: lam_q, lam_S, lam_motor [s].
     """
-    from backend.banks.builder import build_entry, compare_entries, merge_entries
-    from backend.experiments.plans import LoopSettings
-    from backend.models.settings import build_plan
+    from backend.banks import build_entry, compare_entries, merge_entries
+    from backend.experiments import LoopSettings
+    from backend.models import build_plan
     from backend.storage import banks, identifications
 
     if (after is None) == (not again):
@@ -140,8 +137,8 @@ def export(
     station: StationName = None,
 ) -> None:
     """Write a bank to a file, to take it to another data folder."""
-    from backend.banks.builder import build_bank_document
-    from backend.exports.formats import write_file_whole
+    from backend.banks import build_bank_document
+    from backend.exports import write_file_whole
     from backend.storage import banks
 
     with (
@@ -163,7 +160,7 @@ def import_file(
     as_json: AsJson = False,
 ) -> None:
     """Store an exported bank as the next version of its name, after checking it."""
-    from backend.banks.builder import import_bank, parse_bank_file
+    from backend.banks import import_bank, parse_bank_file
 
     settings = load_settings(data=data, params=params, station=station)
     document = parse_bank_file(file.read_text(encoding="utf-8", errors="replace"))
@@ -181,7 +178,7 @@ def _parameters_name(database: "Database", chosen: list[int]) -> str:
 
 
 def _print_changes(changes: "Sequence[BankEntryChange]") -> None:
-    from backend.storage.banks import entry_name
+    from backend.storage import entry_name
 
     columns = ("entry", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
     rows = []
@@ -204,8 +201,8 @@ def _change(old: float | str | None, new: float | str | None) -> str:
 
 
 def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
-    from backend.models.identification import CHANNELS
-    from backend.storage.banks import stored_entry_name
+    from backend.models import CHANNELS
+    from backend.storage import stored_entry_name
 
     if as_json:
         document = asdict(bank)

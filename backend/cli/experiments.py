@@ -33,18 +33,15 @@ from backend.settings import Settings
 from backend.units import counted
 
 if TYPE_CHECKING:
-    from backend.banks.tuning_settings import TuningSettings
-    from backend.execution.runner import RunRequest, RunResult
-    from backend.experiments.library import ExperimentDefinition
-    from backend.experiments.plans import LoopSettings
-    from backend.models.settings import Setting
-    from backend.reports.run_data import RunData
-    from backend.schemas.experiment import QueueView
-    from backend.schemas.state import TaskView
-    from backend.services.library import ExperimentCheck
-    from backend.services.tuning_state import KeptFigures
-    from backend.storage.database import Database
-    from plant.parameters import PlantParameters
+    from backend.banks import TuningSettings
+    from backend.execution import RunRequest, RunResult
+    from backend.experiments import ExperimentDefinition, LoopSettings
+    from backend.models import Setting
+    from backend.reports import RunData
+    from backend.schemas import QueueView, TaskView
+    from backend.services import ExperimentCheck, KeptFigures
+    from backend.storage import Database
+    from plant import PlantParameters
 
 
 # Ordering ------------------------------------------------------------------------------------------
@@ -66,7 +63,7 @@ class _Played:
 
     def document(self) -> dict[str, Any]:
         """Return what a program wants to know of it."""
-        from backend.reports.build import build_metrics_document
+        from backend.reports import build_metrics_document
 
         return {**build_metrics_document(self.source), "files": [str(path) for path in self.files]}
 
@@ -106,8 +103,8 @@ def ordered(
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
-    from backend.experiments.plans import split_values
-    from backend.models.run import complete_motion
+    from backend.experiments import split_values
+    from backend.models import complete_motion
 
     values = complete_motion(values)
     chosen, loop = split_values(settings, make, {**standing.parts, **values})
@@ -119,8 +116,7 @@ def in_force(settings: Settings) -> RunConfiguration:
     """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
     from backend.banks import tuning_settings
     from backend.errors import OutOfRangeError
-    from backend.models.document import UnreadableDocumentError
-    from backend.models.settings import SettingError
+    from backend.models import SettingError, UnreadableDocumentError
 
     _figures().restore()
     with database_of(settings, reading=True) as database:
@@ -139,7 +135,7 @@ def in_force(settings: Settings) -> RunConfiguration:
 
 
 def _defaults(parameters: "PlantParameters") -> RunConfiguration:
-    from backend.banks.tuning_settings import default_tuning_choice
+    from backend.banks import default_tuning_choice
 
     default = default_tuning_choice(parameters)
     if default.moved:
@@ -206,9 +202,8 @@ def run_in_turn(
 def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.data_folder import playing_in
-    from backend.execution.runner import run_experiment
-    from backend.execution.simulation import open_headless_station
-    from backend.reports.run_data import load_source
+    from backend.execution import open_headless_station, run_experiment
+    from backend.reports import load_source
 
     with (
         database_of(settings) as database,
@@ -224,7 +219,7 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
             written: tuple[Path, ...] = ()
             if into:
-                from backend.reports.build import write_report_files  # draws, for which most runs need not wait
+                from backend.reports import write_report_files  # draws, for which most runs need not wait
 
                 written = write_report_files(database, outcome.run.id, into, angle_unit())
             return _Played(outcome, load_source(database, outcome.run.id), written)
@@ -236,7 +231,7 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
 @cache
 def _figures() -> "KeptFigures":
     """Return what commands before, and the service, have computed for a tuning."""
-    from backend.services.tuning_state import KeptFigures
+    from backend.services import KeptFigures
 
     return KeptFigures()
 
@@ -261,7 +256,7 @@ def _say_line(line: str) -> None:
 
 
 def _end_status(outcome: "RunResult") -> None:
-    from backend.storage.runs import EndState
+    from backend.storage import EndState
 
     if outcome.run.end_state != EndState.COMPLETED:
         fail(f"run {outcome.run.id} {outcome.run.end_state}: {outcome.run.end_detail or 'no further reason known'}")
@@ -314,7 +309,7 @@ def experiment(
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
     interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """
-    from backend.execution.runner import RunRequest
+    from backend.execution import RunRequest
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = load_settings(
@@ -335,7 +330,7 @@ def experiment(
 def entry_of(name: str, settings: Settings) -> "ExperimentDefinition":
     """Return the experiment of a name or a file. Raises SettingError, ExperimentError."""
     from backend.experiments import library, parser
-    from backend.services.library import OwnExperiments
+    from backend.services import OwnExperiments
 
     if Path(name).suffix in (".yaml", ".yml", ".json"):
         return library.build_library_entry(*parser.read(text_in(Path(name))))
@@ -368,7 +363,7 @@ Name = Annotated[str, typer.Argument(help="Name of an experiment, name@2 for a v
 @experiments_app.command("list")
 def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
     """List all experiments that can be run, own ones in their newest version."""
-    from backend.services.library import OwnExperiments
+    from backend.services import OwnExperiments
 
     with database_of(load_settings(data=data), reading=True) as database:
         found = OwnExperiments(database).all()
@@ -397,7 +392,7 @@ def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False
 @experiments_app.command()
 def text(name: Name, data: DataFolder = None) -> None:
     """Print the text of an experiment, to keep it elsewhere or to begin an own one with."""
-    from backend.services.library import OwnExperiments
+    from backend.services import OwnExperiments
 
     with database_of(load_settings(data=data), reading=True) as database:
         written = OwnExperiments(database).written(name).text
@@ -407,7 +402,7 @@ def text(name: Name, data: DataFolder = None) -> None:
 @experiments_app.command()
 def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Look an experiment over as a start would: nothing moves, nothing is kept."""
-    from backend.services.library import OwnExperiments
+    from backend.services import OwnExperiments
 
     settings = load_settings(params=params, data=data)
     tuning = _tuning(settings)
@@ -431,7 +426,7 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
 @experiments_app.command()
 def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Keep an experiment as the next version of its name; one that could not be run is refused."""
-    from backend.services.library import OwnExperiments
+    from backend.services import OwnExperiments
 
     settings = load_settings(params=params, data=data)
     tuning = _tuning(settings)
@@ -447,7 +442,7 @@ def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
 @experiments_app.command()
 def schema() -> None:
     """Print the JSON schema of an experiment, for editors."""
-    from backend.experiments.schema import build_json_schema as schema_of
+    from backend.experiments import build_json_schema as schema_of
 
     print_json(schema_of())
 
@@ -458,9 +453,8 @@ def _peaks(
     """Play an experiment on a simulator of its own, with its banks, and return its figures by name."""
     from tempfile import TemporaryDirectory
 
-    from backend.execution.runner import RunRequest, list_plan_banks
-    from backend.execution.simulation import dry_run
-    from backend.experiments.plans import LoopSettings
+    from backend.execution import RunRequest, dry_run, list_plan_banks
+    from backend.experiments import LoopSettings
     from backend.storage import banks
 
     plan = checked.plan
@@ -475,7 +469,7 @@ def _peaks(
 
 
 def _tuning(settings: Settings) -> "TuningSettings":
-    from backend.banks.tuning_settings import TuningSettings
+    from backend.banks import TuningSettings
 
     return TuningSettings.of(in_force(settings).parts)
 
@@ -560,7 +554,7 @@ def pause(data: DataFolder = None, as_json: AsJson = False) -> None:
 @queue_app.command()
 def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
     """STOP the actuator, as the red button does; what runs is kept and ends as stopped, what waits goes on waiting."""
-    from backend.schemas.state import StopProof
+    from backend.schemas import StopProof
 
     service = running_service(load_settings(data=data))
     service.ask("POST", "/stop", None, StopProof)
@@ -569,13 +563,13 @@ def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 def _queue(service: RunningService, method: str = "GET", path: str = "", body: Any = None) -> "QueueView":
     """Order something of the queue, or look at it: the answer is what waits."""
-    from backend.schemas.experiment import QueueView
+    from backend.schemas import QueueView
 
     return service.ask(method, f"/experiments/queue{path}", body, QueueView)
 
 
 def _task(service: RunningService) -> "TaskView | None":
-    from backend.schemas.state import State
+    from backend.schemas import State
 
     return service.ask("GET", "/state", None, State).task
 

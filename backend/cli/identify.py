@@ -38,13 +38,18 @@ from backend.units import percent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from backend.execution.runner import RunRequest
-    from backend.experiments.plans import IdentificationPlan
-    from backend.identification.importer import ImportSummary
-    from backend.identification.models import CorrelationTest, Estimate
-    from backend.identification.records import Controller, Record
-    from backend.identification.tables import Columns, DecimalMark
-    from backend.reports.run_data import RunData
+    from backend.execution import RunRequest
+    from backend.experiments import IdentificationPlan
+    from backend.identification import (
+        Columns,
+        Controller,
+        CorrelationTest,
+        DecimalMark,
+        Estimate,
+        ImportSummary,
+        Record,
+    )
+    from backend.reports import RunData
 
 
 # Identify data -------------------------------------------------------------------------------------
@@ -126,10 +131,8 @@ def data(
     A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
     a record that identifies nothing.
     """
-    from backend.identification.estimation import estimate_model
-    from backend.identification.importer import Selection, TimeChoice, import_record
-    from backend.identification.records import IdentificationError
-    from backend.models.document import replace_non_finite
+    from backend.identification import IdentificationError, Selection, TimeChoice, estimate_model, import_record
+    from backend.models import replace_non_finite
 
     try:
         record, reading = import_record(
@@ -157,9 +160,7 @@ def data(
 
 
 def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Columns":
-    from backend.identification.importer import decode_text, read_mat, read_parquet
-    from backend.identification.records import DataFileError, FileFault
-    from backend.identification.tables import read_csv
+    from backend.identification import DataFileError, FileFault, decode_text, read_csv, read_mat, read_parquet
 
     suffix = file.suffix.lower()
     if suffix in _TEXT_FILES:
@@ -180,8 +181,7 @@ def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Col
 
 def decimal_mark(words: str | None) -> "DecimalMark | None":
     """Return the mark that an option names. Raises DataFileError."""
-    from backend.identification.records import DataFileError, FileFault
-    from backend.identification.tables import DecimalMark
+    from backend.identification import DataFileError, DecimalMark, FileFault
 
     try:
         return None if words is None else DecimalMark(words)
@@ -190,7 +190,7 @@ def decimal_mark(words: str | None) -> "DecimalMark | None":
 
 
 def _range(words: str | None) -> tuple[float, float]:
-    from backend.identification.records import DataFileError, FileFault
+    from backend.identification import DataFileError, FileFault
 
     try:
         first, last = (words or ":").split(":")
@@ -207,7 +207,7 @@ def _range(words: str | None) -> tuple[float, float]:
 
 
 def _controller(words: str) -> "Controller":
-    from backend.identification.records import Controller, DataFileError, FileFault
+    from backend.identification import Controller, DataFileError, FileFault
 
     try:
         k_p, k_i = (float(word) for word in words.split(","))
@@ -221,8 +221,7 @@ def _controller(words: str) -> "Controller":
 
 
 def _method(name: str) -> Any:
-    from backend.identification.fitting import Method
-    from backend.identification.records import StructureError
+    from backend.identification import Method, StructureError
 
     try:
         return Method(name)
@@ -282,8 +281,8 @@ def _steps(reading: "ImportSummary") -> str:
 
 
 def _show_motor(record: "Record", reading: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
-    from backend.identification.motor import NAMES, identify_motor_record
-    from backend.models.document import replace_non_finite
+    from backend.identification import NAMES, identify_motor_record
+    from backend.models import replace_non_finite
 
     found = identify_motor_record(record, resolution)
     if as_json:
@@ -335,7 +334,7 @@ def _tests(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -
 
 
 def _tested(test: "CorrelationTest", good: str, bad: str) -> str:
-    from backend.identification.validation import read_whiteness_test
+    from backend.identification import read_whiteness_test
 
     return f"{good if test.passed else bad}: {read_whiteness_test(test).sentence}"
 
@@ -411,7 +410,7 @@ def motor(
     Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
     Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans import MotorIdentificationPlan
+    from backend.experiments import MotorIdentificationPlan
 
     _identify(
         MotorIdentificationPlan,
@@ -442,7 +441,7 @@ def spring(
     Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
     Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans import SpringIdentificationPlan
+    from backend.experiments import SpringIdentificationPlan
 
     settings = load_settings(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
@@ -478,7 +477,7 @@ def actuator(
     estimator (default or arx, the paper's).
     Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans import ActuatorIdentificationPlan
+    from backend.experiments import ActuatorIdentificationPlan
 
     settings, chosen = (
         load_settings(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
@@ -498,7 +497,7 @@ def actuator(
 
 def _load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
     """Return the friction of motor A over the load from all runs of the command, or why it is not measured."""
-    from backend.analysis.identification import MOTOR_B, build_identification_document, estimate_run_friction
+    from backend.analysis import MOTOR_B, build_identification_document, estimate_run_friction
 
     found = estimate_run_friction([(source.run, source.columns) for source in sources])
     return {"load_friction": build_identification_document(found)}, "; ".join(
@@ -523,8 +522,8 @@ def _order(
 ) -> "tuple[RunRequest, str]":
     from functools import partial
 
-    from backend.execution.runner import RunRequest
-    from backend.models.settings import build_plan, describe_settings
+    from backend.execution import RunRequest
+    from backend.models import build_plan, describe_settings
 
     chosen, loop_settings, tuning = ordered(describe_settings(plan), partial(build_plan, plan), values, standing)
     return RunRequest(chosen, loop_settings, current_user()), tuning
@@ -532,9 +531,8 @@ def _order(
 
 def _identify_table(table: Path, settings: Settings, header: int | None, decimal: str | None, *, as_json: bool) -> None:
     from backend import __version__
-    from backend.analysis.identification import fit_spring_table
-    from backend.identification.importer import decode_text
-    from backend.identification.records import IdentificationError
+    from backend.analysis import fit_spring_table
+    from backend.identification import IdentificationError, decode_text
     from backend.storage import identifications
 
     try:

@@ -17,8 +17,8 @@ from backend.cli.output import fail
 from backend.settings import Settings, settings_of_environment
 
 if TYPE_CHECKING:
-    from backend.storage.database import Database
-    from plant.parameters import PlantParameters
+    from backend.storage import Database
+    from plant import PlantParameters
 
 
 # Place ---------------------------------------------------------------------------------------------
@@ -75,7 +75,7 @@ def database_of(settings: Settings, *, reading: bool = False, held: bool = False
     A writer migrates a database of an earlier schema, unless a service works on it. A reader never does: it reads the
     database as it is, where it can. Raises SchemaError.
     """
-    from backend.storage.database import OutdatedError, is_outdated, open_database
+    from backend.storage import OutdatedError, is_outdated, open_database
 
     _complete_restore(settings, held=held)
     where = settings.data, settings.database_url, settings.database_password(), settings.station
@@ -97,7 +97,7 @@ def _complete_restore(settings: Settings, *, held: bool) -> None:
     """Complete or take back a restore that was killed, unless somebody works in the folder; say so."""
     from backend.cli.output import errors
     from backend.data_folder import held_by_nobody
-    from backend.storage.database import find_database_file, is_restore_incomplete, recover_database
+    from backend.storage import find_database_file, is_restore_incomplete, recover_database
 
     file = find_database_file(settings.data, settings.database_url)
     if file is None or not is_restore_incomplete(file):
@@ -110,7 +110,7 @@ def _complete_restore(settings: Settings, *, held: bool) -> None:
 def _migrated(settings: Settings, *, held: bool) -> "Database":
     """Migrate the database and open it, unless somebody works in its folder: that may be a service of before claims."""
     from backend.data_folder import held_by_nobody
-    from backend.storage.database import SchemaError, open_database
+    from backend.storage import SchemaError, open_database
 
     with nullcontext(True) if held or settings.database_url else held_by_nobody(settings.data) as free:
         if not free:
@@ -125,15 +125,15 @@ def _migrated(settings: Settings, *, held: bool) -> "Database":
 
 def parameters_in_force(settings: Settings, database: "Database") -> "PlantParameters":
     """Return the parameter set with what was applied to it in this folder. Raises ParameterError."""
-    from backend.services.parameters import load_active_parameters
-    from plant.parameters import load_parameters
+    from backend.services import load_active_parameters
+    from plant import load_parameters
 
     return load_active_parameters(database, load_parameters(settings.params))
 
 
 def has_database(settings: Settings) -> bool:
     """Whether there is, or was, something to read: to open it would make a folder that is not there."""
-    from backend.storage.database import FILE_NAME, find_database_traces, is_restore_incomplete
+    from backend.storage import FILE_NAME, find_database_traces, is_restore_incomplete
 
     file = settings.data / FILE_NAME
     was_there = is_restore_incomplete(file) or bool(find_database_traces(file, settings.data / "backups"))
@@ -143,9 +143,7 @@ def has_database(settings: Settings) -> bool:
 def _close_interrupted(settings: Settings, database: "Database") -> None:
     """Close the runs of commands and services that were killed; of a database server only a service can tell them."""
     from backend.data_folder import held_by_nobody
-    from backend.storage import runs
-    from backend.storage.claims import describe_claim
-    from backend.storage.orm import StorageError
+    from backend.storage import StorageError, describe_claim, runs
 
     if settings.database_url is not None:
         return
@@ -196,7 +194,7 @@ class RunningService:
 
     def _read(self, status: int, text: bytes, answer: type[_Answer]) -> _Answer:
         """Return what an answer says; one that refuses, or is none of Sinew's, ends the command."""
-        from backend.schemas.base import ErrorResponse
+        from backend.schemas import ErrorResponse
 
         try:
             if status < http.client.BAD_REQUEST:
@@ -212,7 +210,7 @@ class RunningService:
 
 def running_service(settings: Settings) -> RunningService:
     """Return the service of a data folder; without one the command ends."""
-    from backend.auth.sessions import load_tokens
+    from backend.auth import load_tokens
     from backend.data_folder import address_of_service, why_no_address
 
     address = address_of_service(settings.data)

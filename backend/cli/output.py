@@ -17,13 +17,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from backend.execution.progress import RunPhase
+from backend.execution import RunPhase
 from backend.plain_text import as_json, as_line, as_lines
 from backend.units import AngleUnit, format_angles, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.models.run import MeasuredFigure, RunCriterion
-    from backend.reports.run_data import RunData
+    from backend.models import MeasuredFigure, RunCriterion
+    from backend.reports import RunData
 
     pass
 
@@ -140,7 +140,7 @@ _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 
 def show_run(source: "RunData", files: Sequence[Path] = ()) -> None:
     """Print how a run ended and what came of it, and the files that were written."""
-    from backend.reports.provenance import judge_stored_run
+    from backend.reports import judge_stored_run
 
     run, result = source.run, source.result
     end = ": ".join(filter(None, (run.end_state, run.end_detail)))
@@ -159,7 +159,7 @@ def show_run(source: "RunData", files: Sequence[Path] = ()) -> None:
 
 def show_settings(source: "RunData") -> None:
     """Print what a run was set to."""
-    from backend.analysis.evaluation import select_used_settings
+    from backend.analysis import select_used_settings
 
     used = select_used_settings(source.run)
     rows = [
@@ -211,7 +211,7 @@ def _criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
 
 
 def _judged(item: "RunCriterion") -> str:
-    from backend.reports.provenance import SEEN
+    from backend.reports import SEEN
 
     seen = "" if item.passed is None else f"{SEEN[item.relation]}, "
     return _JUDGED[item.passed] + (f": {seen}{item.reason}" if item.reason else "")

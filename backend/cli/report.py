@@ -12,10 +12,8 @@ from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.recording.reader import Columns
-    from backend.reports.evidence import ReportManifest
-    from backend.reports.signing import PublicKey, SignedPage
-    from backend.reports.verification import ReportDifference, Verified
+    from backend.recording import Columns
+    from backend.reports import PublicKey, ReportDifference, ReportManifest, SignedPage, Verified
 
 app = typer.Typer(
     help="Reports: of a series, whether one holds, who signed it.", no_args_is_help=True, rich_markup_mode=None
@@ -32,9 +30,8 @@ def series(
     as_json: AsJson = False,
 ) -> None:
     """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
-    from backend.exports.formats import write_files_whole
-    from backend.reports.rendering import render_series_report
-    from backend.reports.series_source import load_series
+    from backend.exports import write_files_whole
+    from backend.reports import load_series, render_series_report
 
     kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
     unknown = next((file for file in files if file.suffix not in kinds), None)
@@ -55,7 +52,7 @@ def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = 
 
     The private half stays in the data folder. Give the line to whoever verifies your reports: it is for --key.
     """
-    from backend.reports.signing import SigningKeyError, derive_public_key, load_or_make_signing_key
+    from backend.reports import SigningKeyError, derive_public_key, load_or_make_signing_key
 
     settings = load_settings(data=data, station=station)
     try:
@@ -81,8 +78,8 @@ def sign(
     Only a page whose runs are stored here, and which holds by their samples, is signed. Ends with 1 where it differs, 2
     where it cannot be verified; the file is then left as it is.
     """
-    from backend.exports.formats import write_file_whole
-    from backend.reports.signing import (
+    from backend.exports import write_file_whole
+    from backend.reports import (
         SigningKeyError,
         UnsignableError,
         derive_public_key,
@@ -140,8 +137,7 @@ def verify(
     with 0 where all hold, 1 where something differs, 2 where something could not be compared: then it is not verified
     ("holds": null). A broken signature differs; with --key so does a page that this key has not signed.
     """
-    from backend.reports.signing import SigningKeyError, apply_signature_check, find_public_key, read_signature
-    from backend.reports.verification import Verified
+    from backend.reports import SigningKeyError, Verified, apply_signature_check, find_public_key, read_signature
 
     settings = load_settings(data=data)
     try:
@@ -195,25 +191,23 @@ def verify(
 
 def _unverifiable() -> tuple[type[Exception], ...]:
     """Return the errors that keep a report from being compared."""
-    from backend.recording.codec import CodecError
-    from backend.reports.evidence import EvidenceError
-    from backend.reports.verification import SamplesFileError
-    from backend.storage.database import SchemaError
-    from backend.storage.orm import StorageError
+    from backend.recording import CodecError
+    from backend.reports import EvidenceError, SamplesFileError
+    from backend.storage import SchemaError, StorageError
 
     return OSError, UnicodeDecodeError, EvidenceError, SamplesFileError, CodecError, SchemaError, StorageError
 
 
 def _name_of_installation(settings: Settings) -> str:
     """Return what an installation calls itself in a signature: its station, else the name of its machine."""
-    from backend.reports.signing import NAME_MAX
+    from backend.reports import NAME_MAX
 
     name = settings.station or socket.gethostname()
     return "".join(letter for letter in name if letter.isprintable())[:NAME_MAX]
 
 
 def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> None:
-    from backend.reports.signing import KeyOwner, load_own_public_key
+    from backend.reports import KeyOwner, load_own_public_key
 
     if signed.problem:
         return  # told among the differences
@@ -232,7 +226,7 @@ def _print_signature(signed: "SignedPage", given: "PublicKey | None", settings: 
 
 
 def _signature_document(signed: "SignedPage", given: "PublicKey | None", settings: Settings) -> dict[str, Any]:
-    from backend.reports.signing import load_own_public_key
+    from backend.reports import load_own_public_key
 
     signature = signed.signature
     state = "broken" if signed.problem else "none" if signature is None else "valid"
@@ -245,7 +239,7 @@ def _signature_document(signed: "SignedPage", given: "PublicKey | None", setting
 
 
 def _require_ordinary(file: Path) -> None:
-    from backend.reports.evidence import EvidenceError
+    from backend.reports import EvidenceError
 
     if file.exists() and not file.is_file():
         raise EvidenceError(f"{file} is no ordinary file")
@@ -253,7 +247,7 @@ def _require_ordinary(file: Path) -> None:
 
 def _page_of(file: Path) -> bytes:
     """Return the page of a report; of a PDF the one beside it. Raises EvidenceError, OSError."""
-    from backend.reports.evidence import EvidenceError
+    from backend.reports import EvidenceError
 
     _require_ordinary(file)
     if file.suffix != ".pdf":
@@ -267,8 +261,7 @@ def _page_of(file: Path) -> bytes:
 
 def _verified_here(page: str, settings: Settings) -> "Verified":
     """Compare a page with the runs that are stored here, and with nothing else. Raises EvidenceError."""
-    from backend.reports.evidence import EvidenceError, SeriesEvidence, read_accounts
-    from backend.reports.verification import verify_report, verify_series_report
+    from backend.reports import EvidenceError, SeriesEvidence, read_accounts, verify_report, verify_series_report
 
     evidence = read_accounts(page)
     if isinstance(evidence, SeriesEvidence):
@@ -283,9 +276,7 @@ def _verified(
     file: Path, page: str, samples: Path | None, settings: Settings
 ) -> "tuple[Verified, str, tuple[str, ...]]":
     """Return what was found, where the samples are from that it was computed from, and all that was checked."""
-    from backend.reports import verification
-    from backend.reports.evidence import EvidenceError, SeriesEvidence, read_accounts
-    from backend.reports.verification import verify_series_report
+    from backend.reports import EvidenceError, SeriesEvidence, read_accounts, verification, verify_series_report
 
     of_pdf = file.suffix == ".pdf"
     if samples is not None:
@@ -328,10 +319,9 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Re
 
     Where there is a file, a database that cannot be read is left out with the reason.
     """
-    from backend.recording.codec import CodecError
-    from backend.reports.verification import SUFFIXES, ReportDifference, read_samples_file
-    from backend.storage.database import SchemaError
-    from backend.storage.orm import StorageError
+    from backend.recording import CodecError
+    from backend.reports import SUFFIXES, ReportDifference, read_samples_file
+    from backend.storage import SchemaError, StorageError
 
     beside = (file.with_name(f"data{suffix}") for suffix in SUFFIXES)
     named = samples or next((one for one in beside if one.is_file()), None)
@@ -353,7 +343,7 @@ def _sources(file: Path, samples: Path | None, settings: Settings, evidence: "Re
 
 
 def _stored(settings: Settings, evidence: "ReportManifest") -> "tuple[Columns | None, int | None]":
-    from backend.reports.verification import read_stored_samples
+    from backend.reports import read_stored_samples
 
     if not has_database(settings):
         return None, None

@@ -27,19 +27,16 @@ from backend.cli.options import (
     load_settings,
 )
 from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json, print_table
-from backend.commissioning.steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, StepId
+from backend.commissioning import INSTEAD, MORE_WEIGHTS, STEP, STEPS, StepId
 from backend.plain_text import as_line
 from backend.settings import Settings
 from backend.units import format_angles, read, reading_of, with_unit
-from plant.errors import SinewError
+from plant import SinewError
 
 if TYPE_CHECKING:
-    from backend.commissioning.session import Session
-    from backend.commissioning.status import StepStatus
-    from backend.storage.commissioning import StoredStepResult
-    from backend.storage.database import Database
-    from plant.conformance import CheckFinding
-    from plant.daq import Raw
+    from backend.commissioning import Session, StepStatus
+    from backend.storage import Database, StoredStepResult
+    from plant import CheckFinding, Raw
 
 
 # Asking --------------------------------------------------------------------------------------------
@@ -120,7 +117,7 @@ def check(
 
     Signs and swapped wires cannot be told from a file: the bring-up's wiring test and direction step find them.
     """
-    from plant.wiring import WiringError, load_wiring
+    from plant import WiringError, load_wiring
 
     try:
         found = load_wiring(load_settings(wiring=wiring).wiring)
@@ -144,12 +141,11 @@ def check(
 
 
 def _read_once(wiring: str) -> "Raw":
-    from plant.factory import load_wiring_choice, require_available
-    from plant.interface import PlantChoice, PlantKind
+    from plant import PlantChoice, PlantKind, load_wiring_choice, require_available
 
     choice = PlantChoice(PlantKind.RIG, wiring=wiring)
     require_available(choice)
-    from plant.daq import Daq
+    from plant import Daq
 
     daq = Daq(load_wiring_choice(choice))
     try:
@@ -179,8 +175,7 @@ class StepRequest:
 
 def require_rig(settings: Settings) -> None:
     """End the command where there is nothing to bring up. Raises PlantError where what a card needs is missing."""
-    from plant.factory import require_available
-    from plant.interface import PlantKind
+    from plant import PlantKind, require_available
 
     choice = settings.plant_choice
     if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
@@ -196,14 +191,14 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     from datetime import UTC, datetime
 
     from backend.commissioning import status as standing
-    from plant.factory import load_wiring_choice
+    from plant import load_wiring_choice
 
     return standing.states(standing.kept(database), load_wiring_choice(settings.plant_choice), datetime.now(UTC))
 
 
 def not_done(settings: Settings) -> list[StepId]:
     """Return what is to be done; the zero, which no loop leaves to the next, by hand and only where it is needed."""
-    from backend.commissioning.status import StepState
+    from backend.commissioning import StepState
 
     with database_of(settings, reading=True) as database:
         states = _states_at_rest(settings, database)
@@ -240,7 +235,7 @@ def play(settings: Settings, orders: Sequence[StepRequest], *, as_json: bool) ->
 
 def _require_free(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> None:
     """Refuse before any card is opened."""
-    from backend.commissioning.status import find_blocking_steps
+    from backend.commissioning import find_blocking_steps
 
     first = STEP[orders[0].step]
     blocked = find_blocking_steps(first, _states_at_rest(settings, database))
@@ -249,12 +244,10 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ste
 
 
 async def _played(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> "_BringUp":
-    from backend.banks.builder import build_tuning_command
-    from backend.banks.tuning_settings import default_tuning_choice
-    from backend.commissioning.session import BlockedError, Prompt, open_session
-    from backend.commissioning.status import find_completed_commissioning
-    from backend.realtime.ipc import Setup
-    from plant.parameters import load_parameters
+    from backend.banks import build_tuning_command, default_tuning_choice
+    from backend.commissioning import BlockedError, Prompt, find_completed_commissioning, open_session
+    from backend.realtime import Setup
+    from plant import load_parameters
 
     choice, parameters = settings.plant_choice, load_parameters(settings.params)
     # No law above the motor loops plays here; the tuning in force is the service's matter.
@@ -307,7 +300,7 @@ async def _one(at_rig: "Session", terminal: Terminal, order: StepRequest) -> "St
 
 async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
     """Ask for the numbers of a step until they are good."""
-    from backend.commissioning.session import collect_values
+    from backend.commissioning import collect_values
     from backend.errors import InvalidValueError
 
     while True:
@@ -494,7 +487,7 @@ def calibrate(
 
     Calibration counts as done once both load cells have been calibrated with this wiring.
     """
-    from backend.commissioning.session import collect_values
+    from backend.commissioning import collect_values
 
     most = 2 + len(MORE_WEIGHTS)
     if not 2 <= len(weight) <= most:
@@ -549,11 +542,7 @@ def conformance(
     as_json: AsJson = False,
 ) -> None:
     """Check a plant against the contract that the loop relies on; exit 1 when it does not keep it."""
-    from plant.conformance import CheckOutcome, Subject, run_contract
-    from plant.factory import make_plant
-    from plant.interface import PlantKind
-    from plant.parameters import load_parameters
-    from plant.replay import Replay
+    from plant import CheckOutcome, PlantKind, Replay, Subject, load_parameters, make_plant, run_contract
 
     settings = load_settings(
         plant=plant,

@@ -11,10 +11,9 @@ from backend.cli.output import AsJson, angle_unit, fail, out, print_json, print_
 from backend.units import format_angles, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.schemas.comparison import ComparedValue
-    from backend.schemas.run import RunView
-    from backend.services.runs import StoredRuns
-    from backend.storage.database import Database
+    from backend.schemas import ComparedValue, RunView
+    from backend.services import StoredRuns
+    from backend.storage import Database
 
 
 # Exports -------------------------------------------------------------------------------------------
@@ -32,9 +31,8 @@ def export(
     station: StationName = None,
 ) -> None:
     """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
-    from backend.exports.base import ExportError, export_run
-    from backend.exports.formats import DataFormat, write_export
-    from backend.storage.orm import UnknownRecordError
+    from backend.exports import DataFormat, ExportError, export_run, write_export
+    from backend.storage import UnknownRecordError
 
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
@@ -49,8 +47,7 @@ def export(
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
     """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
-    from backend.exports import mcap
-    from backend.exports.formats import write_file_whole
+    from backend.exports import mcap, write_file_whole
 
     write_file_whole((mcap.foxglove_layout().encode(),), file)
     out.print(f"wrote {file}", highlight=False, markup=False)
@@ -63,8 +60,8 @@ def take_in(
     as_json: AsJson = False,
 ) -> None:
     """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
-    from backend.exports.base import ImportRefusedError
-    from backend.services.downloads import import_run_file as store
+    from backend.exports import ImportRefusedError
+    from backend.services import import_run_file as store
 
     settings = load_settings(data=data, station=station)
     with database_of(settings) as database:
@@ -90,10 +87,9 @@ def bundle(
     station: StationName = None,
 ) -> None:
     """Write a run with all that it came from to a file that another installation takes in."""
-    from backend.exports.base import ExportError
-    from backend.exports.formats import write_file_whole
-    from backend.services.downloads import stream_bundle
-    from backend.storage.orm import UnknownRecordError
+    from backend.exports import ExportError, write_file_whole
+    from backend.services import stream_bundle
+    from backend.storage import UnknownRecordError
 
     settings = load_settings(data=data, station=station)
     with database_of(settings, reading=True) as database:
@@ -127,8 +123,7 @@ def list_runs(
     as_json: AsJson = False,
 ) -> None:
     """List runs, newest first: all, or those that fit a search (docs/search.md)."""
-    from backend.services.library import RunLibrary
-    from backend.services.runs import RunQuery
+    from backend.services import RunLibrary, RunQuery
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         kept = RunLibrary(database).where_of(saved) if saved else ""
@@ -166,8 +161,8 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare the metrics of runs, with the differences to one of them."""
-    from backend.schemas.comparison import ComparisonAsked
-    from backend.services.library import RunLibrary
+    from backend.schemas import ComparisonAsked
+    from backend.services import RunLibrary
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
@@ -200,7 +195,7 @@ def history(
     as_json: AsJson = False,
 ) -> None:
     """Print a metric of a kind of runs over their dates."""
-    from backend.services.library import RunLibrary
+    from backend.services import RunLibrary
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).history(kind, metric, where, everywhere=all_stations)
@@ -230,7 +225,7 @@ def lineage(
     """Show what a run came from, back to raw data and parameters, with the sha256 of each and what is out of date."""
     import sys
 
-    from backend.services.lineage import History
+    from backend.services import History
 
     settings = load_settings(params=params, data=data, station=station)
     with database_of(settings, reading=True) as database:
@@ -262,7 +257,7 @@ def tag(
     station: StationName = None,
 ) -> None:
     """Put tags on runs, and take others off; all of it or nothing."""
-    from backend.services.library import RunLibrary
+    from backend.services import RunLibrary
 
     if not add and not remove:
         fail("say which tags: --add TAG or --remove TAG", status=2)
@@ -277,7 +272,7 @@ def rename_tag(
     station: StationName = None,
 ) -> None:
     """Call a tag otherwise on all runs of the station."""
-    from backend.services.library import RunLibrary
+    from backend.services import RunLibrary
 
     with database_of(load_settings(data=data, station=station)) as database:
         renamed = RunLibrary(database).rename(before, after)
@@ -291,7 +286,7 @@ def save_search(
     station: StationName = None,
 ) -> None:
     """Save a search under a name, for `sinew runs list --saved` and the Runs page."""
-    from backend.services.library import RunLibrary
+    from backend.services import RunLibrary
 
     with database_of(load_settings(data=data, station=station)) as database:
         library = RunLibrary(database)
@@ -303,7 +298,7 @@ def save_search(
 
 def searches(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """List the saved searches."""
-    from backend.services.library import RunLibrary
+    from backend.services import RunLibrary
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = RunLibrary(database).saved_searches()
@@ -314,13 +309,13 @@ def searches(data: DataFolder = None, station: StationName = None, as_json: AsJs
 
 
 def _stored_runs(database: "Database") -> "StoredRuns":
-    from backend.services.runs import StoredRuns
+    from backend.services import StoredRuns
 
     return StoredRuns(database, lambda: None, lambda _run: False)
 
 
 def _end(run: "RunView") -> str:
-    from backend.schemas.run import EvaluationView
+    from backend.schemas import EvaluationView
 
     if run.evaluation is not EvaluationView.MISSING:
         return run.end_state
@@ -364,8 +359,7 @@ RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 @app.command()
 def show(run: RunNumber, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Show a run with its settings, metrics and criteria."""
-    from backend.reports.build import build_metrics_document
-    from backend.reports.run_data import load_source
+    from backend.reports import build_metrics_document, load_source
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         source = load_source(database, run)
@@ -379,7 +373,7 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
 @app.command()
 def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
-    from backend.analysis.evaluation import reevaluate_run
+    from backend.analysis import reevaluate_run
 
     with database_of(load_settings(data=data, station=station)) as database:
         evaluation = reevaluate_run(database, run)
@@ -396,7 +390,7 @@ def report(
     station: StationName = None,
 ) -> None:
     """Write the report of a run with its data."""
-    from backend.reports.build import write_report_files
+    from backend.reports import write_report_files
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         for path in write_report_files(database, run, folder, angle_unit()):

@@ -34,8 +34,8 @@ from backend.cli.output import AsJson, angle_unit, fail, out, print_json, print_
 from backend.units import format_quantity, typed
 
 if TYPE_CHECKING:
-    from backend.auth.sessions import Tokens
-    from backend.schemas.state import TouchView
+    from backend.auth import Tokens
+    from backend.schemas import TouchView
     from backend.settings import Settings
 
 
@@ -73,7 +73,7 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _real_time() -> Iterator[DoctorFinding]:
-    from backend.realtime.timing import request_real_time
+    from backend.realtime import request_real_time
 
     granted = request_real_time()
     refusals = "; ".join(granted.refusals)
@@ -94,8 +94,8 @@ def _naming(word: str, refusals: tuple[str, ...]) -> str:
 
 def _beat() -> DoctorFinding:
     """Keep 1 ms for a second, as the loop does but without its work."""
-    from backend.realtime.timing import Pacer
-    from plant.interface import T_s
+    from backend.realtime import Pacer
+    from plant import T_s
 
     pacer = Pacer(T_s)
     late_us = sorted(1e6 * pacer.wait() for _ in range(TICKS))
@@ -114,12 +114,11 @@ def _cores() -> DoctorFinding:
 
 
 def _card() -> DoctorFinding:
-    from plant.factory import require_available
-    from plant.interface import PlantChoice, PlantError, PlantKind
+    from plant import PlantChoice, PlantError, PlantKind, require_available
 
     try:
         require_available(PlantChoice(PlantKind.RIG))
-        from plant.daq import read_driver_version
+        from plant import read_driver_version
 
         return DoctorFinding("DAQ card", read_driver_version())
     except PlantError as error:
@@ -168,11 +167,11 @@ def foxglove(
     ] = PORT,
 ) -> None:
     """Show the live stream of the running service in Foxglove or Lichtblick, until interrupted."""
-    from backend.auth.sessions import load_tokens
+    from backend.auth import load_tokens
     from backend.data_folder import address_of_service
 
     try:
-        from backend.foxglove.bridge import LiveSource, OtherVersionError, serve_foxglove
+        from backend.foxglove import LiveSource, OtherVersionError, serve_foxglove
     except ModuleNotFoundError as error:
         if error.name != "foxglove":
             raise
@@ -217,7 +216,7 @@ def recordings(
     as_json: AsJson = False,
 ) -> None:
     """Say how much recordings take, and list the runs whose samples may go. Deletes only runs named one by one."""
-    from backend.recording.retention import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
+    from backend.recording import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
 
     settings = load_settings(data=data)
     rule = RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
@@ -268,7 +267,7 @@ database_app.command()(recordings)
 @database_app.command()
 def upgrade(data: DataFolder = None) -> None:
     """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
-    from backend.storage.database import read_revision
+    from backend.storage import read_revision
 
     with database_of(load_settings(data=data)) as database:
         out.print(f"schema {read_revision(database.engine)}", highlight=False)
@@ -281,9 +280,8 @@ def backup(
 ) -> None:
     """Copy the database while it may be in use; the log says so."""
     from backend.cli.experiments import current_user
-    from backend.storage import events
-    from backend.storage.database import backup_database as copy
-    from backend.storage.database import next_backup_path
+    from backend.storage import backup_database as copy
+    from backend.storage import events, next_backup_path
 
     settings = load_settings(data=data)
     wanted = file or next_backup_path(settings.data)
@@ -301,8 +299,8 @@ def restore(
 ) -> None:
     """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
     from backend.data_folder import only_service_on
-    from backend.storage.database import FILE_NAME, BackupError
-    from backend.storage.database import restore_database as bring_back
+    from backend.storage import FILE_NAME, BackupError
+    from backend.storage import restore_database as bring_back
 
     settings = load_settings(data=data)
     if settings.database_url is not None:
@@ -317,9 +315,7 @@ def restore(
 
 def _claimed_by(settings: "Settings") -> str:
     """Say which service works on the database; "" where none does, or where the file cannot be read."""
-    from backend.storage.claims import describe_claim
-    from backend.storage.database import connect_database, sqlite_url
-    from backend.storage.orm import StorageError
+    from backend.storage import StorageError, connect_database, describe_claim, sqlite_url
 
     engine = connect_database(sqlite_url(settings.data))
     try:
@@ -338,8 +334,7 @@ def name_station(
     """Give all that a database without stations holds to one; refused while a service works on it."""
     from backend.data_folder import only_service_on
     from backend.errors import require_station_name
-    from backend.storage.claims import HeldClaim
-    from backend.storage.stations import HeldStation, assign_unowned_rows
+    from backend.storage import HeldClaim, HeldStation, assign_unowned_rows
 
     if not require_station_name(station):
         fail("say what the station is to be called", status=2)
@@ -363,8 +358,8 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
 
     Every sample is read: it takes some seconds for an hour of recordings.
     """
-    from backend.recording.verification import RecordingsCheck, check_recordings
-    from backend.storage.database import find_database_errors as problems_of
+    from backend.recording import RecordingsCheck, check_recordings
+    from backend.storage import find_database_errors as problems_of
 
     with database_of(load_settings(data=data), reading=True) as database:
         problems = problems_of(database.engine)
@@ -427,8 +422,8 @@ def serve(
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
-    from backend.server.listening import describe_served_addresses
-    from plant.factory import require_available
+    from backend.server import describe_served_addresses
+    from plant import require_available
 
     settings = load_settings(
         plant=plant,
@@ -473,7 +468,7 @@ def serve(
 
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
-    from backend.auth.sessions import load_tokens
+    from backend.auth import load_tokens
     from backend.data_folder import addresses_of_service, why_no_address
 
     settings = load_settings(data=data)
@@ -526,8 +521,8 @@ def rotate(
     data: DataFolder = None,
 ) -> None:
     """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
-    from backend.auth.sessions import FILES, replace_tokens
-    from backend.schemas.session import Role
+    from backend.auth import FILES, replace_tokens
+    from backend.schemas import Role
 
     settings = load_settings(data=data)
     if not settings.data.is_dir():
@@ -556,7 +551,7 @@ _LOOK_S = 0.5
 @touch_app.command()
 def show(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Print what was learned and from what force on the joint gives way."""
-    from backend.schemas.state import State
+    from backend.schemas import State
 
     _tell(_service(data).ask("GET", "/state", None, State).touch, as_json=as_json)
 
@@ -599,7 +594,7 @@ def _service(data: Any) -> RunningService:
 
 
 def _order_touch(service: RunningService, order: dict[str, Any]) -> "TouchView":
-    from backend.schemas.state import TouchView
+    from backend.schemas import TouchView
 
     return service.ask("PUT", "/touch", order, TouchView)
 
@@ -653,7 +648,7 @@ def down(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _order_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
-    from backend.schemas.state import WallOrder
+    from backend.schemas import WallOrder
 
     stands = running_service(load_settings(data=data)).ask("PUT", "/wall", {"wall": wall}, WallOrder).wall
     if as_json:

@@ -14,11 +14,9 @@ from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json
 from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.schemas.experiment import StudyDetail, StudyFigure, StudyView
-    from backend.studies.crew import Crew
-    from backend.studies.maps import Map
-    from backend.studies.point import StudyBase
-    from backend.studies.runner import Progress as Done
+    from backend.schemas import StudyDetail, StudyFigure, StudyView
+    from backend.studies import Crew, Map, StudyBase
+    from backend.studies import Progress as Done
 
 app = typer.Typer(
     help="Studies: many simulated runs, over settings, plants and noise.", no_args_is_help=True, rich_markup_mode=None
@@ -49,8 +47,8 @@ def run(
         fail("name the file of a study, or the number of one with --resume", status=2)
     if again and resume is None:
         fail("--again needs --resume: a study that is begun has nothing that failed", status=2)
-    from backend.services.studies import Studies
-    from backend.studies.runner import run_study
+    from backend.services import Studies
+    from backend.studies import run_study
 
     settings = load_settings(params=params, data=data, station=station)
     tuning: dict[str, Any] = {} if file is None else in_force(settings).parts
@@ -73,7 +71,7 @@ def run(
 @app.command("list")
 def list_studies(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """List studies, newest first, and how far they are."""
-    from backend.services.studies import Studies
+    from backend.services import Studies
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = Studies(database).all()
@@ -96,7 +94,7 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show how far a study is and how its figures are spread."""
-    from backend.services.studies import Studies
+    from backend.services import Studies
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found = Studies(database).detail(study, None if rows or as_json else 0)
@@ -106,7 +104,7 @@ def show(
 @app.command()
 def stop(study: Number, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Have a study stop, wherever it is computed; what is computed stays."""
-    from backend.services.studies import Studies
+    from backend.services import Studies
 
     with database_of(load_settings(data=data, station=station)) as database:
         found = Studies(database).stop(study)
@@ -142,10 +140,9 @@ def draw(
         fail(f"{to}: a picture ends in {', '.join(PICTURES)}", status=2)
     from dataclasses import asdict
 
-    from backend.experiments.parser import parse_canonical
-    from backend.services.studies import Studies, axis_symbol, axis_unit
-    from backend.studies.maps import PICK_WORDS, SHARES, format_axis_labels, list_figure_names
-    from backend.studies.point import UNSTABLE
+    from backend.experiments import parse_canonical
+    from backend.services import Studies, axis_symbol, axis_unit
+    from backend.studies import PICK_WORDS, SHARES, UNSTABLE, format_axis_labels, list_figure_names
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found, design = Studies(database).map(study, figure, pick, over)
@@ -166,7 +163,7 @@ def draw(
         for name, values in ((found.x, found.x_values), (found.y, found.y_values))
     )
     if to is not None:
-        from backend.reports.study_map import draw_map
+        from backend.reports import draw_map
 
         blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
         draw_map(cells, (x, at_x), (y, at_y), label + blank, to, _notes(found))
@@ -208,7 +205,7 @@ def _with_unit(words: str, unit: str) -> str:
 
 
 def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
-    from backend.studies.point import UNSTABLE
+    from backend.studies import UNSTABLE
 
     if unstable:
         return UNSTABLE
@@ -216,12 +213,11 @@ def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
 
 
 def _crew(jobs: int, scheduler: str | None) -> "Callable[[StudyBase], Crew]":
-    from backend.studies.crew import count_cores
-    from backend.studies.runner import use_local_processes
+    from backend.studies import count_cores, use_local_processes
 
     if scheduler is None:
         return use_local_processes(jobs or count_cores())
-    from backend.studies.cluster import use_cluster
+    from backend.studies import use_cluster
 
     return use_cluster(scheduler)
 
@@ -277,7 +273,7 @@ def _percentiles(item: "StudyFigure") -> tuple[object, ...]:
 
 
 def _statistic(item: "StudyFigure", value: float | None) -> float | str:
-    from backend.studies.point import UNSTABLE
+    from backend.studies import UNSTABLE
 
     if value is None:
         return UNSTABLE if item.unstable else "one run"

@@ -1,1 +1,5 @@
 """Commissioning of a rig: wiring, load cells, directions, zero, homing, tension, safety module."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

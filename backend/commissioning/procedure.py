@@ -7,16 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.realtime.commands import Accepted, Command, Refused, SimulateManualInput
-from backend.realtime.modes import MODES, Mode
-from backend.realtime.supervisor import LoopClient
+from backend.realtime import MODES, Accepted, Command, LoopClient, Mode, Refused, SimulateManualInput
 from backend.sample import INDEX
-from plant.calibration import CellCalibration
-from plant.errors import SinewError
-from plant.interface import T_s
-from plant.manual_input import NO_HAND, ManualInput
-from plant.parameters import PlantParameters
-from plant.wiring import Wiring
+from plant import NO_HAND, CellCalibration, ManualInput, PlantParameters, SinewError, T_s, Wiring
 
 Rows = NDArray[np.float64]
 """Samples [n, fields]."""

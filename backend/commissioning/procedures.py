@@ -19,28 +19,34 @@ from backend.commissioning.procedure import (
     blocks,
     known,
 )
-from backend.control.motion_primitives import PRETENSION_N
+from backend.control import PRETENSION_N
 from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault
-from backend.realtime.commands import Event, Home, ModeChanged, Reset, SetMode, Stop, TryModule, TryMotor, Zero
-from backend.realtime.commissioning_motions import (
+from backend.realtime import (
     COAST_S,
     DRIVEN_S,
     HOMING_MAX_V,
+    MODE_CODE,
     TIME_MAX_S,
     TRIAL_MAX_V,
+    Event,
+    Home,
+    HomingEnd,
+    LoopExited,
+    Mode,
+    ModeChanged,
+    Reset,
+    SetMode,
+    Stop,
+    TryModule,
+    TryMotor,
+    Why,
+    Zero,
     compute_switch_travel,
 )
-from backend.realtime.commissioning_motions import TENSION_MAX_N as HOMING_TENSION_MAX_N
-from backend.realtime.modes import MODE_CODE, HomingEnd, Mode, Why
-from backend.realtime.supervisor import LoopExited
+from backend.realtime import TENSION_MAX_N as HOMING_TENSION_MAX_N
 from backend.sample import INDEX
-from plant.calibration import CellCalibration, load_cell_line
-from plant.dynamics import spring_elongation
-from plant.interface import T_s
-from plant.manual_input import ManualInput
-from plant.parameters import SIDES, Side
-from plant.terminals import SATURATED_V
+from plant import SATURATED_V, SIDES, CellCalibration, ManualInput, Side, T_s, load_cell_line, spring_elongation
 
 # Directions ----------------------------------------------------------------------------------------
 #

@@ -29,23 +29,32 @@ from backend.commissioning.procedures import (
 from backend.commissioning.status import StepStatus, find_blocking_steps
 from backend.commissioning.steps import MORE_WEIGHTS, STEP, StepId
 from backend.errors import check_range
-from backend.realtime.commands import Accepted, ProveDirections, Refused, SetMode, SimulateManualInput, SwitchDrives
-from backend.realtime.ipc import Setup
-from backend.realtime.modes import Mode
-from backend.realtime.supervisor import LoopExitedError, Supervisor
-from backend.storage import settings
-from backend.storage.commissioning import StoredStepResult
-from backend.storage.database import Database
-from backend.storage.orm import StorageError
-from backend.storage.settings import StoredSetting
+from backend.realtime import (
+    Accepted,
+    LoopExitedError,
+    Mode,
+    ProveDirections,
+    Refused,
+    SetMode,
+    Setup,
+    SimulateManualInput,
+    Supervisor,
+    SwitchDrives,
+)
+from backend.storage import Database, StorageError, StoredSetting, StoredStepResult, settings
 from backend.supervision import Supervision
-from plant.calibration import apply_calibration, wiring_fingerprint
-from plant.errors import ErrorCode, SinewError
-from plant.factory import load_wiring_choice
-from plant.interface import PlantChoice, PlantKind
-from plant.manual_input import NO_HAND
-from plant.parameters import PlantParameters
-from plant.wiring import Wiring
+from plant import (
+    NO_HAND,
+    ErrorCode,
+    PlantChoice,
+    PlantKind,
+    PlantParameters,
+    SinewError,
+    Wiring,
+    apply_calibration,
+    load_wiring_choice,
+    wiring_fingerprint,
+)
 
 # Engine --------------------------------------------------------------------------------------------
 #

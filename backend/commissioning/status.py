@@ -9,14 +9,18 @@ from typing import NamedTuple
 
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.steps import INSTEAD, STEP, STEPS, CommissioningStep, StepId
-from backend.storage import commissioning
-from backend.storage.commissioning import NewStepResult, StoredStepResult
-from backend.storage.database import Database
+from backend.storage import Database, NewStepResult, StoredStepResult, commissioning
 from backend.units import counted
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp, CellCalibration, wiring_fingerprint
-from plant.factory import load_wiring_choice
-from plant.interface import PlantChoice, PlantKind
-from plant.wiring import Wiring
+from plant import (
+    NOT_BROUGHT_UP,
+    BroughtUp,
+    CellCalibration,
+    PlantChoice,
+    PlantKind,
+    Wiring,
+    load_wiring_choice,
+    wiring_fingerprint,
+)
 
 
 class StepState(StrEnum):

@@ -6,13 +6,15 @@ from typing import NamedTuple
 from backend.control import cascade, decoupler, pid
 from backend.control.cascade import GovernorState, step_governor
 from backend.control.decoupler import Decoupler
-from plant.compilation import compiled
-from plant.dynamics import (
+from plant import (
     SUBSTEPS,
     Dynamics,
+    Measurement,
     Motor,
     PlantState,
+    T_s,
     advance_state,
+    compiled,
     elongation_A,
     elongation_B,
     friction_torque,
@@ -21,7 +23,6 @@ from plant.dynamics import (
     spring_slope,
     tendon_tension,
 )
-from plant.interface import Measurement, T_s
 
 # Feedback linearization ----------------------------------------------------------------------------
 #

@@ -20,8 +20,7 @@ from backend.control.decoupler import (
     step_envelope,
 )
 from backend.control.trajectory import LoopReferences
-from plant.compilation import compiled
-from plant.interface import Measurement, T_s
+from plant import Measurement, T_s, compiled
 
 # Governor ------------------------------------------------------------------------------------------
 #

@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import pid
-from plant.compilation import compiled
-from plant.dynamics import Spring, spring_polynomial, spring_slope
-from plant.interface import T_s
-from plant.parameters import PlantParameters, SpringParameters
+from plant import PlantParameters, Spring, SpringParameters, T_s, compiled, spring_polynomial, spring_slope
 
 # Equilibrium table ---------------------------------------------------------------------------------
 #

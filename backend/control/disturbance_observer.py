@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 
 from backend.control.fault_detection import Tendons, tendons_for
 from backend.control.pid import beyond
-from plant.compilation import compiled
-from plant.dynamics import tendon_tension
-from plant.interface import Measurement, T_s
-from plant.parameters import PlantParameters
+from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 
 # Rejection -----------------------------------------------------------------------------------------
 #

@@ -7,10 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control.decoupler import compute_bounds
-from plant.compilation import compiled
-from plant.dynamics import Spring, tendon_tension, tendon_tension_slope
-from plant.interface import Measurement, MotorCommand, T_s
-from plant.parameters import SIDES, PlantParameters, Side
+from plant import (
+    SIDES,
+    Measurement,
+    MotorCommand,
+    PlantParameters,
+    Side,
+    Spring,
+    T_s,
+    compiled,
+    tendon_tension,
+    tendon_tension_slope,
+)
 
 # Plausibility --------------------------------------------------------------------------------------
 #

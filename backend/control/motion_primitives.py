@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from backend.control import cascade, pid
 from backend.control.motion_types import ControlOutput, MotorLoopState, Setpoint, clipped, driven, track_motors, walk
-from plant.compilation import compiled
-from plant.interface import Measurement, T_s
+from plant import Measurement, T_s, compiled
 
 # Brake ---------------------------------------------------------------------------------------------
 #

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from backend.control import cascade, pid
 from backend.faults import Limit
-from plant.compilation import compiled
-from plant.interface import NO_LOAD, Measurement, ShaftLoad, T_s
+from plant import NO_LOAD, Measurement, ShaftLoad, T_s, compiled
 
 TRAVEL_SPEED = 3.0
 """Speed of the motor references between modes [rad/s]: 0.3 rad/s at the joint, 3 V of 10 V."""

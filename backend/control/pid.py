@@ -3,8 +3,7 @@
 import math
 from typing import NamedTuple
 
-from plant.compilation import compiled
-from plant.interface import T_s
+from plant import T_s, compiled
 
 # Dead zone -----------------------------------------------------------------------------------------
 #

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control.motion_types import Setpoint
-from plant.compilation import compiled
-from plant.interface import ShaftLoad, T_s
+from plant import ShaftLoad, T_s, compiled
 
 # Waveforms -----------------------------------------------------------------------------------------
 #

@@ -14,9 +14,22 @@ from numpy.typing import NDArray
 from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, tracking
 from backend.control.motion_types import AT_REST, ControlOutput, MotorLoopState, Setpoint
 from backend.sample import INDEX
-from plant.compilation import STRICT, StateBlock, compiled, compiled_run, keep_compiled
-from plant.interface import NO_LOAD, NO_RAW, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
-from plant.simulator import Simulated, simulate_period
+from plant import (
+    NO_LOAD,
+    NO_RAW,
+    STRICT,
+    Measurement,
+    MotorCommand,
+    RawReading,
+    ShaftLoad,
+    Simulated,
+    StateBlock,
+    T_s,
+    compiled,
+    compiled_run,
+    keep_compiled,
+    simulate_period,
+)
 
 # Desk ----------------------------------------------------------------------------------------------
 

@@ -9,8 +9,7 @@ from backend.control.motion_types import VOLTAGE_A, VOLTAGE_B, ControlOutput, Mo
 from backend.control.setpoint_player import SetpointPlayer, announced, play
 from backend.control.trajectory import LoopReferences
 from backend.faults import Limit
-from plant.compilation import compiled
-from plant.interface import Measurement
+from plant import Measurement, compiled
 
 # Tracking ------------------------------------------------------------------------------------------
 #

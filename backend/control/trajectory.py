@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from backend.control import decoupler
 from backend.control.decoupler import Decoupler
-from plant.compilation import compiled
-from plant.interface import T_s
+from plant import T_s, compiled
 
 # Axis ----------------------------------------------------------------------------------------------
 #

@@ -11,47 +11,65 @@ from typing import Any
 import numpy as np
 
 from backend import __version__
-from backend.analysis.evaluation import Evaluation, evaluate_finished_run, require_measurable
-from backend.banks.builder import build_tuning_command, entry_points
-from backend.banks.tuning_settings import TuningSettings
-from backend.control.decoupler import STIFFNESS_RANGE
+from backend.analysis import Evaluation, evaluate_finished_run, require_measurable
+from backend.banks import TuningSettings, build_tuning_command, entry_points
+from backend.control import STIFFNESS_RANGE
 from backend.errors import InvalidValueError, Path
 from backend.execution.progress import ProgressCallback, RunPhase
-from backend.experiments.compiler import require_reach
-from backend.experiments.forecast import forecast_identifications, read_start
-from backend.experiments.library import declare_choice, plan_values
-from backend.experiments.parser import ExperimentError, find_line
-from backend.experiments.plans import ExperimentPlan, IdentificationPlan, LoopSettings, Plan
+from backend.experiments import (
+    ExperimentError,
+    ExperimentPlan,
+    IdentificationPlan,
+    LoopSettings,
+    Plan,
+    declare_choice,
+    find_line,
+    forecast_identifications,
+    plan_values,
+    read_start,
+    require_reach,
+)
 from backend.faults import Fault
-from backend.models.run import SETTINGS, KeptGrant, RunSettings, StoredLoopSettings
-from backend.models.settings import describe_values
-from backend.realtime.commands import (
+from backend.models import SETTINGS, KeptGrant, RunSettings, StoredLoopSettings, describe_values
+from backend.realtime import (
+    LEGAL,
+    MODES,
     Accepted,
     Command,
+    ConfigureContactDetection,
     Event,
+    LoopClient,
+    LoopExited,
+    LoopExitedError,
+    Mode,
+    Program,
     Refused,
     RunEnded,
     RunProgram,
     SetMode,
     SetReferences,
+    SetTuning,
+    SimulatedLoop,
     Stop,
     Stopped,
+    may_start_from,
+    program_mode,
 )
-from backend.realtime.headless import SimulatedLoop
-from backend.realtime.modes import LEGAL, MODES, Mode
-from backend.realtime.program import ConfigureContactDetection, Program, SetTuning, may_start_from, program_mode
-from backend.realtime.supervisor import LoopClient, LoopExited, LoopExitedError
 from backend.sample import INDEX
-from backend.storage import banks, runs
-from backend.storage.banks import Bank
-from backend.storage.database import Database
-from backend.storage.orm import StorageError, UnknownRecordError
-from backend.storage.runs import EndState, NewRun, Run, RunKind
-from backend.tuning.gains import TuningError
-from backend.tuning.preview import TuningPreviewer
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
-from plant.parameters import PlantParameters
+from backend.storage import (
+    Bank,
+    Database,
+    EndState,
+    NewRun,
+    Run,
+    RunKind,
+    StorageError,
+    UnknownRecordError,
+    banks,
+    runs,
+)
+from backend.tuning import TuningError, TuningPreviewer
+from plant import ErrorCode, PlantParameters, SinewError, T_s
 
 # Playable ------------------------------------------------------------------------------------------
 #

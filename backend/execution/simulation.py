@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import EvaluationContext
-from backend.analysis.evaluation import evaluate_experiment
-from backend.analysis.step_metrics import NoSamplesError
-from backend.banks.builder import build_tuning_command, entry_points
+from backend.analysis import EvaluationContext, NoSamplesError, evaluate_experiment
+from backend.banks import build_tuning_command, entry_points
 from backend.execution.progress import RunPhase
 from backend.execution.runner import (
     BankOf,
@@ -25,26 +23,14 @@ from backend.execution.runner import (
     learn_for,
     run_experiment,
 )
-from backend.experiments.library import build_ready_plan
-from backend.experiments.plans import ExperimentPlan, LoopSettings
-from backend.models.run import Metrics, RunCriterion
-from backend.realtime.commands import Event, RunEnded
-from backend.realtime.headless import SimulatedLoop
-from backend.realtime.program import Program, SetTuning
-from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited
-from backend.recording.reader import Columns, SampleEnvelope, read_envelope
-from backend.recording.recorder import Recorder, describe_end
+from backend.experiments import ExperimentPlan, LoopSettings, build_ready_plan
+from backend.models import Metrics, RunCriterion
+from backend.realtime import Event, LoopExited, Program, Ring, RunEnded, SetTuning, SimulatedLoop
+from backend.recording import Columns, Recorder, SampleEnvelope, describe_end, read_envelope
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
-from backend.storage import banks
-from backend.storage.banks import Bank
-from backend.storage.database import Database, open_database
-from backend.storage.results import Result
-from backend.storage.runs import EndState, Run
-from backend.tuning.preview import TuningPreviewer
-from plant.factory import make_plant
-from plant.interface import SIMULATOR, PlantChoice, PlantError, T_s
-from plant.parameters import PlantParameters
+from backend.storage import Bank, Database, EndState, Result, Run, banks, open_database
+from backend.tuning import TuningPreviewer
+from plant import SIMULATOR, PlantChoice, PlantError, PlantParameters, T_s, make_plant
 
 # Headless station ----------------------------------------------------------------------------------
 #

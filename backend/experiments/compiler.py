@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from backend.banks.tuning_settings import TuningSettings
-from backend.control.decoupler import compute_bounds
-from backend.control.setpoint_player import LEAST_BITS, MOST_BITS, MOST_LINES
+from backend.banks import TuningSettings
+from backend.control import LEAST_BITS, MOST_BITS, MOST_LINES, compute_bounds
 from backend.errors import Path, check_range
 from backend.experiments import schema
 from backend.experiments.parser import (
@@ -24,9 +23,8 @@ from backend.experiments.parser import (
     evaluate_number,
     find_line,
 )
-from backend.models.run import Phase, Value, complete_motion
-from backend.models.settings import describe_settings
-from backend.realtime.program import (
+from backend.models import Phase, Value, complete_motion, describe_settings
+from backend.realtime import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
     MAX_SEGMENTS,
@@ -40,9 +38,7 @@ from backend.realtime.program import (
     Shape,
     final_references,
 )
-from plant.dynamics import K_LEAST, SUBSTEPS, Obstacle, require_possible_wall
-from plant.interface import PlantError, T_s
-from plant.parameters import PlantParameters
+from plant import K_LEAST, SUBSTEPS, Obstacle, PlantError, PlantParameters, T_s, require_possible_wall
 
 # Hand ----------------------------------------------------------------------------------------------
 #

@@ -8,18 +8,23 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import motion_primitives, pid
-from backend.control.decoupler import build_decoupler, compute_bounds, equilibrium, stiffness
-from backend.control.motion_primitives import PRETENSION_N, STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.control.motion_types import TRAVEL_SPEED
+from backend.control import (
+    PRETENSION_N,
+    STEP_BRAKING_S,
+    TRAVEL_SPEED,
+    ZERO_VOLTS_S,
+    build_decoupler,
+    compute_bounds,
+    equilibrium,
+    motion_primitives,
+    pid,
+    stiffness,
+)
 from backend.errors import OutOfRangeError
 from backend.experiments.plans import IdentificationPlan, Plan
-from backend.realtime.modes import MODES, Mode
-from backend.realtime.program import IDENTIFYING, Law, Program, VoltageStep, may_start_from
+from backend.realtime import IDENTIFYING, MODES, Law, Mode, Program, VoltageStep, may_start_from
 from backend.sample import INDEX
-from plant.dynamics import spring_elongation, tendon_tension
-from plant.interface import T_s
-from plant.parameters import SIDES, PlantParameters, Side
+from plant import SIDES, PlantParameters, Side, T_s, spring_elongation, tendon_tension
 
 # Stretches -----------------------------------------------------------------------------------------
 #

@@ -25,10 +25,9 @@ from backend.experiments.plans import (
     composed,
 )
 from backend.experiments.schema import Experiment
-from backend.models.run import DeclaredValue, Value
-from backend.models.settings import Setting, SettingError, build_plan, describe_settings, describe_values
-from backend.realtime.program import MAX_SEGMENTS
-from plant.interface import T_s
+from backend.models import DeclaredValue, Setting, SettingError, Value, build_plan, describe_settings, describe_values
+from backend.realtime import MAX_SEGMENTS
+from plant import T_s
 
 # Ready made ----------------------------------------------------------------------------------------
 #

@@ -12,16 +12,15 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from backend.banks.tuning_settings import NAMES
+from backend.banks import NAMES
 from backend.errors import InvalidValueError, OutOfRangeError, Path
 from backend.experiments.schema import EXPERIMENT, FORMAT, Declared, Experiment, Rule
-from backend.models.run import Value
-from backend.models.settings import Setting, SettingError
+from backend.models import Setting, SettingError, Value
 from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
-from backend.recording.derived_signals import Derived, FormulaStep
+from backend.recording import Derived, FormulaStep
 from backend.sample import COMBINED_BY_NAME, UNIT_OF, nearest
 from backend.units import AngleUnit
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Expressions ---------------------------------------------------------------------------------------
 #

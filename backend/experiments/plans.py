@@ -9,22 +9,26 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.banks.tuning_settings import TuningSettings
-from backend.control import setpoint_player
-from backend.control.decoupler import STIFFNESS_RANGE
-from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
-from backend.control.motion_types import Setpoint
+from backend.banks import TuningSettings
+from backend.control import STEP_BRAKING_S, STIFFNESS_RANGE, ZERO_VOLTS_S, Setpoint, setpoint_player
 from backend.errors import WORDS, OutOfRangeError, Path, check_range
 from backend.experiments import parser
 from backend.experiments.compiler import CompiledExperiment, laid
 from backend.experiments.parser import ExperimentError, Lines, find_line, parsed_setting, require_rules, settings_of
 from backend.experiments.schema import Experiment
-from backend.identification.fitting import Method
-from backend.models.run import Phase, Value
-from backend.models.settings import Setting, SettingError, build_plan, choice_setting, integer_setting, number_setting
-from backend.models.settings import text_setting as text_settings
-from backend.realtime.motions import make_segment_player
-from backend.realtime.program import (
+from backend.identification import Method
+from backend.models import (
+    Phase,
+    Setting,
+    SettingError,
+    Value,
+    build_plan,
+    choice_setting,
+    integer_setting,
+    number_setting,
+)
+from backend.models import text_setting as text_settings
+from backend.realtime import (
     IDENTIFYING,
     MAX_SEGMENTS,
     Excitation,
@@ -34,8 +38,9 @@ from backend.realtime.program import (
     Shape,
     TensionLeg,
     VoltageStep,
+    make_segment_player,
 )
-from plant.interface import T_s
+from plant import T_s
 
 # Composed plan -------------------------------------------------------------------------------------
 #

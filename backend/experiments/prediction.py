@@ -6,13 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control.decoupler import build_decoupler, equilibrium, stiffness
+from backend.control import build_decoupler, equilibrium, stiffness
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
-from backend.identification.motor import turn_from_rest
-from backend.identification.validation import MIN_COUNTS
-from plant.dynamics import spring_elongation, tendon_tension
-from plant.interface import T_s
-from plant.parameters import SIDES, PlantParameters
+from backend.identification import MIN_COUNTS, turn_from_rest
+from plant import SIDES, PlantParameters, T_s, spring_elongation, tendon_tension
 
 # Prediction ----------------------------------------------------------------------------------------
 #

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from backend import __version__
-from backend.models.document import document_digest
+from backend.models import document_digest
 from backend.plain_text import require_plain_texts
-from backend.recording.codec import CodecError, SamplesDigest
-from backend.recording.reader import Columns, read_recorded_columns, read_samples
+from backend.recording import CodecError, Columns, SamplesDigest, read_recorded_columns, read_samples
 from backend.sample import FIELDS, STORED_NAMES
-from backend.storage import formulas, recordings, runs
-from backend.storage.database import Database
-from backend.storage.formulas import Formula
-from backend.storage.imports import RUN, build_record_document
-from backend.storage.orm import UnknownRecordError
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
+from backend.storage import (
+    RUN,
+    Database,
+    Formula,
+    UnknownRecordError,
+    build_record_document,
+    formulas,
+    recordings,
+    runs,
+)
+from plant import ErrorCode, SinewError, T_s
 
 # Errors --------------------------------------------------------------------------------------------
 #

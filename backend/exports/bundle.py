@@ -13,13 +13,26 @@ from typing import Any
 from backend import __version__
 from backend.exports.base import ExportError, ImportRefusedError, Sink, export_run, read_strict
 from backend.exports.formats import PIECE, DataFormat, stream_export
-from backend.models.document import document_digest
-from backend.models.run import LARGEST
-from backend.storage import banks, commissioning, identifications, origins, recordings, results, runs
-from backend.storage.database import Database, Session
-from backend.storage.imports import BANK, IDENTIFICATION, RESULT, RUN, build_record_document
-from backend.storage.orm import Document
-from backend.storage.runs import EndState, Run
+from backend.models import LARGEST, document_digest
+from backend.storage import (
+    BANK,
+    IDENTIFICATION,
+    RESULT,
+    RUN,
+    Database,
+    Document,
+    EndState,
+    Run,
+    Session,
+    banks,
+    build_record_document,
+    commissioning,
+    identifications,
+    origins,
+    recordings,
+    results,
+    runs,
+)
 
 # Bundle --------------------------------------------------------------------------------------------
 #

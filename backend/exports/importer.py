@@ -11,30 +11,35 @@ import numpy as np
 from backend.exports.base import Batch, Facts, ImportRefusedError, require_texts, table_of, unbroken
 from backend.exports.bundle import Bundle, opened, recording_of, report_of
 from backend.exports.formats import file_digest, read_export
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import drop_first_bank, list_changed_banks, renumber_banks
-from backend.recording.codec import SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
-from backend.recording.recorder import CHUNK_TICKS
-from backend.storage import identifications, origins, recordings, results, runs
-from backend.storage.database import IMPORTING, Database, Session
-from backend.storage.identifications import UnfitDocumentError, require_identification_document
-from backend.storage.imports import (
+from backend.models import UnreadableDocumentError, drop_first_bank, list_changed_banks, renumber_banks
+from backend.recording import CHUNK_TICKS, SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
+from backend.storage import (
     BANK,
     ENTRIES,
     IDENTIFICATION,
+    IMPORTING,
     REFERENCES,
     RESULT,
     RUN,
+    Chunk,
+    Database,
+    Document,
+    Origin,
+    Run,
+    Session,
+    UnfitDocumentError,
     connect_imported_bank,
     exclude_other_imports,
     find_same_record,
+    identifications,
     import_document,
+    origins,
     parse_required_record,
+    recordings,
+    require_identification_document,
+    results,
+    runs,
 )
-from backend.storage.origins import Origin
-from backend.storage.orm import Document
-from backend.storage.recordings import Chunk
-from backend.storage.runs import Run
 
 # Taking in -----------------------------------------------------------------------------------------
 #

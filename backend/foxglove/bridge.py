@@ -24,13 +24,10 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from backend import wire
-from backend.exports import writers
-from backend.exports.base import ORDER, describe_columns
-from backend.exports.mcap import TOPIC
+from backend.exports import ORDER, TOPIC, describe_columns, writers
 from backend.sample import STORED_NAMES
-from backend.schemas.state import EventMessage, LayoutMessage, MarkKind, StateMessage
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
+from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
+from plant import ErrorCode, SinewError, T_s
 
 # Tickets -------------------------------------------------------------------------------------------
 #

@@ -5,3 +5,7 @@ limits from ``docs/faults.md`` and ``backend/faults.py``, figures from their dec
 what the loop's timing says from the message that carries it. Words that stood nowhere, of verdicts and modes, are in
 ``verdicts.py``. The page gets all of it as ``glossary.gen.ts``.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

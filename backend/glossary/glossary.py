@@ -12,22 +12,30 @@ from typing import get_args
 from annotated_types import Ge, Le
 from pydantic.fields import FieldInfo
 
-from backend.analysis import disturbance_metrics, frequency_metrics, identification, step_metrics
-from backend.analysis.step_metrics import SETTLING_BAND
-from backend.commissioning.status import StepState
+from backend.analysis import SETTLING_BAND, disturbance_metrics, frequency_metrics, identification, step_metrics
+from backend.commissioning import StepState
 from backend.errors import WORDS
 from backend.faults import EXPLAINED, Fault, Limit
+from backend.identification import Grade
 from backend.identification import validation as rule
-from backend.identification.models import Grade
-from backend.models.run import Outcome
-from backend.realtime.modes import Cause, HomingEnd, Mode
-from backend.schemas.base import HUGE, Schema
-from backend.schemas.identification import ActuatorRequest
-from backend.schemas.run import ChecklistState
-from backend.schemas.state import ChainLinkView, PushRequest, References, TimingView, TouchOrder, TriggerOrder, WallView
-from backend.schemas.tuning import TrialRequest
-from backend.storage.runs import EndState
-from plant.errors import SinewError
+from backend.models import Outcome
+from backend.realtime import Cause, HomingEnd, Mode
+from backend.schemas import (
+    HUGE,
+    ActuatorRequest,
+    ChainLinkView,
+    ChecklistState,
+    PushRequest,
+    References,
+    Schema,
+    TimingView,
+    TouchOrder,
+    TrialRequest,
+    TriggerOrder,
+    WallView,
+)
+from backend.storage import EndState
+from plant import SinewError
 
 # Entry ---------------------------------------------------------------------------------------------
 #

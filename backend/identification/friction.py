@@ -10,7 +10,7 @@ import numpy as np
 from backend.identification.models import DryFriction
 from backend.identification.records import NotConvergedError, Record, Signal
 from backend.identification.validation import sandwich, whiteness
-from plant.compilation import cache_compiled
+from plant import cache_compiled
 
 # Friction ------------------------------------------------------------------------------------------
 #

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Errors --------------------------------------------------------------------------------------------
 #

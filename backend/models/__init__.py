@@ -1,1 +1,5 @@
 """Versioned documents that the database stores as JSON, as dataclasses. Pure."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Digest --------------------------------------------------------------------------------------------
 #

@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.identification.models import Grade
-from backend.identification.motor import judge_motor, spread_percent
+from backend.identification import Grade, judge_motor, spread_percent
 from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
-from plant.parameters import Side
+from plant import Side
 
 # Actuator ------------------------------------------------------------------------------------------
 #

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Any
 
 from backend.models.document import ABSENT, Document, DocumentCodec, replace_non_finite
-from plant.dynamics import Obstacle
+from plant import Obstacle
 
 # Bank entry ----------------------------------------------------------------------------------------
 #

@@ -3,7 +3,7 @@
 import select
 import socket
 
-from plant.errors import SinewError
+from plant import SinewError
 
 MAX_BYTES = 16_384
 """Longest packet: what is decoded within a third of a period."""

@@ -11,10 +11,7 @@ from backend.realtime.program import EntryGains as EntryGains
 from backend.realtime.program import MotorGains as MotorGains
 from backend.realtime.program import Program
 from backend.realtime.program import SetTuning as SetTuning
-from plant.dynamics import Obstacle
-from plant.interface import Broken
-from plant.manual_input import ManualInput
-from plant.parameters import Side
+from plant import Broken, ManualInput, Obstacle, Side
 
 # Play recording ------------------------------------------------------------------------------------
 #

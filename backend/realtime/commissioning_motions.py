@@ -4,11 +4,10 @@ import math
 from collections.abc import Callable
 from enum import Enum, auto
 
-from backend.control import cascade, motion_primitives, pid
-from backend.control.motion_types import AT_REST, ControlOutput, MotorLoopState, Setpoint
+from backend.control import AT_REST, ControlOutput, MotorLoopState, Setpoint, cascade, motion_primitives, pid
 from backend.realtime.modes import Cause, HomingEnd
 from backend.realtime.motions import CommissioningMotion, PythonMotion
-from plant.interface import Measurement, T_s
+from plant import Measurement, T_s
 
 # Homing --------------------------------------------------------------------------------------------
 #

@@ -2,8 +2,8 @@
 
 from backend.realtime.gains import make_tuning_command
 from backend.realtime.process import warm_up
-from backend.tuning.gains import TuningParameters
-from plant.parameters import load_parameters
+from backend.tuning import TuningParameters
+from plant import load_parameters
 
 PARAMETERS = "lab"
 

@@ -8,10 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import decoupler
-from backend.control.cascade import CascadeTuning
-from backend.control.decoupler import Bounds
-from backend.control.motion_types import MotorLoopState, Setpoint
+from backend.control import Bounds, CascadeTuning, MotorLoopState, Setpoint, decoupler
 from backend.errors import check_range
 from backend.realtime.commands import ApplyPush, Event, PushReleased, WallChanged
 from backend.realtime.gains import ActiveGains
@@ -35,8 +32,7 @@ from backend.realtime.program import (
     Segment,
 )
 from backend.realtime.shared_state import StepContext
-from plant.dynamics import Obstacle, Obstructed
-from plant.interface import NO_LOAD, Measurement, Plant, PlantError, ShaftLoad, T_s
+from plant import NO_LOAD, Measurement, Obstacle, Obstructed, Plant, PlantError, ShaftLoad, T_s
 
 # Contact -------------------------------------------------------------------------------------------
 #

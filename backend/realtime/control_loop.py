@@ -6,11 +6,24 @@ from typing import Final, assert_never
 
 import numpy as np
 
-from backend.control import fault_detection
-from backend.control.decoupler import compute_bounds
-from backend.control.fault_detection import SLACK_MAX_S, DetectedFault, FaultDetectionState
-from backend.control.motion_types import AT_REST, NO_REFERENCE
-from backend.control.step import DECIDED, DONE, FELT, FOUND, PUSHES, QUIET, TUNES, StepInputs, TickRange
+from backend.control import (
+    AT_REST,
+    DECIDED,
+    DONE,
+    FELT,
+    FOUND,
+    NO_REFERENCE,
+    PUSHES,
+    QUIET,
+    SLACK_MAX_S,
+    TUNES,
+    DetectedFault,
+    FaultDetectionState,
+    StepInputs,
+    TickRange,
+    compute_bounds,
+    fault_detection,
+)
 from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault, Limit
 from backend.realtime.commands import (
@@ -49,25 +62,26 @@ from backend.realtime.program import ConfigureContactDetection, SetTuning
 from backend.realtime.ring_buffer import Ring, SampleRing
 from backend.realtime.shared_state import StepContext
 from backend.sample import FIELDS
-from backend.tuning.gains import TuningParameters, collect_plant_knowledge
+from backend.tuning import TuningParameters, collect_plant_knowledge
 from backend.units import in_digits
-from plant.interface import (
+from plant import (
     NO_RAW,
     ZERO_VOLTS,
+    Handled,
     HasLimitSwitch,
     Measurement,
     MotorCommand,
     Plant,
     PlantError,
+    PlantParameters,
     RawReading,
+    Simulator,
     SupportsDirectionCheck,
     SupportsDriveEnable,
     T_s,
+    WatchdogDeadError,
+    WatchdogExpiredError,
 )
-from plant.manual_input import Handled
-from plant.parameters import PlantParameters
-from plant.safety_card import WatchdogDeadError, WatchdogExpiredError
-from plant.simulator import Simulator
 
 # Bring up ------------------------------------------------------------------------------------------
 #

@@ -6,15 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backend.control import cascade, pid
-from backend.control.cascade import CascadeTuning
+from backend.control import CascadeTuning, cascade, pid
 from backend.errors import check_range
 from backend.realtime.commands import Event, TuningChanged
 from backend.realtime.modes import CommandRejectedError
 from backend.realtime.motions import BASELINES
 from backend.realtime.program import IDENTIFYING, MAX_TUNINGS, EntryGains, MotorGains, Program, SetTuning
 from backend.realtime.shared_state import StepContext
-from backend.tuning.gains import (
+from backend.tuning import (
     MotorModel,
     PlantModel,
     PointModel,
@@ -23,7 +22,7 @@ from backend.tuning.gains import (
     make_cascade_tuning,
     require_share,
 )
-from plant.parameters import PlantParameters
+from plant import PlantParameters
 
 # Tuned ---------------------------------------------------------------------------------------------
 #

@@ -9,8 +9,7 @@ from backend.realtime.program import BiasLost, ConfigureContactDetection, SetTun
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import EventListener
 from backend.realtime.timing import RealTimeStatus
-from plant.interface import Plant, T_s
-from plant.parameters import PlantParameters
+from plant import Plant, PlantParameters, T_s
 
 _BATCH_TICKS = 1000
 

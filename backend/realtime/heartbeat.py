@@ -18,8 +18,7 @@ from backend.realtime.channel import Channel
 from backend.realtime.commands import Heartbeat
 from backend.realtime.ipc import encode
 from backend.supervision import Part
-from plant.compilation import cache_compiled
-from plant.safety_card import WATCHDOG_S, Card, Stillness
+from plant import WATCHDOG_S, Card, Stillness, cache_compiled
 
 # Card guard ----------------------------------------------------------------------------------------
 #

@@ -11,9 +11,7 @@ from backend.realtime.commands import Command, Event, RunProgram
 from backend.realtime.modes import CommandRejectedError
 from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, Segment, SetTuning, require_few
 from backend.realtime.timing import RealTimeStatus
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp
-from plant.errors import ErrorCode, SinewError
-from plant.interface import PlantChoice
+from plant import NOT_BROUGHT_UP, BroughtUp, ErrorCode, PlantChoice, SinewError
 
 # Channel -------------------------------------------------------------------------------------------
 #

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from backend.realtime.channel import Channel, channel_pair
 from backend.realtime.ring_buffer import Ring
-from plant.safety_card import Card
+from plant import Card
 
 
 class LoopProcess:

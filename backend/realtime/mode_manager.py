@@ -5,10 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from backend.control import pid
-from backend.control.cascade import CascadeTuning
-from backend.control.motion_primitives import PRETENSION_N
-from backend.control.motion_types import NO_REFERENCE, MotorLoopState, Setpoint
+from backend.control import NO_REFERENCE, PRETENSION_N, CascadeTuning, MotorLoopState, Setpoint, pid
 from backend.faults import Fault
 from backend.realtime.commands import (
     Event,
@@ -40,9 +37,8 @@ from backend.realtime.motions import (
 )
 from backend.realtime.program import IDENTIFYING, Program, may_start_from, program_mode
 from backend.realtime.shared_state import StepContext
-from backend.tuning.gains import TuningParameters, collect_plant_knowledge
-from plant.interface import Measurement, Plant, SupportsDirectionCheck
-from plant.parameters import PlantParameters
+from backend.tuning import TuningParameters, collect_plant_knowledge
+from plant import Measurement, Plant, PlantParameters, SupportsDirectionCheck
 
 # Now -----------------------------------------------------------------------------------------------
 #

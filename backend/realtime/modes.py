@@ -3,7 +3,7 @@
 from enum import StrEnum
 
 from backend.faults import Fault
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Causes --------------------------------------------------------------------------------------------
 #

@@ -5,20 +5,32 @@ from typing import Any
 
 import numpy as np
 
-from backend.control import baselines, cascade, motion_primitives, pid, setpoint_player, tracking
-from backend.control.cascade import CascadeTuning
-from backend.control.decoupler import Bounds, build_decoupler, compute_bounds
-from backend.control.motion_primitives import PRETENSION_N, VoltageMargin
-from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState, Setpoint, track_motors
-from backend.control.step import Moving, Resting
+from backend.control import (
+    NO_REFERENCE,
+    PRETENSION_N,
+    Bounds,
+    CascadeTuning,
+    ControlOutput,
+    MotorLoopState,
+    Moving,
+    Resting,
+    Setpoint,
+    VoltageMargin,
+    baselines,
+    build_decoupler,
+    cascade,
+    compute_bounds,
+    motion_primitives,
+    pid,
+    setpoint_player,
+    track_motors,
+    tracking,
+)
 from backend.errors import check_range
 from backend.realtime.modes import Cause, CommandRejectedError, Why
 from backend.realtime.program import Excitation, Law, Program, Segment, Shape, require_few, require_plant_ability
-from backend.tuning.gains import TuningParameters, make_feedback_linearization_tuning, make_single_loop_tuning
-from plant.compilation import StateBlock
-from plant.dynamics import spring_elongation
-from plant.interface import Measurement, Plant, T_s
-from plant.parameters import PlantParameters
+from backend.tuning import TuningParameters, make_feedback_linearization_tuning, make_single_loop_tuning
+from plant import Measurement, Plant, PlantParameters, StateBlock, T_s, spring_elongation
 
 # Program arrays ------------------------------------------------------------------------------------
 #

@@ -27,8 +27,7 @@ from backend.realtime.commands import (
 from backend.realtime.modes import Mode
 from backend.realtime.ring_buffer import SampleRing
 from backend.sample import FIELDS, INDEX
-from plant.interface import T_s
-from plant.replay import RecordedSamples
+from plant import RecordedSamples, T_s
 
 UNREADY = "a recording is played: nothing real moves, and no mode starts"
 REFUSED = "a recording is played: nothing real moves, so it takes no commands but play, pause, speed and position"

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from backend.control.motion_types import NO_REFERENCE
+from backend.control import NO_REFERENCE
 from backend.faults import Fault
 from backend.realtime.channel import Channel, ChannelClosedError
 from backend.realtime.commands import (
@@ -46,14 +46,21 @@ from backend.realtime.player import PlayerLoop
 from backend.realtime.program import Excitation, Law, Program, Segment, SetTuning, TensionLeg, VoltageStep
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import Pacer, request_real_time
-from backend.tuning.gains import collect_plant_knowledge, motor_model
-from plant.errors import SinewError
-from plant.factory import make_plant
-from plant.interface import HasWiring, Plant, PlantError, T_s
-from plant.parameters import ParameterError, PlantParameters, load_parameters
-from plant.replay import Replay
-from plant.safety_card import Card
-from plant.simulator import Simulator
+from backend.tuning import collect_plant_knowledge, motor_model
+from plant import (
+    Card,
+    HasWiring,
+    ParameterError,
+    Plant,
+    PlantError,
+    PlantParameters,
+    Replay,
+    Simulator,
+    SinewError,
+    T_s,
+    load_parameters,
+    make_plant,
+)
 
 # Rehearsal -----------------------------------------------------------------------------------------
 #

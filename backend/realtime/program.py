@@ -5,10 +5,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
-from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
+from backend.control import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.errors import check_range
 from backend.realtime.modes import LEGAL, CommandRejectedError, Mode
-from plant.dynamics import Obstacle
+from plant import Obstacle
 
 # Set touch -----------------------------------------------------------------------------------------
 #

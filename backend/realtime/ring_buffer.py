@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.sample import FIELDS
-from plant.errors import SinewError
+from plant import SinewError
 
 WIDTH = len(FIELDS)
 _HEADER_WORDS = 8

@@ -7,15 +7,37 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import cascade, decoupler, disturbance_observer, fault_detection, motion_primitives, step
-from backend.control.motion_types import AT_REST, ControlOutput
-from backend.control.step import NO_INPUTS, ControlState, Moving, StepInputs, TickRange
+from backend.control import (
+    AT_REST,
+    NO_INPUTS,
+    ControlOutput,
+    ControlState,
+    Moving,
+    StepInputs,
+    TickRange,
+    cascade,
+    decoupler,
+    disturbance_observer,
+    fault_detection,
+    motion_primitives,
+    step,
+)
 from backend.realtime.motions import Motion
 from backend.sample import FIELDS
-from plant.compilation import PrecompiledCall, StateBlock
-from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
-from plant.parameters import PlantParameters
-from plant.simulator import Simulated
+from plant import (
+    NO_RAW,
+    NOT_MEASURED,
+    ZERO_VOLTS,
+    Measurement,
+    MotorCommand,
+    PlantParameters,
+    PrecompiledCall,
+    RawReading,
+    ShaftLoad,
+    Simulated,
+    StateBlock,
+    T_s,
+)
 
 _Made = tuple[int, int, float, float, Measurement]
 _Run = Callable[

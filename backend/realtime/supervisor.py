@@ -34,10 +34,7 @@ from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import RealTimeStatus
 from backend.sample import INDEX
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
-from plant.calibration import select_calibration
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
-from plant.safety_card import Card
+from plant import Card, ErrorCode, SinewError, T_s, select_calibration
 
 # Access --------------------------------------------------------------------------------------------
 #

@@ -11,7 +11,7 @@ import numpy as np
 
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from plant.interface import T_s
+from plant import T_s
 
 # Pacer ---------------------------------------------------------------------------------------------
 #

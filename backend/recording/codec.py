@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.storage import recordings
-from backend.storage.database import Session
-from plant.errors import SinewError
+from backend.storage import Session, recordings
+from plant import SinewError
 
 # Codec ---------------------------------------------------------------------------------------------
 #

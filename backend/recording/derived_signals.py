@@ -8,11 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.models.document import UnreadableDocumentError
+from backend.models import UnreadableDocumentError
 from backend.sample import COMBINED_BY_NAME, STORED, UNIT_OF, Combined, Field, Term
-from backend.storage import formulas, runs
-from backend.storage.database import Session
-from backend.storage.formulas import Formula
+from backend.storage import Formula, Session, formulas, runs
 
 # Formula -------------------------------------------------------------------------------------------
 #

@@ -15,19 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault, explained
-from backend.realtime.commands import Event, Stopped
-from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited
+from backend.realtime import Event, LoopExited, Ring, Stopped
 from backend.recording.codec import pack_table, unpack
 from backend.recording.reader import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
-from backend.storage import events, flights
-from backend.storage.database import Database, Session
-from backend.storage.events import EventKind
-from backend.storage.flights import NewFlight
-from backend.storage.orm import StorageError
+from backend.storage import Database, EventKind, NewFlight, Session, StorageError, events, flights
 from backend.supervision import Part
-from plant.interface import T_s
+from plant import T_s
 
 BEFORE_S = 10.0
 AFTER_S = 5.0

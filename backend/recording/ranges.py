@@ -11,8 +11,7 @@ from backend.errors import OutOfRangeError, check_range
 from backend.recording.derived_signals import computed, lengths_of
 from backend.recording.reader import read_samples
 from backend.sample import COMBINED_BY_NAME
-from backend.storage import recordings
-from backend.storage.database import Database, Session
+from backend.storage import Database, Session, recordings
 
 # Spectrum ------------------------------------------------------------------------------------------
 #

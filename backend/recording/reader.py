@@ -11,12 +11,8 @@ from numpy.typing import NDArray
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
 from backend.recording.derived_signals import Derived, Following, columns_of, computed, lengths_of, select_derived
 from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_OF
-from backend.storage import recordings
-from backend.storage.database import Database, Session
-from backend.storage.orm import UnknownRecordError
-from backend.storage.recordings import Chunk, Recording, Span
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
+from backend.storage import Chunk, Database, Recording, Session, Span, UnknownRecordError, recordings
+from plant import ErrorCode, SinewError, T_s
 
 # Combined ------------------------------------------------------------------------------------------
 #

@@ -10,22 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault
-from backend.models.run import KeptWall, wall_record
-from backend.realtime.commands import Event, RunEnded, WallChanged
-from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited
+from backend.models import KeptWall, wall_record
+from backend.realtime import Event, LoopExited, Ring, RunEnded, WallChanged
 from backend.recording.codec import Table, pack_table, summarise_buckets
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
-from backend.storage import events, recordings, runs
-from backend.storage.database import Database, Session
-from backend.storage.events import EventKind
-from backend.storage.orm import GoneError, StorageError, UnknownRecordError
-from backend.storage.recordings import Chunk, NotRecordableError
-from backend.storage.runs import EndState
+from backend.storage import (
+    Chunk,
+    Database,
+    EndState,
+    EventKind,
+    GoneError,
+    NotRecordableError,
+    Session,
+    StorageError,
+    UnknownRecordError,
+    events,
+    recordings,
+    runs,
+)
 from backend.supervision import Part
-from plant.dynamics import Obstacle
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
+from plant import ErrorCode, Obstacle, SinewError, T_s
 
 # Walls ---------------------------------------------------------------------------------------------
 #

@@ -7,12 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from backend.storage import events, recordings
-from backend.storage.database import Database
-from backend.storage.events import EventKind
-from backend.storage.recordings import RetentionEntry
+from backend.storage import Database, EventKind, RetentionEntry, events, recordings
 from backend.units import counted
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 _CHUNKS_AT_ONCE = 200
 """Deleted in one transaction, so that the recorder never waits long for the database."""

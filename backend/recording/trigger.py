@@ -11,18 +11,14 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.realtime.ring_buffer import Ring
+from backend.realtime import Ring
 from backend.recording.codec import pack_table
 from backend.recording.derived_signals import Derived, columns_of, computed
 from backend.recording.flight import Quota, make_room, run_of, time_of
 from backend.sample import COMBINED_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_OF
-from backend.storage import events, flights, settings
-from backend.storage.database import Database
-from backend.storage.events import EventKind
-from backend.storage.flights import TRIGGER, NewFlight
-from backend.storage.orm import Document, StorageError
+from backend.storage import TRIGGER, Database, Document, EventKind, NewFlight, StorageError, events, flights, settings
 from backend.supervision import Part
-from plant.interface import T_s
+from plant import T_s
 
 # Condition -----------------------------------------------------------------------------------------
 #

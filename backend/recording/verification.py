@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backend.recording.codec import CodecError, Table, summarise_buckets, unpack
-from backend.storage import recordings
-from backend.storage.database import Database, Session
-from backend.storage.recordings import Chunk
+from backend.storage import Chunk, Database, Session, recordings
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,5 @@
 """Reports as HTML and PDF, and exports of samples."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,10 +5,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from backend.analysis.evaluation import evaluate_pending_runs
-from backend.exports.base import export_run_if_recorded
-from backend.exports.formats import DataFormat, stream_export, write_files_whole
-from backend.models.run import CRITERIA
+from backend.analysis import evaluate_pending_runs
+from backend.exports import DataFormat, export_run_if_recorded, stream_export, write_files_whole
+from backend.models import CRITERIA
 from backend.reports.evidence import ReportManifest, evidence_of, to_element
 from backend.reports.experiment_report import (
     compliance_report,
@@ -38,8 +37,7 @@ from backend.reports.pdf import to_pdf
 from backend.reports.provenance import definitions_facts, judge_stored_run
 from backend.reports.run_data import RunData, load_source
 from backend.reports.timing import timing_section
-from backend.storage.database import Database
-from backend.storage.runs import EndState, RunKind
+from backend.storage import Database, EndState, RunKind
 from backend.units import AngleUnit, format_angles
 
 # Build ---------------------------------------------------------------------------------------------

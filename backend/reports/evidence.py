@@ -17,20 +17,15 @@ from pydantic import TypeAdapter, ValidationError
 import backend
 import plant
 from backend import __version__
-from backend.analysis.evaluation import select_used_settings
-from backend.models.document import document_digest
-from backend.models.run import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriterion
-from backend.recording.reader import Columns, count_missing_ticks
+from backend.analysis import select_used_settings
+from backend.models import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriterion, document_digest
+from backend.recording import Columns, count_missing_ticks
 from backend.reports.run_data import RunData
 from backend.reports.timing import granted_rows
 from backend.sample import STORED_NAMES
-from backend.storage.banks import Bank, BankEntry, StoredFit
-from backend.storage.identifications import Identification, NewIdentification
-from backend.storage.results import Result
-from backend.storage.runs import Run, RunKind
+from backend.storage import Bank, BankEntry, Identification, NewIdentification, Result, Run, RunKind, StoredFit
 from backend.units import AngleUnit
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
+from plant import ErrorCode, SinewError, T_s
 
 # Digests -------------------------------------------------------------------------------------------
 #

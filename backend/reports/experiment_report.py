@@ -8,19 +8,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
-from backend.analysis.disturbance_metrics import find_hits, measure_holds, measure_pushes
-from backend.analysis.evaluation import find_control_law, select_used_settings
-from backend.analysis.frequency_metrics import Lines, Response, build_bode_lines, compute_responses
-from backend.analysis.step_metrics import find_pushes
-from backend.banks.builder import BankError, entry_points
-from backend.banks.tuning_settings import TuningSettings
-from backend.experiments.library import parse_stored_plan
-from backend.experiments.plans import KIND, ExperimentPlan
-from backend.experiments.schema import Measure
-from backend.models.run import Metrics, StepFigures
-from backend.realtime.program import Law
-from backend.recording.reader import Columns
+from backend.analysis import (
+    EvaluationContext,
+    Lines,
+    Response,
+    build_bode_lines,
+    compute_responses,
+    find_control_law,
+    find_hits,
+    find_pushes,
+    load_bank_points,
+    load_initial_tuning,
+    measure_holds,
+    measure_pushes,
+    select_used_settings,
+)
+from backend.banks import BankError, TuningSettings, entry_points
+from backend.experiments import KIND, ExperimentPlan, Measure, parse_stored_plan
+from backend.models import Metrics, StepFigures
+from backend.realtime import Law
+from backend.recording import Columns
 from backend.reports import sections
 from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, exact, shown
 from backend.reports.plotting import (
@@ -62,12 +69,10 @@ from backend.reports.provenance import (
 )
 from backend.reports.run_data import RunData
 from backend.reports.sections import CAPTION, impact_panels, impact_tables
-from backend.storage.runs import RunKind
-from backend.tuning.gains import TuningError, make_cascade_tuning
-from backend.tuning.simulation import simulate_cascade
+from backend.storage import RunKind
+from backend.tuning import TuningError, make_cascade_tuning, simulate_cascade
 from backend.units import AngleUnit, read, reading_of, with_unit
-from plant.interface import T_s
-from plant.parameters import SIDES, ParameterError, parse_parameters
+from plant import SIDES, ParameterError, T_s, parse_parameters
 
 # Compliance ----------------------------------------------------------------------------------------
 #

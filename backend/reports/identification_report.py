@@ -4,10 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from backend.identification.models import TABLE_1, worst_grade
-from backend.identification.validation import read_whiteness_test
-from backend.models.document import UnreadableDocumentError
-from backend.models.identification import (
+from backend.identification import TABLE_1, read_whiteness_test, worst_grade
+from backend.models import (
     CHANNELS,
     ArxEstimate,
     ChannelName,
@@ -19,6 +17,7 @@ from backend.models.identification import (
     SpringFound,
     SpringModel,
     TriedStructure,
+    UnreadableDocumentError,
     stored_grade,
 )
 from backend.reports.model import (
@@ -67,10 +66,9 @@ from backend.reports.provenance import (
     subtitle,
 )
 from backend.reports.run_data import RunData
-from backend.storage.banks import read_method_name
-from backend.storage.identifications import Identification
+from backend.storage import Identification, read_method_name
 from backend.units import AngleUnit, format_quantity
-from plant.parameters import SIDES
+from plant import SIDES
 
 # Actuator identification ---------------------------------------------------------------------------
 #

@@ -5,17 +5,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.identification.models import DenominatorKind, Structure, find_structure
-from backend.models.identification import (
-    CHANNELS,
-    ActuatorModel,
-    ChannelModel,
-    ChannelName,
-    IdentifiedMotor,
-    SpringModel,
-)
+from backend.identification import DenominatorKind, Structure, find_structure
+from backend.models import CHANNELS, ActuatorModel, ChannelModel, ChannelName, IdentifiedMotor, SpringModel
 from backend.reports.model import Block, Code, Column, Table, shown
-from plant.parameters import SIDES, Side
+from plant import SIDES, Side
 
 _GAIN_UNITS = {"G_q": "rad/rad", "G_S": "N·m/rad²"}
 _OUTPUTS = {"G_q": "q [rad]", "G_S": "S [N*m/rad]"}

@@ -19,12 +19,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from backend.analysis.step_metrics import AT_REST, SETTLING_BAND
-from backend.identification.models import Model, simulate_response
-from backend.identification.validation import read_whiteness_test
-from backend.models.identification import ChannelModel, ChannelName, ResidualTests
-from backend.models.run import StepFigures
-from backend.recording.reader import Columns as ReaderColumns
+from backend.analysis import AT_REST, SETTLING_BAND
+from backend.identification import Model, read_whiteness_test, simulate_response
+from backend.models import ChannelModel, ChannelName, ResidualTests, StepFigures
+from backend.recording import Columns as ReaderColumns
 from backend.units import AngleUnit, reading_of
 
 # Drawing -------------------------------------------------------------------------------------------

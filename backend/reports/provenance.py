@@ -6,12 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.analysis.evaluation import USED, find_control_law, select_used_settings
-from backend.experiments import library, parser
-from backend.experiments.library import OF_THE_PAPER, experiments_by_name
-from backend.identification.models import Grade
-from backend.models.identification import CHANNELS
-from backend.models.run import (
+from backend.analysis import USED, find_control_law, select_used_settings
+from backend.experiments import OF_THE_PAPER, experiments_by_name, library, parser
+from backend.identification import Grade
+from backend.models import (
+    CHANNELS,
     DEFINITIONS,
     PLANT_NUMBERS,
     DeclaredValue,
@@ -21,14 +20,12 @@ from backend.models.run import (
     Value,
     judge_run,
 )
-from backend.realtime.program import Law
+from backend.realtime import Law
 from backend.reports.model import Block, Code, Column, Fact, Paragraph, Report, ReportSection, Table, exact, shown
 from backend.reports.run_data import RunData
-from backend.storage.banks import BankEntry, stored_entry_name
-from backend.storage.runs import EndState, RunKind
+from backend.storage import BankEntry, EndState, RunKind, stored_entry_name
 from backend.units import AngleUnit, read, reading_of
-from plant.interface import SIMULATED, SIMULATOR
-from plant.parameters import SHIPPED, load_parameters
+from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 
 # Provenance ----------------------------------------------------------------------------------------
 #

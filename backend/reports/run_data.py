@@ -3,13 +3,21 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from backend.recording.reader import Columns, read_drawn_columns, read_recorded_columns
-from backend.storage import banks, identifications, results, runs
-from backend.storage.banks import Bank, StoredFit, load_bank_fits
-from backend.storage.database import Database
-from backend.storage.identifications import Identification
-from backend.storage.results import Result
-from backend.storage.runs import Run, RunKind
+from backend.recording import Columns, read_drawn_columns, read_recorded_columns
+from backend.storage import (
+    Bank,
+    Database,
+    Identification,
+    Result,
+    Run,
+    RunKind,
+    StoredFit,
+    banks,
+    identifications,
+    load_bank_fits,
+    results,
+    runs,
+)
 from backend.units import AngleUnit
 
 

@@ -6,11 +6,22 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.disturbance_metrics import JOINT_STEP, PUSH_REST_S, Hit, HoldWindow, MeasuredPush, pair_hits
-from backend.analysis.frequency_metrics import UNLIKE, Array, Complex, Lines
-from backend.analysis.identification import MOTOR_B, estimate_run_friction
-from backend.models.identification import CHANNELS, stored_grade
-from backend.recording.reader import Columns
+from backend.analysis import (
+    JOINT_STEP,
+    MOTOR_B,
+    PUSH_REST_S,
+    UNLIKE,
+    Array,
+    Complex,
+    Hit,
+    HoldWindow,
+    Lines,
+    MeasuredPush,
+    estimate_run_friction,
+    pair_hits,
+)
+from backend.models import CHANNELS, stored_grade
+from backend.recording import Columns
 from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, ReportSection, Table, share, shown
 from backend.reports.plotting import (
     COLOURS,
@@ -30,11 +41,9 @@ from backend.reports.plotting import (
 )
 from backend.reports.provenance import measured
 from backend.reports.run_data import RunData
-from backend.storage.identifications import Identification
-from backend.storage.runs import RunKind
+from backend.storage import Identification, RunKind
 from backend.units import AngleUnit, read, reading_of
-from plant.interface import T_s
-from plant.parameters import SIDES
+from plant import SIDES, T_s
 
 # Bode ----------------------------------------------------------------------------------------------
 #

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from backend import __version__
-from backend.models.run import MeasuredFigure, Outcome
+from backend.models import MeasuredFigure, Outcome
 from backend.reports.build import told
 from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, iterate_configuration, to_element
 from backend.reports.experiment_report import lines_of
@@ -19,7 +19,7 @@ from backend.reports.plotting import INK, axis_label, cached_figure, figure, in_
 from backend.reports.provenance import chosen, definitions_facts, measured, shown_unit, verdict
 from backend.reports.run_data import RunData
 from backend.reports.sections import identifications_section, overlay_bode
-from backend.storage.runs import run_title
+from backend.storage import run_title
 from backend.units import AngleUnit, read
 
 # Series figures ------------------------------------------------------------------------------------

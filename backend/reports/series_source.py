@@ -3,15 +3,12 @@
 from collections.abc import Sequence
 from contextlib import suppress
 
-from backend.analysis.evaluation import evaluate_pending_runs
+from backend.analysis import evaluate_pending_runs
 from backend.errors import RequestRejectedError
 from backend.reports.run_data import RunData, load_source
-from backend.storage import recordings, runs
-from backend.storage.database import Database
-from backend.storage.orm import UnknownRecordError
-from backend.storage.runs import EndState, RunKind
+from backend.storage import Database, EndState, RunKind, UnknownRecordError, recordings, runs
 from backend.units import AngleUnit
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 MOST_RUNS = 100
 MOST_SAMPLES = 3_000_000

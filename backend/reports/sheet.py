@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 from backend.errors import RequestRejectedError
 from backend.plain_text import as_lines
 from backend.reports.pdf import missing_letters, sentence, with_boxes
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Sheet ---------------------------------------------------------------------------------------------
 #

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from backend.data_folder import FILE
 from backend.reports.verification import MOST, ReportDifference, Verified
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from backend.models.run import KeptGrant
-from backend.recording.reader import count_missing_ticks
+from backend.models import KeptGrant
+from backend.recording import count_missing_ticks
 from backend.reports.model import Column, ReportSection, Table, shown
 from backend.reports.run_data import RunData
-from backend.storage.runs import EndState
+from backend.storage import EndState
 
 
 def timing_section(source: RunData) -> tuple[ReportSection, ...]:

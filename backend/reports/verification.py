@@ -12,16 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from backend.analysis.context import load_bank_points
-from backend.analysis.evaluation import compute_result
-from backend.analysis.step_metrics import NoSamplesError
-from backend.experiments.library import parse_stored_plan
-from backend.exports.base import Batch, Facts, ImportRefusedError, describe_columns
-from backend.exports.formats import DataFormat, read_export
-from backend.exports.importer import require_matching_facts
-from backend.exports.writers import find_heading_problem, find_schema_problem
-from backend.models.run import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion
-from backend.recording.reader import Columns, count_missing_ticks, read_recorded_columns
+from backend.analysis import NoSamplesError, compute_result, load_bank_points
+from backend.experiments import parse_stored_plan
+from backend.exports import (
+    Batch,
+    DataFormat,
+    Facts,
+    ImportRefusedError,
+    describe_columns,
+    find_heading_problem,
+    find_schema_problem,
+    read_export,
+    require_matching_facts,
+)
+from backend.models import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion
+from backend.recording import Columns, count_missing_ticks, read_recorded_columns
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
     ACCOUNT,
@@ -52,11 +57,8 @@ from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
 from backend.reports.series import series_report
 from backend.sample import ADDED_LATER, STORED_NAMES
-from backend.storage import runs
-from backend.storage.database import Database
-from backend.storage.runs import RunKind
-from plant.errors import ErrorCode, SinewError
-from plant.parameters import parse_parameters
+from backend.storage import Database, RunKind, runs
+from plant import ErrorCode, SinewError, parse_parameters
 
 # Differences ---------------------------------------------------------------------------------------
 #

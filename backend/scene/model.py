@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from backend.sample import NAMES
 from backend.scene.server import PortlessServer, SceneEndedError, Send
 from backend.supervision import Part
-from plant.dynamics import Obstacle, Spring
-from plant.parameters import PlantParameters
+from plant import Obstacle, PlantParameters, Spring
 
 # Layout --------------------------------------------------------------------------------------------
 #

@@ -15,7 +15,7 @@ from starlette.websockets import WebSocketDisconnect, WebSocketDisconnected
 
 from backend.scene.model import SceneMirror
 from backend.scene.server import PROTOCOL, SceneEndedError
-from plant.errors import SinewError
+from plant import SinewError
 
 # Page ----------------------------------------------------------------------------------------------
 #

@@ -20,7 +20,7 @@ import websockets.datastructures
 import websockets.exceptions
 from viser.infra import _infra
 
-from plant.errors import SinewError
+from plant import SinewError
 
 PROTOCOL = f"viser-v{viser.__version__}"
 """Subprotocol of the websocket: viser's page and its messages change with each version."""

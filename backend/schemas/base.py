@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from backend.errors import WORDS, InvalidValueError, Path, out_of_range
 from backend.units import AngleUnit, format_angles, reading_of
-from plant.errors import SinewError
+from plant import SinewError
 
 # Base ----------------------------------------------------------------------------------------------
 #

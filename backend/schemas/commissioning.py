@@ -5,8 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.commissioning.status import StepState
-from backend.commissioning.steps import StepId
+from backend.commissioning import StepId, StepState
 from backend.schemas.base import Finite, Schema, quantity
 
 

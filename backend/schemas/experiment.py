@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from backend.execution.progress import RunPhase
-from backend.experiments.parser import MAX_CHARACTERS
-from backend.models.run import Outcome, Value
+from backend.execution import RunPhase
+from backend.experiments import MAX_CHARACTERS
+from backend.models import Outcome, Value
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.run import SamplesView
 

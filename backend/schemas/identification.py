@@ -5,10 +5,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
-from backend.identification.fitting import Method
-from backend.identification.models import Grade
-from backend.models.settings import describe_settings
+from backend.experiments import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
+from backend.identification import Grade, Method
+from backend.models import describe_settings
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.experiment import Metric, SettingValue, SettingView

@@ -11,7 +11,7 @@ from backend.plain_text import ONE_LINE
 from backend.sample import UNIT_OF
 from backend.schemas.base import Schema, quantity
 from backend.units import AngleUnit
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Layouts -------------------------------------------------------------------------------------------
 #

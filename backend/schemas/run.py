@@ -6,11 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field
 
-from backend.models.run import Outcome
+from backend.models import Outcome
 from backend.schemas.base import ANY_SIZE, HUGE, Schema, quantity
-from backend.storage.events import EventKind
-from backend.storage.orm import TAG_MAX
-from backend.storage.search import LONGEST
+from backend.storage import LONGEST, TAG_MAX, EventKind
 
 # Flight --------------------------------------------------------------------------------------------
 #

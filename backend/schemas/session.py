@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from backend.plain_text import ONE_LINE
-from backend.realtime.modes import Mode
+from backend.realtime import Mode
 from backend.schemas.base import ErrorDetail, Schema, quantity
 
 

@@ -6,19 +6,17 @@ from typing import Annotated, Literal
 
 from pydantic import FailFast, Field
 
-from backend.execution.progress import RunPhase
-from backend.experiments.forecast import Stage
-from backend.experiments.parser import MAX_LENGTH
+from backend.execution import RunPhase
+from backend.experiments import MAX_LENGTH, Stage
 from backend.faults import Fault
 from backend.plain_text import ONE_LINE
-from backend.realtime.modes import Mode
-from backend.recording.derived_signals import Operation
-from backend.recording.trigger import ConditionKind
+from backend.realtime import Mode
+from backend.recording import ConditionKind, Operation
 from backend.schemas.base import ANY_SIZE, HUGE, RowNumber, Schema, quantity
 from backend.schemas.run import PlayerView
 from backend.schemas.session import PersonView
 from backend.schemas.tuning import ChosenTuning, TuningParts, TuningView
-from plant.interface import Breakage, PlantKind, Sensor
+from plant import Breakage, PlantKind, Sensor
 
 # Control -------------------------------------------------------------------------------------------
 #

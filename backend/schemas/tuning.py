@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.identification.models import Grade
+from backend.identification import Grade
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import ANY_SIZE, Finite, RowNumber, Schema, quantity
 

@@ -4,12 +4,12 @@ import json
 from dataclasses import asdict
 
 from backend.faults import FAULTS, Limit
-from backend.realtime.modes import MODES
-from backend.recording.reader import AT_HAND_SAMPLES
+from backend.realtime import MODES
+from backend.recording import AT_HAND_SAMPLES
 from backend.sample import COMBINED, STORED
-from backend.tuning.gains import DEVIATIONS, LAM_MOTOR, LAM_Q, LAM_S, UNSEEN_F
+from backend.tuning import DEVIATIONS, LAM_MOTOR, LAM_Q, LAM_S, UNSEEN_F
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
-from plant.interface import T_s
+from plant import T_s
 
 
 def render_sample_typescript() -> str:

@@ -1,1 +1,5 @@
 """The web server: connections and their limits, hosts, cookies, and the end of the service."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -24,8 +24,8 @@ from websockets.protocol import Event
 from websockets.server import ServerProtocol
 from websockets.streams import StreamReader
 
-from backend.auth.authentication import BEARER, OPEN, User
-from backend.schemas.session import Role
+from backend.auth import BEARER, OPEN, User
+from backend.schemas import Role
 from backend.server.security import (
     HEADERS,
     LONGEST_HEAD,

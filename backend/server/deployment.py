@@ -8,7 +8,7 @@ from starlette.datastructures import Headers
 from starlette.types import Scope
 
 from backend.public_url import PublicUrl, read_public_url
-from backend.schemas.base import ErrorDetail
+from backend.schemas import ErrorDetail
 
 # Proxied -------------------------------------------------------------------------------------------
 #

@@ -10,7 +10,7 @@ from types import FrameType
 
 import uvicorn
 
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Ending --------------------------------------------------------------------------------------------
 #

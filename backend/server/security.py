@@ -19,15 +19,14 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from backend.auth.authentication import Authentication, Shown, User
+from backend.auth import Authentication, Shown, User
 from backend.errors import RequestRejectedError
 from backend.plain_text import PlainTextError, require_plain, require_plain_texts
 from backend.public_url import PublicUrl
-from backend.schemas.base import ErrorDetail, ErrorResponse
-from backend.schemas.run import LONGEST_SHEET
+from backend.schemas import LONGEST_SHEET, ErrorDetail, ErrorResponse
 from backend.server import deployment
 from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, name_of
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Bodies --------------------------------------------------------------------------------------------
 #

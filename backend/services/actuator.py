@@ -7,30 +7,34 @@ from contextlib import suppress
 from dataclasses import replace
 
 from backend import __version__
-from backend.commissioning.session import KeptHands, switch_drives
+from backend.commissioning import KeptHands, switch_drives
 from backend.errors import RequestRejectedError, check_range
 from backend.faults import EXPLAINED, Fault
-from backend.models.run import SETTINGS, RunSettings, StoredLoopSettings
-from backend.realtime import commands
-from backend.realtime.commands import (
+from backend.models import SETTINGS, RunSettings, StoredLoopSettings
+from backend.realtime import (
+    LEGAL,
+    MOVING,
+    PUSH_MAX_S,
     Accepted,
     Command,
     Event,
+    LoopExited,
+    LoopExitedError,
+    Mode,
     ModeChanged,
     Obstruct,
     PlayerMoved,
     PushReleased,
     Refused,
+    Ring,
     RunEnded,
     Stop,
     Stopped,
+    Supervisor,
+    commands,
+    wait_for_result,
 )
-from backend.realtime.contact import PUSH_MAX_S
-from backend.realtime.modes import LEGAL, MOVING, Mode
-from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor, wait_for_result
-from backend.schemas.run import PlayedRecording
-from backend.schemas.state import MarkKind, PushRequest, References, State, StopProof, WallOrder, WallView
+from backend.schemas import MarkKind, PlayedRecording, PushRequest, References, State, StopProof, WallOrder, WallView
 from backend.services.contact import Touching
 from backend.services.event_log import EventLog
 from backend.services.live_stream import mark_of
@@ -38,16 +42,10 @@ from backend.services.player import RecordingPlayer
 from backend.services.state import F_PUSH_MAX, LiveState, wall_bounds, wall_in_words
 from backend.services.tuning import TuningService
 from backend.services.tuning_state import ActiveTuning, TuningStore
-from backend.storage import runs
-from backend.storage.database import Database
-from backend.storage.runs import EndState, NewRun, RunKind
+from backend.storage import Database, EndState, NewRun, RunKind, runs
 from backend.supervision import KeptTask, Part, Supervision
 from backend.units import in_digits
-from plant.calibration import BroughtUp
-from plant.dynamics import Obstacle
-from plant.errors import ErrorCode
-from plant.interface import Broken, PlantKind
-from plant.parameters import PlantParameters
+from plant import Broken, BroughtUp, ErrorCode, Obstacle, PlantKind, PlantParameters
 
 # Answered ------------------------------------------------------------------------------------------
 #

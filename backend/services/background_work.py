@@ -8,19 +8,16 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
-from backend.auth.authentication import User
-from backend.banks.builder import entry_points
-from backend.banks.tuning_settings import TuningSettings
+from backend.auth import User
+from backend.banks import TuningSettings, entry_points
 from backend.errors import RequestRejectedError
-from backend.reports.sheet import render_sheet_pdf
-from backend.schemas.session import Role
-from backend.schemas.tuning import Motion, MotorPreview, RobustTuning, TuningPreview
+from backend.reports import render_sheet_pdf
+from backend.schemas import Motion, MotorPreview, RobustTuning, Role, TuningPreview
 from backend.services.tuning_state import ActiveTuning
-from backend.storage.banks import Bank
-from backend.tuning.preview import TuningPreviewer
+from backend.storage import Bank
+from backend.tuning import TuningPreviewer
 from backend.workers import Offload
-from plant.errors import ErrorCode
-from plant.parameters import PlantParameters
+from plant import ErrorCode, PlantParameters
 
 # Departure -----------------------------------------------------------------------------------------
 #

@@ -5,10 +5,9 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, replace
 from typing import Protocol
 
-from backend.banks import builder
-from backend.banks.builder import MODEL_NAMES, compare_entries, compute_entry_figures, merge_entries
-from backend.models.document import UnreadableDocumentError
-from backend.schemas.tuning import (
+from backend.banks import MODEL_NAMES, builder, compare_entries, compute_entry_figures, merge_entries
+from backend.models import UnreadableDocumentError
+from backend.schemas import (
     BankDetail,
     BankDifference,
     BankEntryDetail,
@@ -20,13 +19,20 @@ from backend.schemas.tuning import (
     EntryLineage,
 )
 from backend.services.runs import bank_view
-from backend.storage import banks, identifications, runs
-from backend.storage.banks import Bank, BankEntry, read_fits, read_method_name
-from backend.storage.database import Database, Session
-from backend.tuning.gains import TuningParameters
-from backend.tuning.preview import TuningPreviewer
+from backend.storage import (
+    Bank,
+    BankEntry,
+    Database,
+    Session,
+    banks,
+    identifications,
+    read_fits,
+    read_method_name,
+    runs,
+)
+from backend.tuning import TuningParameters, TuningPreviewer
 from backend.workers import SCIENCE, Offload
-from plant.parameters import PlantParameters
+from plant import PlantParameters
 
 
 class TuningInForce(Protocol):

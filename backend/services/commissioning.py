@@ -6,34 +6,41 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
-from backend.commissioning import status
-from backend.commissioning.procedure import ProcedureContext, StepFinding
-from backend.commissioning.session import KeptHands, collect_values, run_step, switch_drives
-from backend.commissioning.status import Kept, StepState, StepStatus, find_blocking_steps
-from backend.commissioning.steps import STEP, STEPS, CommissioningStep, StepId
+from backend.commissioning import (
+    STEP,
+    STEPS,
+    CommissioningStep,
+    Kept,
+    KeptHands,
+    ProcedureContext,
+    StepFinding,
+    StepId,
+    StepState,
+    StepStatus,
+    collect_values,
+    find_blocking_steps,
+    run_step,
+    status,
+    switch_drives,
+)
 from backend.errors import InvalidValueError, RequestRejectedError
 from backend.faults import Fault
-from backend.realtime.commands import Event, ProveDirections, Stopped
-from backend.realtime.modes import Mode
-from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
-from backend.schemas.commissioning import (
-    BringUpStep,
-    BringUpView,
-    DrivesLeft,
-    RunningStep,
-    StepFigure,
-    StepInput,
-    StepResult,
-)
+from backend.realtime import Event, LoopExited, LoopExitedError, Mode, ProveDirections, Stopped, Supervisor
+from backend.schemas import BringUpStep, BringUpView, DrivesLeft, RunningStep, StepFigure, StepInput, StepResult
 from backend.services.actuator import ActuatorService
-from backend.storage.commissioning import StoredStepResult
-from backend.storage.database import Database
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp, apply_calibration, wiring_fingerprint
-from plant.errors import ErrorCode
-from plant.factory import load_wiring_choice
-from plant.interface import PlantError, PlantKind
-from plant.parameters import PlantParameters
-from plant.wiring import Wiring
+from backend.storage import Database, StoredStepResult
+from plant import (
+    NOT_BROUGHT_UP,
+    BroughtUp,
+    ErrorCode,
+    PlantError,
+    PlantKind,
+    PlantParameters,
+    Wiring,
+    apply_calibration,
+    load_wiring_choice,
+    wiring_fingerprint,
+)
 
 # Bring up view -------------------------------------------------------------------------------------
 #

@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from backend import __version__
 from backend.errors import RequestRejectedError, check_range
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import MeasuredFigure
+from backend.models import MeasuredFigure, UnreadableDocumentError
 from backend.plain_text import as_cell, as_comment
-from backend.recording.derived_signals import select_derived
-from backend.recording.reader import find_jump, read_samples
-from backend.reports.evidence import iterate_configuration
-from backend.reports.provenance import judge_stored_run
+from backend.recording import find_jump, read_samples, select_derived
+from backend.reports import iterate_configuration, judge_stored_run
 from backend.sample import FIELDS, UNIT_OF
-from backend.schemas.comparison import (
+from backend.schemas import (
     AlignBy,
     ComparedMetric,
     ComparedRun,
@@ -30,19 +27,36 @@ from backend.schemas.comparison import (
     ComparisonAsked,
     Differences,
     DifferencesAsked,
+    MetricHistory,
+    MetricName,
+    MetricPoint,
     RunComparison,
     RunDifference,
 )
-from backend.schemas.run import MetricHistory, MetricName, MetricPoint
 from backend.services.lineage import marks_of
-from backend.storage import banks, recordings, results, runs, search
-from backend.storage.database import Database, Session
-from backend.storage.orm import UnknownRecordError
-from backend.storage.results import Result
-from backend.storage.runs import Run, run_title
-from backend.storage.search import NONE, All, Compare, Op, Query, QueryError, Value, parse_query
-from backend.storage.search_index import ValueSource
-from plant.errors import ErrorCode
+from backend.storage import (
+    NONE,
+    All,
+    Compare,
+    Database,
+    Op,
+    Query,
+    QueryError,
+    Result,
+    Run,
+    Session,
+    UnknownRecordError,
+    Value,
+    ValueSource,
+    banks,
+    parse_query,
+    recordings,
+    results,
+    run_title,
+    runs,
+    search,
+)
+from plant import ErrorCode
 
 # Alignment -----------------------------------------------------------------------------------------
 #

@@ -11,18 +11,32 @@ from numpy.typing import NDArray
 
 from backend.control import disturbance_observer
 from backend.errors import RequestRejectedError, check_range
-from backend.realtime import commands
-from backend.realtime.commands import Accepted, Command, Event, ModeChanged, SetReferences
-from backend.realtime.modes import MODES, Cause, Mode
-from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS, BiasLost, ContactDetected
-from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
+from backend.realtime import (
+    CONTACT_MAX_N,
+    CONTACT_MIN_N,
+    MODES,
+    NEIGHBOUR,
+    SIGMAS,
+    Accepted,
+    BiasLost,
+    Cause,
+    Command,
+    ContactDetected,
+    Event,
+    LoopExited,
+    LoopExitedError,
+    Mode,
+    ModeChanged,
+    SetReferences,
+    Supervisor,
+    commands,
+)
 from backend.sample import INDEX
-from backend.schemas.state import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView
+from backend.schemas import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.units import in_digits
-from plant.errors import ErrorCode
-from plant.interface import T_s
+from plant import ErrorCode, T_s
 
 # Touch rest ----------------------------------------------------------------------------------------
 #

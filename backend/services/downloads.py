@@ -9,32 +9,30 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
-from backend.analysis.evaluation import evaluate_pending_runs, find_pending_runs
+from backend.analysis import evaluate_pending_runs, find_pending_runs
 from backend.errors import OutOfRangeError, RequestRejectedError
-from backend.experiments import parser
-from backend.experiments.library import parse_stored_plan
-from backend.experiments.parser import ExperimentError
-from backend.experiments.plans import LoopSettings
-from backend.exports import bundle, importer
-from backend.exports.base import ExportError, ImportRefusedError, export_columns, export_run
-from backend.exports.formats import DataFormat, stream_export
-from backend.exports.importer import TakenIn
-from backend.models.document import UnreadableDocumentError
-from backend.models.settings import SettingError
+from backend.experiments import ExperimentError, LoopSettings, parse_stored_plan, parser
+from backend.exports import (
+    DataFormat,
+    ExportError,
+    ImportRefusedError,
+    TakenIn,
+    bundle,
+    export_columns,
+    export_run,
+    importer,
+    stream_export,
+)
+from backend.models import SettingError, UnreadableDocumentError
 from backend.plain_text import as_line
-from backend.recording.flight import read_flight_columns
-from backend.recording.reader import AT_HAND_SAMPLES
-from backend.reports.rendering import render_report, render_series_report
-from backend.reports.run_data import RunData, load_source
-from backend.reports.series_source import load_series
-from backend.schemas.comparison import Differences, DifferencesAsked
+from backend.recording import AT_HAND_SAMPLES, read_flight_columns
+from backend.reports import RunData, load_series, load_source, render_report, render_series_report
+from backend.schemas import Differences, DifferencesAsked
 from backend.services.comparison import curves_file, differences, samples_of, table_file
-from backend.storage import results, runs
-from backend.storage.database import Database
-from backend.storage.runs import EndState, Run, RunKind
+from backend.storage import Database, EndState, Run, RunKind, results, runs
 from backend.units import AngleUnit
 from backend.workers import DRAWING, Offload, piped
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Imports -------------------------------------------------------------------------------------------
 #

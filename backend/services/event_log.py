@@ -11,11 +11,8 @@ from typing import Protocol
 
 from backend.logs import EVENT
 from backend.plain_text import as_line
-from backend.schemas.state import EventMessage, MarkKind
-from backend.storage import events
-from backend.storage.database import Database
-from backend.storage.events import EventKind
-from backend.storage.orm import UnfitError
+from backend.schemas import EventMessage, MarkKind
+from backend.storage import Database, EventKind, UnfitError, events
 from backend.supervision import Part
 
 # Journal -------------------------------------------------------------------------------------------

@@ -1,12 +1,11 @@
 """Break a simulated plant, or a link of the safety chain, to see each reaction of the loop."""
 
-from backend.auth.control_lease import ControlLease
+from backend.auth import ControlLease
 from backend.errors import RequestRejectedError
 from backend.faults import EXPLAINED, FAULTS, Fault
-from backend.schemas.state import CardFault, FaultKind, FaultList, Injection, Silence
+from backend.schemas import CardFault, FaultKind, FaultList, Injection, Silence
 from backend.services.actuator import ActuatorService
-from plant.errors import ErrorCode
-from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, PlantChoice, PlantKind, Sensor
+from plant import ONLY_OF_A_CARD, Breakage, Broken, ErrorCode, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0
 """How long the service falls silent [s]: the loop waits for 0.34 s."""

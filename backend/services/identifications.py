@@ -5,18 +5,17 @@ import logging
 from collections.abc import Callable
 from dataclasses import asdict
 
-from backend.analysis.identification import build_curves, compute_trend, validate_on_run
-from backend.models.document import UnreadableDocumentError
-from backend.models.identification import ChannelName, Fitted, Pair, TableReading, stored_grade
+from backend.analysis import build_curves, compute_trend, validate_on_run
+from backend.models import ChannelName, Fitted, Pair, TableReading, UnreadableDocumentError, stored_grade
 from backend.plain_text import as_line
-from backend.schemas.experiment import SettingValue
-from backend.schemas.identification import (
+from backend.schemas import (
     ColumnNotRead,
     IdentificationCurves,
     IdentificationView,
     ModelView,
     MotorEstimate,
     MotorView,
+    SettingValue,
     SpringFitView,
     SpringTableReading,
     SpringTableView,
@@ -26,13 +25,19 @@ from backend.schemas.identification import (
 )
 from backend.services.banks import TuningInForce
 from backend.services.runs import message_of
-from backend.storage import identifications, results, runs
-from backend.storage.database import Database
-from backend.storage.identifications import Identification, NewIdentification
-from backend.storage.orm import UnknownRecordError
-from backend.storage.runs import Run, RunKind
+from backend.storage import (
+    Database,
+    Identification,
+    NewIdentification,
+    Run,
+    RunKind,
+    UnknownRecordError,
+    identifications,
+    results,
+    runs,
+)
 from backend.workers import Offload
-from plant.parameters import SIDES
+from plant import SIDES
 
 # Identification views ------------------------------------------------------------------------------
 #

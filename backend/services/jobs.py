@@ -7,15 +7,16 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
-from backend.analysis.evaluation import Evaluation
-from backend.auth.authentication import User
-from backend.banks.tuning_settings import TuningSettings
+from backend.analysis import Evaluation
+from backend.auth import User
+from backend.banks import TuningSettings
 from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedError
-from backend.execution.progress import ProgressCallback, RunPhase
-from backend.execution.runner import (
+from backend.execution import (
     SLICE_S,
     ExperimentRig,
     NotReadyError,
+    ProgressCallback,
+    RunPhase,
     RunRequest,
     bank_lookup,
     compile_program,
@@ -27,47 +28,55 @@ from backend.execution.runner import (
     play_run,
     require_ready,
 )
-from backend.experiments.forecast import Expected, Stage, Start, forecast_duration, forecast_identifications, read_start
-from backend.experiments.library import IDENTIFICATIONS, ExperimentDefinition, experiments_by_name, list_setting_values
-from backend.experiments.plans import (
+from backend.experiments import (
+    IDENTIFICATIONS,
     KIND,
     ActuatorIdentificationPlan,
+    Expected,
+    ExperimentDefinition,
     ExperimentPlan,
     IdentificationPlan,
     LoopSettings,
     MotorIdentificationPlan,
     Plan,
+    PredictedRun,
     SequencePlan,
     SpringIdentificationPlan,
+    Stage,
+    Start,
+    experiments_by_name,
+    forecast_duration,
+    forecast_identifications,
+    list_setting_values,
+    predict_excitation,
+    predict_motor,
+    predict_spring,
+    read_start,
 )
-from backend.experiments.prediction import PredictedRun, predict_excitation, predict_motor, predict_spring
 from backend.faults import Fault
-from backend.models.settings import Setting, SettingError, build_plan, describe_settings
+from backend.models import Setting, SettingError, build_plan, describe_settings
 from backend.plain_text import as_line
-from backend.realtime.modes import CommandRejectedError, Mode
-from backend.realtime.program import NO_WALL, require_plant_ability
-from backend.realtime.supervisor import LoopClient
-from backend.schemas.experiment import (
+from backend.realtime import NO_WALL, CommandRejectedError, LoopClient, Mode, require_plant_ability
+from backend.schemas import (
+    ActuatorRequest,
     CheckedExperiment,
     DryRunView,
     ExperimentKind,
     ExperimentRequest,
     ExperimentToCheck,
-    Metric,
-    OwnExperiment,
-    SettingView,
-)
-from backend.schemas.identification import (
-    ActuatorRequest,
     IdentificationKind,
     IdentificationRequest,
+    Metric,
     MotorRequest,
+    OwnExperiment,
+    PartView,
     PathPoint,
     Prediction,
+    SettingView,
     SpringRequest,
+    TaskView,
+    TuningView,
 )
-from backend.schemas.state import PartView, TaskView
-from backend.schemas.tuning import TuningView
 from backend.services.actuator import ActuatorService, SafeStop
 from backend.services.background_work import Compute, HasLeft, TextWork
 from backend.services.banks import StoredBanks
@@ -75,13 +84,9 @@ from backend.services.library import ExperimentCheck, OwnExperiments, view_of
 from backend.services.queue import DryRuns, Queue
 from backend.services.state import LiveState
 from backend.services.tuning_state import ResolvedTuning
-from backend.storage.banks import Bank
-from backend.storage.database import Database
-from backend.storage.runs import EndState, Run
+from backend.storage import Bank, Database, EndState, Run
 from backend.supervision import Supervision
-from plant.errors import ErrorCode
-from plant.interface import PlantKind, T_s
-from plant.parameters import PlantParameters
+from plant import ErrorCode, PlantKind, PlantParameters, T_s
 
 # Identification orders -----------------------------------------------------------------------------
 #

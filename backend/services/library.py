@@ -5,42 +5,66 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from backend.auth.authentication import User
-from backend.banks.tuning_settings import TuningSettings
+from backend.auth import User
+from backend.banks import TuningSettings
 from backend.errors import RequestRejectedError
-from backend.execution.runner import bank_lookup, compile_program
-from backend.experiments import library, parser
-from backend.experiments.compiler import PlayedPart, list_played_parts
-from backend.experiments.library import ExperimentDefinition, build_library_entry, experiments_by_name
-from backend.experiments.library import find_experiment as ready
-from backend.experiments.parser import ExperimentError, find_line
-from backend.experiments.plans import ExperimentPlan, LoopSettings, Plan, split_values
-from backend.models.run import complete_motion
-from backend.models.settings import SettingError
+from backend.execution import bank_lookup, compile_program
+from backend.experiments import (
+    ExperimentDefinition,
+    ExperimentError,
+    ExperimentPlan,
+    LoopSettings,
+    Plan,
+    PlayedPart,
+    build_library_entry,
+    experiments_by_name,
+    find_line,
+    library,
+    list_played_parts,
+    parser,
+    split_values,
+)
+from backend.experiments import find_experiment as ready
+from backend.models import SettingError, complete_motion
 from backend.plain_text import STORED, PlainTextError, as_folded, require_line
-from backend.schemas.comparison import ComparisonAsked, RunComparison
-from backend.schemas.experiment import (
+from backend.schemas import (
+    NEW_HERE,
+    SEARCH_NAME_MAX,
     CheckedExperiment,
+    ComparisonAsked,
     DryRunView,
+    MetricHistory,
     OwnExperiment,
     PartPlayed,
+    Preferences,
     RecordedExperiment,
+    Role,
+    RunComparison,
+    SavedSearch,
+    SavedSearchList,
+    SearchWords,
+    TagList,
     WrittenExperiment,
+    check_preferences,
 )
-from backend.schemas.preferences import NEW_HERE, Preferences, check_preferences
-from backend.schemas.run import SEARCH_NAME_MAX, MetricHistory, SavedSearch, SavedSearchList, SearchWords, TagList
-from backend.schemas.session import Role
 from backend.services import comparison
 from backend.services.runs import recorded_experiment
+from backend.storage import (
+    ENDS,
+    VERDICTS,
+    Database,
+    StoredExperiment,
+    StoredSetting,
+    UnknownRecordError,
+    formulas,
+    parse_query,
+    require_distinct_name,
+    search,
+    settings,
+    tags,
+)
 from backend.storage import experiments as stored
-from backend.storage import formulas, search, settings, tags
-from backend.storage.database import Database
-from backend.storage.experiments import StoredExperiment
-from backend.storage.orm import UnknownRecordError, require_distinct_name
-from backend.storage.search import ENDS, VERDICTS, parse_query
-from backend.storage.settings import StoredSetting
-from plant.errors import ErrorCode
-from plant.parameters import PlantParameters
+from plant import ErrorCode, PlantParameters
 
 # Own experiments -----------------------------------------------------------------------------------
 #

@@ -5,10 +5,10 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from backend.banks.tuning_settings import SAVED, saved_tuning_key
-from backend.models.document import UnreadableDocumentError, document_digest
-from backend.recording.codec import CodecError, compute_recording_digest
-from backend.schemas.run import (
+from backend.banks import SAVED, saved_tuning_key
+from backend.models import UnreadableDocumentError, document_digest
+from backend.recording import CodecError, compute_recording_digest
+from backend.schemas import (
     Checklist,
     ChecklistState,
     ChecklistStep,
@@ -20,18 +20,34 @@ from backend.schemas.run import (
     RunMark,
     RunMarks,
 )
-from backend.storage import banks, commissioning, events, identifications, origins, recordings, results, runs, settings
-from backend.storage.banks import Bank, stored_entry_name
-from backend.storage.database import Database, Session
-from backend.storage.events import Event, EventKind
-from backend.storage.identifications import Identification
-from backend.storage.origins import Origin
-from backend.storage.orm import Document, UnknownRecordError
-from backend.storage.runs import EndState, Run, RunKind, run_title
-from backend.storage.search_index import iterate_parameters
-from backend.storage.stations import session_station
-from plant.interface import PlantChoice, PlantKind
-from plant.parameters import PlantParameters
+from backend.storage import (
+    Bank,
+    Database,
+    Document,
+    EndState,
+    Event,
+    EventKind,
+    Identification,
+    Origin,
+    Run,
+    RunKind,
+    Session,
+    UnknownRecordError,
+    banks,
+    commissioning,
+    events,
+    identifications,
+    iterate_parameters,
+    origins,
+    recordings,
+    results,
+    run_title,
+    runs,
+    session_station,
+    settings,
+    stored_entry_name,
+)
+from plant import PlantChoice, PlantKind, PlantParameters
 
 # Checklist -----------------------------------------------------------------------------------------
 #

@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from backend import wire
 from backend.faults import FAULTS, Fault, Limit, explained
-from backend.realtime.commands import (
+from backend.realtime import (
+    MODES,
     Accepted,
+    BiasLost,
+    ContactDetected,
     Event,
+    LoopExited,
     ModeChanged,
     PlantAnswers,
     PlantFailing,
@@ -28,14 +32,11 @@ from backend.realtime.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.realtime.modes import MODES
-from backend.realtime.program import BiasLost, ContactDetected
-from backend.realtime.supervisor import LoopExited
 from backend.sample import STORED
-from backend.schemas.state import EventMessage, FieldView, LayoutMessage, MarkKind, StateMessage
+from backend.schemas import EventMessage, FieldView, LayoutMessage, MarkKind, StateMessage
 from backend.services.state import wall_in_words
 from backend.supervision import Part
-from plant.interface import T_s
+from plant import T_s
 
 # Event marks ---------------------------------------------------------------------------------------
 #

@@ -14,10 +14,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from backend import __version__
-from backend.realtime.supervisor import Supervisor
-from backend.realtime.timing import LATENESS_EDGES_S, count_lateness
-from backend.recording.retention import Overview, RetentionRule, delete_recordings, summarise_retention
-from backend.schemas.state import (
+from backend.realtime import LATENESS_EDGES_S, Supervisor, count_lateness
+from backend.recording import Overview, RetentionRule, delete_recordings, summarise_retention
+from backend.schemas import (
     BackupView,
     DatabaseCheck,
     DatabaseView,
@@ -27,18 +26,19 @@ from backend.schemas.state import (
     RecordingsView,
     SystemView,
 )
-from backend.storage import events
-from backend.storage.database import (
+from backend.storage import (
+    DamagedError,
     Database,
+    EventKind,
+    StorageError,
     backup_database,
+    events,
     find_database_errors,
     is_quick_to_check,
     next_backup_path,
     read_revision,
     require_intact_database,
 )
-from backend.storage.events import EventKind
-from backend.storage.orm import DamagedError, StorageError
 from backend.supervision import Part
 
 # Maintenance ---------------------------------------------------------------------------------------

@@ -9,19 +9,14 @@ from typing import Any, NamedTuple
 
 from backend.banks import tuning_settings
 from backend.errors import RequestRejectedError
-from backend.models.document import document_digest
-from backend.models.run import APPLIED, AppliedParameters
-from backend.realtime.modes import Mode
-from backend.realtime.supervisor import Supervisor
-from backend.schemas.tuning import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
+from backend.models import APPLIED, AppliedParameters, document_digest
+from backend.realtime import Mode, Supervisor
+from backend.schemas import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
 from backend.services.actuator import ActuatorService
 from backend.services.tuning_state import ActiveTuning, TuningStore
-from backend.storage import identifications, settings
-from backend.storage.database import Database, Session
-from backend.storage.identifications import Identification
-from backend.tuning.gains import TuningError
-from plant.errors import ErrorCode, SinewError
-from plant.parameters import SIDES, ParameterError, PlantParameters, Side, load_parameters
+from backend.storage import Database, Identification, Session, identifications, settings
+from backend.tuning import TuningError
+from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, SinewError, load_parameters
 
 # Applied parameters --------------------------------------------------------------------------------
 #

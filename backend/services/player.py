@@ -9,20 +9,13 @@ from typing import Any
 import numpy as np
 
 from backend.errors import RequestRejectedError, check_range
-from backend.exports import writers
-from backend.exports.base import Facts, ImportRefusedError
+from backend.exports import Facts, ImportRefusedError, writers
 from backend.faults import EXPLAINED, FAULTS
-from backend.realtime.commands import SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
-from backend.realtime.modes import MODES
-from backend.schemas.run import PlayedRecording, PlayerOrder, PlayerView, RunMark
+from backend.realtime import MODES, SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
+from backend.schemas import PlayedRecording, PlayerOrder, PlayerView, RunMark
 from backend.services.lineage import marks_of
-from backend.storage import runs
-from backend.storage.database import Database
-from backend.storage.events import EventKind
-from backend.storage.orm import UnknownRecordError
-from plant.errors import ErrorCode
-from plant.interface import T_s
-from plant.replay import RecordedSamples, Signal, load_replay
+from backend.storage import Database, EventKind, UnknownRecordError, runs
+from plant import ErrorCode, RecordedSamples, Signal, T_s, load_replay
 
 # Played recording ----------------------------------------------------------------------------------
 #

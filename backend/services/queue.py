@@ -8,26 +8,18 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
 
-from backend.auth.authentication import User
+from backend.auth import User
 from backend.errors import RequestRejectedError, check_range
-from backend.execution.progress import RunPhase
-from backend.execution.runner import RunRequest
-from backend.execution.simulation import dry_run, read_progress, warm_up_dry_run
-from backend.experiments.library import list_setting_values
-from backend.experiments.plans import LoopSettings
-from backend.schemas.experiment import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
+from backend.execution import RunPhase, RunRequest, dry_run, read_progress, warm_up_dry_run
+from backend.experiments import LoopSettings, list_setting_values
+from backend.schemas import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
 from backend.services.background_work import HasLeft, WorkPlaces, run_while_connected
 from backend.services.runs import dry_run_view
 from backend.services.tuning_state import KeptFigures
-from backend.storage import queue
-from backend.storage.banks import Bank
-from backend.storage.database import Database
-from backend.storage.orm import StorageError
-from backend.storage.runs import EndState
+from backend.storage import Bank, Database, EndState, StorageError, queue
 from backend.supervision import Part, Supervision
 from backend.workers import Offload
-from plant.errors import ErrorCode
-from plant.parameters import PlantParameters
+from plant import ErrorCode, PlantParameters
 
 # Dry runs ------------------------------------------------------------------------------------------
 #

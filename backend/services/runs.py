@@ -13,85 +13,104 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import wire
-from backend.analysis.evaluation import reevaluate_run, require_evaluable, select_used_settings
-from backend.banks.builder import MODEL_NAMES, entry_point
-from backend.banks.tuning_settings import parse_changes
+from backend.analysis import reevaluate_run, require_evaluable, select_used_settings
+from backend.banks import MODEL_NAMES, entry_point, parse_changes
 from backend.errors import RequestRejectedError
-from backend.experiments.forecast import forecast_identification
-from backend.experiments.library import (
+from backend.experiments import (
+    FORMAT,
+    LAWS,
     LEAST,
     Column,
+    ExperimentPlan,
+    IdentificationPlan,
     RecordedParts,
     ReferenceChange,
+    build_profile,
     find_commanded_range,
     follow_columns,
+    forecast_identification,
     parse_stored_plan,
 )
-from backend.experiments.plans import LAWS, ExperimentPlan, IdentificationPlan, build_profile
-from backend.experiments.schema import FORMAT
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import (
+from backend.models import (
     LAMBDA,
     KeptWall,
     RunCriterion,
     StoredLoopSettings,
+    UnreadableDocumentError,
     find_headline,
     find_wall_at,
     judge_run,
 )
-from backend.realtime.modes import Mode
-from backend.realtime.program import MAX_TUNINGS, MAX_WALLS, Law
-from backend.recording import reader
-from backend.recording.flight import read_flight_columns
-from backend.recording.reader import AT_HAND_SAMPLES, SampleEnvelope, read_envelope, read_samples
-from backend.reports.provenance import judge_stored_run
+from backend.realtime import MAX_TUNINGS, MAX_WALLS, Law, Mode
+from backend.recording import AT_HAND_SAMPLES, SampleEnvelope, read_envelope, read_flight_columns, read_samples, reader
+from backend.reports import judge_stored_run
 from backend.sample import FIELDS, INDEX, NAMES, STORED_NAMES
-from backend.schemas.experiment import (
+from backend.schemas import (
+    BankEntryView,
+    BankView,
     Criterion,
     DryRunView,
-    ExperimentView,
-    MeasuredMetric,
-    RecordedExperiment,
-    SettingValue,
-)
-from backend.schemas.run import (
     EvaluationView,
+    ExperimentView,
     FlightList,
     FlightView,
     Headline,
+    MeasuredMetric,
     Planned,
     PlannedLine,
     PlannedPart,
+    RecordedExperiment,
     Remark,
     RunList,
     RunMark,
     RunView,
     SamplesView,
+    SettingValue,
     SignalEnvelope,
+    TaskView,
     Timeline,
     TimelineEntry,
     UsedSetting,
 )
-from backend.schemas.state import TaskView
-from backend.schemas.tuning import BankEntryView, BankView
 from backend.services.lineage import marks_of
-from backend.storage import banks, flights, identifications, origins, recordings, results, runs, tags, timeline
+from backend.storage import (
+    All,
+    Bank,
+    Compare,
+    Database,
+    EndState,
+    EventKind,
+    Extent,
+    Flight,
+    LogEntry,
+    LogQuery,
+    Op,
+    Query,
+    QueryError,
+    Recording,
+    Result,
+    Run,
+    RunKind,
+    Session,
+    UnknownRecordError,
+    Value,
+    Word,
+    banks,
+    flights,
+    identifications,
+    origins,
+    parse_query,
+    recordings,
+    results,
+    run_experiment_name,
+    run_title,
+    runs,
+    tags,
+    timeline,
+)
 from backend.storage import search as run_search
-from backend.storage.banks import Bank
-from backend.storage.database import Database, Session
-from backend.storage.events import EventKind
-from backend.storage.flights import Flight
-from backend.storage.orm import UnknownRecordError
-from backend.storage.recordings import Extent, Recording
-from backend.storage.results import Result
-from backend.storage.runs import EndState, Run, RunKind, run_experiment_name, run_title
-from backend.storage.search import All, Compare, Op, Query, QueryError, Value, Word, parse_query
-from backend.storage.timeline import LogEntry, LogQuery
 from backend.workers import Offload
-from plant.dynamics import Obstacle
-from plant.errors import ErrorCode
-from plant.interface import T_s
-from plant.parameters import ParameterError, parse_parameters
+from plant import ErrorCode, Obstacle, ParameterError, T_s, parse_parameters
 
 # Evaluations ---------------------------------------------------------------------------------------
 #

@@ -12,24 +12,30 @@ from numpy.typing import NDArray
 
 from backend import __version__
 from backend.errors import RequestRejectedError, check_range
-from backend.experiments.parser import ExpressionError, parse_derived_signal
+from backend.experiments import ExpressionError, parse_derived_signal
 from backend.plain_text import as_cell, as_comment
-from backend.recording.derived_signals import Following, build_derived_signal, describe_signals
-from backend.recording.ranges import (
+from backend.recording import (
+    AT_HAND_SAMPLES,
     LEAST_SAMPLES,
     Extreme,
+    Following,
     Slab,
     Spectrum,
     Statistics,
     TickInterval,
     add_slab,
+    build_derived_signal,
+    describe_signals,
     find_tick_range,
+    read_samples,
     read_slabs,
     welch_spectrum,
 )
-from backend.recording.reader import AT_HAND_SAMPLES, read_samples
 from backend.sample import COMBINED_BY_NAME, FIELDS, Field
-from backend.schemas.run import (
+from backend.schemas import (
+    FormulaList,
+    FormulaText,
+    FormulaView,
     Moment,
     RecordedSpectra,
     RecordedStatistics,
@@ -38,13 +44,11 @@ from backend.schemas.run import (
     SignalStatistics,
     SpectraLine,
     StatisticsLine,
+    StepView,
 )
-from backend.schemas.state import FormulaList, FormulaText, FormulaView, StepView
-from backend.storage import formulas, recordings
-from backend.storage.database import Database
-from backend.storage.formulas import Formula
+from backend.storage import Database, Formula, formulas, recordings
 from backend.workers import piped
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Figures -------------------------------------------------------------------------------------------
 #

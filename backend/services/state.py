@@ -6,11 +6,21 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, assert_never
 
 from backend import __version__
-from backend.control.decoupler import Bounds, compute_bounds
+from backend.control import Bounds, compute_bounds
 from backend.faults import EXPLAINED, FAULTS, Fault, explained
-from backend.realtime.commands import (
+from backend.realtime import (
+    CONTACT_MAX_N,
+    CONTACT_MIN_N,
+    LEGAL,
+    MODES,
+    MOVING,
+    SILENCE_S,
     Accepted,
+    BiasLost,
+    ContactDetected,
     Event,
+    LoopExited,
+    Mode,
     ModeChanged,
     PlantAnswers,
     PlantFailing,
@@ -19,28 +29,27 @@ from backend.realtime.commands import (
     PushReleased,
     ReadinessChanged,
     Refused,
+    Restart,
+    Ring,
     RunEnded,
     Stopped,
+    Supervisor,
     TuningChanged,
     WallChanged,
+    WatchdogMonitor,
+    compute_timing,
 )
-from backend.realtime.heartbeat import WatchdogMonitor
-from backend.realtime.modes import LEGAL, MODES, MOVING, Mode
-from backend.realtime.process import SILENCE_S
-from backend.realtime.program import CONTACT_MAX_N, CONTACT_MIN_N, BiasLost, ContactDetected
-from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited, Restart, Supervisor
-from backend.realtime.timing import compute_timing
 from backend.sample import NAMES
-from backend.schemas.run import PlayerView
-from backend.schemas.session import Health, PersonView
-from backend.schemas.state import (
+from backend.schemas import (
     ChainLinkView,
     FaultView,
+    Health,
     HolderView,
     LimitsView,
     LinkView,
+    PersonView,
     PlantView,
+    PlayerView,
     ReferencesView,
     State,
     StopProof,
@@ -50,23 +59,25 @@ from backend.schemas.state import (
     TouchView,
     TrialView,
     TriggerView,
+    TuningView,
     WallView,
     WishView,
 )
-from backend.schemas.tuning import TuningView
 from backend.services.tuning_state import ActiveTuning, ResolvedTuning, chosen_view, shown_with
-from plant.dynamics import (
+from plant import (
     K_LEAST,
     SUBSTEPS,
+    CardState,
     Obstacle,
+    PlantChoice,
+    PlantKind,
+    PlantParameters,
+    T_s,
     largest_wall_damping,
     largest_wall_stiffness,
     spring_elongation,
     spring_slope,
 )
-from plant.interface import PlantChoice, PlantKind, T_s
-from plant.parameters import PlantParameters
-from plant.safety_card import CardState
 
 # Observation ---------------------------------------------------------------------------------------
 #

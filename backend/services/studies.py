@@ -7,16 +7,14 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from backend.auth.authentication import User
-from backend.banks.tuning_settings import TuningSettings
+from backend.auth import User
+from backend.banks import TuningSettings
 from backend.errors import InvalidValueError, RequestRejectedError
-from backend.execution.runner import bank_lookup
-from backend.experiments import parser
-from backend.experiments.plans import LoopSettings
-from backend.models.run import Value
-from backend.models.settings import describe_settings
+from backend.execution import bank_lookup
+from backend.experiments import LoopSettings, parser
+from backend.models import Value, describe_settings
 from backend.plain_text import as_line
-from backend.schemas.experiment import (
+from backend.schemas import (
     CheckedStudy,
     PlantNumber,
     PlantNumbers,
@@ -31,19 +29,25 @@ from backend.schemas.experiment import (
 )
 from backend.services.background_work import HasLeft, TextWork
 from backend.services.library import OwnExperiments
-from backend.storage import studies
-from backend.storage.database import Database
-from backend.storage.studies import StoredPoint, StoredStudy
-from backend.studies import maps
-from backend.studies.crew import count_cores
-from backend.studies.design import Design
-from backend.studies.maps import Map
-from backend.studies.point import list_variable_numbers, require_version
-from backend.studies.runner import TakenError, estimate_remaining_s, is_computed, run_study, use_local_processes
-from backend.studies.stored import StudyContext, create_study, parse_design
+from backend.storage import Database, StoredPoint, StoredStudy, studies
+from backend.studies import (
+    Design,
+    Map,
+    StudyContext,
+    TakenError,
+    count_cores,
+    create_study,
+    estimate_remaining_s,
+    is_computed,
+    list_variable_numbers,
+    maps,
+    parse_design,
+    require_version,
+    run_study,
+    use_local_processes,
+)
 from backend.workers import Offload, WorkerDiedError
-from plant.errors import ErrorCode
-from plant.parameters import PlantParameters
+from plant import ErrorCode, PlantParameters
 
 # Studies -------------------------------------------------------------------------------------------
 #

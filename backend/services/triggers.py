@@ -4,18 +4,13 @@ import asyncio
 from datetime import UTC, datetime
 
 from backend.errors import RequestRejectedError
-from backend.recording.derived_signals import Derived, build_derived_signal
-from backend.recording.trigger import WINDOWS, Armed, Condition, Trigger, load_armed_trigger
+from backend.recording import WINDOWS, Armed, Condition, Derived, Trigger, build_derived_signal, load_armed_trigger
 from backend.sample import UNIT_OF, nearest
-from backend.schemas.state import MarkKind, TriggerOrder, TriggerView
+from backend.schemas import MarkKind, TriggerOrder, TriggerView
 from backend.services.actuator import ActuatorService
 from backend.services.event_log import EventLog
-from backend.storage import formulas
-from backend.storage.database import Database
-from backend.storage.events import EventKind
-from backend.storage.orm import StorageError
-from plant.errors import ErrorCode
-from plant.interface import T_s
+from backend.storage import Database, EventKind, StorageError, formulas
+from plant import ErrorCode, T_s
 
 
 class Triggers:

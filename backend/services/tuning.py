@@ -5,18 +5,16 @@ import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
-from backend.banks.tuning_settings import SAVED, SavedParts, TuningSettings, saved_tuning_key
+from backend.banks import SAVED, SavedParts, TuningSettings, saved_tuning_key
 from backend.errors import RequestRejectedError, check_range
-from backend.realtime.commands import Accepted
-from backend.realtime.gains import NOT_LEARNED
-from backend.realtime.program import SetTuning
-from backend.realtime.supervisor import LoopExitedError, Supervisor
-from backend.schemas.state import MarkKind, State
-from backend.schemas.tuning import (
+from backend.realtime import NOT_LEARNED, Accepted, LoopExitedError, SetTuning, Supervisor
+from backend.schemas import (
+    MarkKind,
     Motion,
     MotorPreview,
     RobustTuning,
     SavedTuning,
+    State,
     TrialRequest,
     TuningPreview,
     TuningRequest,
@@ -27,13 +25,10 @@ from backend.services.background_work import AskedTuning, Compute
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.services.tuning_state import ActiveTuning, TuningStore, TuningTrial, parts_of
-from backend.storage import settings
-from backend.storage.banks import Bank
-from backend.storage.database import Database
-from backend.storage.settings import StoredSetting
+from backend.storage import Bank, Database, StoredSetting, settings
 from backend.supervision import Supervision
-from backend.tuning.gains import DEVIATIONS, UNSEEN_F
-from plant.errors import ErrorCode
+from backend.tuning import DEVIATIONS, UNSEEN_F
+from plant import ErrorCode
 
 # Retuning ------------------------------------------------------------------------------------------
 #

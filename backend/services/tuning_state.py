@@ -13,16 +13,20 @@ from math import degrees, isfinite
 from pathlib import Path
 from typing import Any
 
-from backend.banks import tuning_settings
-from backend.banks.builder import build_tuning_command, entry_points
-from backend.banks.tuning_settings import DefaultTuning, LastTuning, TuningSettings, default_tuning_choice
+from backend.banks import (
+    DefaultTuning,
+    LastTuning,
+    TuningSettings,
+    build_tuning_command,
+    default_tuning_choice,
+    entry_points,
+    tuning_settings,
+)
 from backend.data_folder import write_private
 from backend.errors import OutOfRangeError, check_range
-from backend.models.document import UnreadableDocumentError
-from backend.models.settings import SettingError
-from backend.realtime.program import SetTuning
-from backend.schemas.state import TrialView
-from backend.schemas.tuning import (
+from backend.models import SettingError, UnreadableDocumentError
+from backend.realtime import SetTuning
+from backend.schemas import (
     BankReference,
     ChosenTuning,
     LoopPreview,
@@ -34,23 +38,31 @@ from backend.schemas.tuning import (
     RobustLambda,
     RobustTuning,
     StepPreview,
+    TrialView,
     TuningParts,
     TuningPreview,
     TuningRequest,
     TuningView,
 )
-from backend.storage import banks
-from backend.storage.banks import Bank, active_entry_name
-from backend.storage.database import Database
-from backend.storage.orm import StorageError, UnknownRecordError
+from backend.storage import Bank, Database, StorageError, UnknownRecordError, active_entry_name, banks
 from backend.supervision import KeptTask, Part, Supervision
-from backend.tuning import preview
-from backend.tuning.gains import LAM_MAX, TuningError, TuningParameters, require_share
-from backend.tuning.preview import Steps, TuningPreviewer, require_budget
-from backend.tuning.robustness import FIGURES, Robustness
-from backend.tuning.simulation import NEAR_RAD, PUSH_N, PushForecast, StepForecast
-from plant.compilation import CACHE
-from plant.parameters import PlantParameters
+from backend.tuning import (
+    FIGURES,
+    LAM_MAX,
+    NEAR_RAD,
+    PUSH_N,
+    PushForecast,
+    Robustness,
+    StepForecast,
+    Steps,
+    TuningError,
+    TuningParameters,
+    TuningPreviewer,
+    preview,
+    require_budget,
+    require_share,
+)
+from plant import CACHE, PlantParameters
 
 # Kept figures --------------------------------------------------------------------------------------
 #

@@ -11,16 +11,6 @@ dataclasses::
 Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands for a number that is not there.
 """
 
-from backend.storage.database import Database, Session, open_database, require_intact_database
-from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError
+import lazy_loader
 
-__all__ = [
-    "DamagedError",
-    "Database",
-    "GoneError",
-    "Session",
-    "StorageError",
-    "UnfitError",
-    "open_database",
-    "require_intact_database",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,9 +8,8 @@ from functools import cached_property
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as OrmSession
 
-from backend.identification.models import Grade, joint_method_name
-from backend.models.identification import PartialChannelModel, PartialChannelQuality, PartialReduced
-from backend.models.run import ENTRY, EntryModel
+from backend.identification import Grade, joint_method_name
+from backend.models import ENTRY, EntryModel, PartialChannelModel, PartialChannelQuality, PartialReduced
 from backend.plain_text import as_line
 from backend.storage import identifications
 from backend.storage.database import Session

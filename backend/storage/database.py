@@ -26,7 +26,7 @@ from backend.storage import search_index
 from backend.storage.claims import describe_claim
 from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError, take_touched
 from backend.storage.stations import info_of, one_at_a_time
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 if TYPE_CHECKING:
     from alembic.config import Config

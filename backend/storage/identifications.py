@@ -12,9 +12,7 @@ from sqlalchemy import JSON, Boolean, Float, LargeBinary, String, select
 from sqlalchemy.orm import Session
 from sqlalchemy.types import Integer
 
-from backend.models import identification
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import LARGEST, EntryModel
+from backend.models import LARGEST, EntryModel, UnreadableDocumentError, identification
 from backend.plain_text import PlainTextError, require_line
 from backend.storage.origins import BANKS, CALIBRATIONS, IDENTIFICATION
 from backend.storage.orm import (
@@ -28,7 +26,7 @@ from backend.storage.orm import (
 )
 from backend.storage.runs import EndState, RunKind
 from backend.storage.stations import session_station
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 # Fit -----------------------------------------------------------------------------------------------
 #

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import Column, func, select
 from sqlalchemy.orm import Session
 
-from backend.models.run import drop_first_bank, renumber_banks
+from backend.models import drop_first_bank, renumber_banks
 from backend.storage import origins
 from backend.storage.identifications import (
     UnfitDocumentError,

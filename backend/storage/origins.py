@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.models.run import OnTheWay, list_changed_banks
+from backend.models import OnTheWay, list_changed_banks
 from backend.storage.orm import Document, OriginRow, to_record
 from backend.storage.runs import Run
 

@@ -28,8 +28,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, Session, mapped_colu
 
 from backend.errors import STATION_MAX, RequestRejectedError
 from backend.plain_text import as_folded
-from plant.errors import ErrorCode, SinewError
-from plant.interface import FILE_NAME_MAX, NAME_MAX
+from plant import FILE_NAME_MAX, NAME_MAX, ErrorCode, SinewError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

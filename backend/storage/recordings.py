@@ -21,7 +21,7 @@ from backend.storage.orm import (
 )
 from backend.storage.runs import EndState
 from backend.storage.stations import session_station
-from plant.errors import SinewError
+from plant import SinewError
 
 # Recordings ----------------------------------------------------------------------------------------
 #

@@ -7,8 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import CRITERIA, METRICS, Metrics, RunCriterion
+from backend.models import CRITERIA, METRICS, Metrics, RunCriterion, UnreadableDocumentError
 from backend.storage.orm import ReportRow, ResultRow, mark_for_reindex, to_record
 
 

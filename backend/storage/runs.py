@@ -11,8 +11,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from backend.faults import Fault
-from backend.models.document import UnreadableDocumentError
-from backend.models.run import SETTINGS, KeptWall, RunSettings, merge_changes
+from backend.models import SETTINGS, KeptWall, RunSettings, UnreadableDocumentError, merge_changes
 from backend.plain_text import as_line
 from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_reindex, require, to_record
 from backend.storage.stations import session_station

@@ -14,12 +14,12 @@ from sqlalchemy import ColumnElement, and_, false, func, not_, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from backend.errors import RequestRejectedError
-from backend.models.run import Outcome
+from backend.models import Outcome
 from backend.storage.orm import ParameterValueRow, RunIndexRow, RunTagRow, RunValueRow, ValueNameRow
 from backend.storage.runs import EndState, RunKind
 from backend.storage.search_index import NO_OUTCOME, ValueSource
 from backend.storage.stations import session_station
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Run query -----------------------------------------------------------------------------------------
 #

@@ -12,8 +12,7 @@ from typing import Any, TypeGuard
 from sqlalchemy import Select, delete, insert, or_, select
 from sqlalchemy.orm import Session
 
-from backend.models.document import UnreadableDocumentError, document_digest
-from backend.models.run import judge_run
+from backend.models import UnreadableDocumentError, document_digest, judge_run
 from backend.storage import results, runs
 from backend.storage.orm import (
     VALUE_NAME_MAX,

@@ -22,7 +22,7 @@ from backend.storage.orm import (
     StudyPointRow,
     StudyRow,
 )
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Station names -------------------------------------------------------------------------------------
 #

@@ -12,7 +12,7 @@ from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, 
 from backend.storage.search import NONE, tag_as_kept
 from backend.storage.search_index import insert_new
 from backend.storage.stations import session_station
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 _TAG = re.compile(r"[\w.:+-]+")
 

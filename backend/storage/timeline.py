@@ -18,7 +18,7 @@ from backend.storage.search import Condition
 from backend.storage.stations import session_station
 from backend.storage.tags import read_tag
 from backend.units import AngleUnit, format_angles
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 NOTE_MAX = 2000
 TAGS_MAX = 20

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from backend.studies.point import LOST, Point, PointResult, StudyBase, run_point, without_run
 from backend.workers import POLITE, begin_beside, spawning
-from plant.errors import ErrorCode, SinewError
+from plant import ErrorCode, SinewError
 
 DEATHS_MAX = 3
 """So often a process may die over a point: the last time it has the machine to itself, so that it was this point."""

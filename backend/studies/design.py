@@ -13,13 +13,20 @@ from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic.dataclasses import dataclass as validated
 
 from backend.errors import Path, check_range
-from backend.experiments.parser import ExperimentError, Lines, error_context, find_line
-from backend.experiments.plans import LoopSettings
-from backend.experiments.schema import Experiment, Name, Title, Words
-from backend.models.run import Value
-from backend.models.settings import Setting, SettingError, describe_settings
+from backend.experiments import (
+    Experiment,
+    ExperimentError,
+    Lines,
+    LoopSettings,
+    Name,
+    Title,
+    Words,
+    error_context,
+    find_line,
+)
+from backend.models import Setting, SettingError, Value, describe_settings
 from backend.studies.point import Point, StudyBase, number_of, planned, plant_with
-from plant.parameters import ParameterError
+from plant import ParameterError
 
 # Study ---------------------------------------------------------------------------------------------
 #

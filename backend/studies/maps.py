@@ -11,11 +11,10 @@ from functools import partial
 from statistics import NormalDist, fmean, median
 from typing import TypeVar
 
-from backend.analysis.evaluation import FIGURES
-from backend.experiments.schema import Experiment
-from backend.models.run import Value
-from backend.models.settings import SettingError
-from backend.storage.studies import StoredPoint
+from backend.analysis import FIGURES
+from backend.experiments import Experiment
+from backend.models import SettingError, Value
+from backend.storage import StoredPoint
 from backend.studies.point import LOOP_FIGURES, MARGINS, TRUE
 from backend.units import AngleUnit, digits_apart, in_digits, read
 

@@ -9,20 +9,21 @@ from types import MappingProxyType
 from typing import Any
 
 from backend import __version__
-from backend.banks.builder import entry_points
+from backend.banks import entry_points
 from backend.errors import InvalidValueError, RequestRejectedError
-from backend.execution.runner import NotPlayedError
-from backend.execution.simulation import play_in_memory
-from backend.experiments import parser
-from backend.experiments.library import ExperimentDefinition, build_library_entry
-from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
-from backend.models.run import Value, complete_motion
-from backend.storage.banks import Bank
-from backend.storage.orm import UnknownRecordError
-from backend.tuning.gains import PointModel, TuningError
-from backend.tuning.robustness import Robustness, compute_loop_margins
-from plant.errors import ErrorCode
-from plant.parameters import ParameterError, PlantParameters, parse_parameters
+from backend.execution import NotPlayedError, play_in_memory
+from backend.experiments import (
+    ExperimentDefinition,
+    ExperimentPlan,
+    LoopSettings,
+    build_library_entry,
+    parser,
+    split_values,
+)
+from backend.models import Value, complete_motion
+from backend.storage import Bank, UnknownRecordError
+from backend.tuning import PointModel, Robustness, TuningError, compute_loop_margins
+from plant import ErrorCode, ParameterError, PlantParameters, parse_parameters
 
 # Loop figures --------------------------------------------------------------------------------------
 #

@@ -11,16 +11,13 @@ from datetime import UTC, datetime
 from itertools import islice
 
 from backend.errors import RequestRejectedError
-from backend.models.document import replace_non_finite
-from backend.storage import studies
-from backend.storage.database import Database
-from backend.storage.orm import StorageError
-from backend.storage.studies import StoredPoint, StoredStudy
+from backend.models import replace_non_finite
+from backend.storage import Database, StorageError, StoredPoint, StoredStudy, studies
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
 from backend.studies.point import FAILED, LOST, UNSTABLE, PointResult, StudyBase, require_version
 from backend.studies.stored import parse_design
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 BEAT_S = 1.0
 """How often whoever computes a study tells that it is alive, and looks whether to stop."""

@@ -6,19 +6,21 @@ from dataclasses import dataclass, replace
 from pydantic import TypeAdapter
 
 from backend.errors import Path
-from backend.execution.runner import BankOf, list_plan_banks
-from backend.experiments import parser
-from backend.experiments.library import ExperimentDefinition, build_library_entry
-from backend.experiments.parser import ExperimentError, Lines, find_line
-from backend.experiments.plans import KIND
-from backend.models.document import DocumentCodec
-from backend.models.run import Value, complete_motion
-from backend.storage.banks import Bank
-from backend.storage.orm import UnknownRecordError
-from backend.storage.studies import NewStudy, StoredStudy
+from backend.execution import BankOf, list_plan_banks
+from backend.experiments import (
+    KIND,
+    ExperimentDefinition,
+    ExperimentError,
+    Lines,
+    build_library_entry,
+    find_line,
+    parser,
+)
+from backend.models import DocumentCodec, Value, complete_motion
+from backend.storage import Bank, NewStudy, StoredStudy, UnknownRecordError
 from backend.studies.design import FORMAT, STUDY, Design, Study, designed
 from backend.studies.point import StudyBase, planned
-from plant.parameters import PlantParameters
+from plant import PlantParameters
 
 BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, "what it is computed from", 0)
 _BASE = TypeAdapter(StudyBase)  # writes the dates of banks too, which documents by themselves have none of

@@ -8,15 +8,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import baselines, cascade, pid, trajectory
-from backend.control.cascade import Following
-from backend.control.decoupler import Bounds, Decoupler, Schedule, build_decoupler, compute_bounds, stiffness_slope
-from backend.control.disturbance_observer import Rejection
+from backend.control import (
+    Bounds,
+    Decoupler,
+    Following,
+    Rejection,
+    Schedule,
+    baselines,
+    build_decoupler,
+    cascade,
+    compute_bounds,
+    pid,
+    stiffness_slope,
+    trajectory,
+)
 from backend.errors import check_range
-from plant.dynamics import smooth_friction
-from plant.errors import ErrorCode, SinewError
-from plant.interface import T_s
-from plant.parameters import PlantParameters, Side
+from plant import ErrorCode, PlantParameters, Side, SinewError, T_s, smooth_friction
 
 # Formulas ------------------------------------------------------------------------------------------
 #

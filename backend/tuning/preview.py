@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.control import cascade, decoupler, pid
-from backend.control.decoupler import build_decoupler, compute_bounds
+from backend.control import build_decoupler, cascade, compute_bounds, decoupler, pid
 from backend.errors import check_range
 from backend.tuning.gains import (
     LAM_MAX,
@@ -54,9 +53,7 @@ from backend.tuning.simulation import (
     simulate_cascade,
     step_forecast,
 )
-from plant.dynamics import find_root
-from plant.interface import T_s
-from plant.parameters import SIDES, PlantParameters
+from plant import SIDES, PlantParameters, T_s, find_root
 
 # Plan budget ---------------------------------------------------------------------------------------
 #

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import decoupler, pid
-from backend.control.decoupler import Decoupler
+from backend.control import Decoupler, decoupler, pid
 from backend.tuning.gains import (
     LAM_MAX,
     MotorModel,
@@ -26,9 +25,7 @@ from backend.tuning.gains import (
     stiffness_gains,
     true_motor_model,
 )
-from plant.dynamics import Dynamics, Motor, PlantState, state_derivative, tendon_tension
-from plant.interface import NO_LOAD, T_s
-from plant.parameters import SIDES, PlantParameters
+from plant import NO_LOAD, SIDES, Dynamics, Motor, PlantParameters, PlantState, T_s, state_derivative, tendon_tension
 
 if TYPE_CHECKING:
     import control

@@ -8,23 +8,43 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control import cascade, decoupler, disturbance_observer, pid, trajectory
-from backend.control.decoupler import Decoupler, interpolate_gains, select_entry, stiffness_slope, tension_under
-from backend.control.disturbance_observer import Rejection
-from backend.control.trajectory import LANDING_S, LoopReferences
+from backend.control import (
+    LANDING_S,
+    Decoupler,
+    LoopReferences,
+    Rejection,
+    cascade,
+    decoupler,
+    disturbance_observer,
+    interpolate_gains,
+    pid,
+    select_entry,
+    stiffness_slope,
+    tension_under,
+    trajectory,
+)
 from backend.tuning.robustness import decoupling_matrix, linear_plant
-from plant.compilation import compiled, compiled_run
-from plant.dynamics import Dynamics, PlantState, elongation_A, elongation_B, tendon_tension
-from plant.interface import Measurement, MotorCommand, T_s
-from plant.parameters import SIDES, Asymmetry, PlantParameters
-from plant.simulator import (
+from plant import (
     DELAY_SLOTS,
+    SIDES,
+    Asymmetry,
+    Dynamics,
+    Measurement,
+    MotorCommand,
+    PlantParameters,
+    PlantState,
     SafetyBounds,
     SensorModel,
+    T_s,
     actuate_plant,
+    compiled,
+    compiled_run,
+    elongation_A,
+    elongation_B,
     is_limit_exceeded,
     sense_state,
     sensor_model,
+    tendon_tension,
 )
 
 # Closed loop ---------------------------------------------------------------------------------------

@@ -1,10 +1,9 @@
 """Which tests reach a source file: those that import what imports it, and all that start a service."""
 
-import ast
-from collections.abc import Iterator
 from functools import cache
 
 from tests.conftest import ONLY_COMPUTES, PAGE
+from tests.imports import imported
 from tests.mutate.trees import ROOT
 
 ROOMS = {
@@ -59,7 +58,7 @@ def live_tests() -> list[str]:
 def live_tests_of(path: str) -> list[str]:
     """Return those that import a source file themselves: what a loop owes to a clock or a process is seen there."""
     module = path.removesuffix(".py").replace("/", ".")
-    return [name for name in live_tests() if module in set(_imports(name))]
+    return [name for name in live_tests() if module in imported(ROOT / name)]
 
 
 @cache
@@ -68,19 +67,10 @@ def _imported(test: str) -> frozenset[str]:
     open_files = [test]
     while open_files:
         file = open_files.pop()
-        for module in _imports(file):
+        for module in imported(ROOT / file):
             if module not in seen:
                 seen.add(module)
                 shared = module.replace(".", "/") + ".py"
                 if module.startswith("tests.") and (ROOT / shared).exists():
                     open_files.append(shared)
     return frozenset(seen)
-
-
-def _imports(file: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)

@@ -18,10 +18,11 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-import grimp
 import numba
 import pytest
 from numba.core.caching import _CacheLocator
+
+from tests.imports import module_graph
 
 ROOT = Path(__file__).parents[2]
 COMPILED = (
@@ -48,7 +49,7 @@ class Imports:
     """Who imports whom in the project."""
 
     def __init__(self) -> None:
-        self._graph = grimp.build_graph("plant", "backend", cache_dir=None)
+        self._graph = module_graph()
 
     def steps_to(self, path: str) -> dict[str, int]:
         """Return by how many imports modules have a file: itself 0, what imports it 1, what imports that 2."""

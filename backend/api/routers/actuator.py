@@ -3,15 +3,16 @@
 from fastapi import APIRouter
 
 from backend.api.dependencies import HoldsControl, InControl, MayStop, Operator, RowId, ServiceInUse, SignedIn, Stamped
-from backend.auth.control_lease import read_stamp
-from backend.schemas.run import PlayedRecording, PlayerOrder
-from backend.schemas.state import (
+from backend.auth import read_stamp
+from backend.schemas import (
     ControlRequest,
     FaultList,
     HandoverRequest,
     Injection,
     Lease,
     ModeRequest,
+    PlayedRecording,
+    PlayerOrder,
     PushRequest,
     References,
     State,
@@ -24,8 +25,7 @@ from backend.schemas.state import (
     WishAnswer,
     WishView,
 )
-from backend.services.actuator import set_obstacle
-from backend.services.fault_injection import apply_fault, clear_faults, describe_faults
+from backend.services import apply_fault, clear_faults, describe_faults, set_obstacle
 
 # Control -------------------------------------------------------------------------------------------
 #

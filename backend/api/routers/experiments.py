@@ -6,8 +6,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Request
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
-from backend.experiments.schema import build_json_schema
-from backend.schemas.experiment import (
+from backend.experiments import build_json_schema
+from backend.schemas import (
     CheckedExperiment,
     CheckedStudy,
     DryRunProgress,
@@ -24,13 +24,13 @@ from backend.schemas.experiment import (
     QueuePlace,
     QueueView,
     RecordedExperiment,
+    Started,
     StudyDetail,
     StudyList,
     StudyText,
     StudyView,
     WrittenExperiment,
 )
-from backend.schemas.identification import Started
 
 # Experiments ---------------------------------------------------------------------------------------
 #

@@ -3,13 +3,19 @@
 from fastapi import APIRouter, Request
 
 from backend import __version__
-from backend.analysis.identification import fit_spring_table
+from backend.analysis import fit_spring_table
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
-from backend.schemas import identification
-from backend.schemas.base import RowNumber
-from backend.schemas.identification import IdentificationCurves, Trend, UnseenView
-from backend.schemas.tuning import ApplyRequest, ParametersView, UndoRequest
-from backend.services.jobs import describe_identification_kinds
+from backend.schemas import (
+    ApplyRequest,
+    IdentificationCurves,
+    ParametersView,
+    RowNumber,
+    Trend,
+    UndoRequest,
+    UnseenView,
+    identification,
+)
+from backend.services import describe_identification_kinds
 
 router = APIRouter(prefix="/api", tags=["identification"])
 

@@ -9,17 +9,22 @@ from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
 from backend.api.dependencies import AnglesRead, Operator, RowId, ServiceInUse, SignedIn
-from backend.exports.formats import MEDIA_TYPES, DataFormat
-from backend.exports.mcap import foxglove_layout
+from backend.exports import MEDIA_TYPES, DataFormat, foxglove_layout
 from backend.plain_text import as_file_name
-from backend.reports.series_source import MOST_RUNS
-from backend.schemas.base import Finite, Schema
-from backend.schemas.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
-from backend.schemas.run import (
+from backend.reports import MOST_RUNS
+from backend.schemas import (
     LONGEST_S,
     SEARCH_NAME_MAX,
+    ComparisonAsked,
+    Differences,
+    DifferencesAsked,
+    Finite,
     FlightList,
     FlightMoment,
+    FormulaList,
+    FormulaName,
+    FormulaText,
+    FormulaView,
     Instant,
     Lineage,
     MetricHistory,
@@ -28,11 +33,13 @@ from backend.schemas.run import (
     RecordedValues,
     Remark,
     ReplayRequest,
+    RunComparison,
     RunList,
     RunMarks,
     RunView,
     SamplesView,
     SavedSearchList,
+    Schema,
     SearchText,
     SearchWords,
     SheetToPrint,
@@ -42,15 +49,9 @@ from backend.schemas.run import (
     TagRequest,
     Timeline,
 )
-from backend.schemas.state import FormulaList, FormulaName, FormulaText, FormulaView
-from backend.server.security import DOCUMENT_POLICY, SHEETS
-from backend.services.background_work import run_while_connected
-from backend.services.runs import RunQuery, SampleSlice, read_planned_run
-from backend.services.signals import RangeAsked
-from backend.storage.events import EventKind
-from backend.storage.orm import TAG_MAX
-from backend.storage.search import LONGEST
-from backend.storage.timeline import LogQuery
+from backend.server import DOCUMENT_POLICY, SHEETS
+from backend.services import RangeAsked, RunQuery, SampleSlice, read_planned_run, run_while_connected
+from backend.storage import LONGEST, TAG_MAX, EventKind, LogQuery
 
 # Runs ----------------------------------------------------------------------------------------------
 #

@@ -3,22 +3,29 @@
 from fastapi import APIRouter, Request, Response
 
 from backend.api.dependencies import Operator, ServiceInUse, SignedIn
-from backend.auth.authentication import User
-from backend.schemas.preferences import Preferences
-from backend.schemas.run import Checklist
-from backend.schemas.session import (
+from backend.auth import User
+from backend.schemas import (
+    Checklist,
     FreshTokens,
     Health,
     NameRequest,
     PageAddress,
     PageAddressFindings,
+    Preferences,
     Role,
     Rotation,
     SessionView,
     SignIn,
 )
-from backend.server.deployment import PEER, PUBLIC, find_deployment_problems
-from backend.server.security import end_session, find_authentication, read_credentials, set_session_cookie
+from backend.server import (
+    PEER,
+    PUBLIC,
+    end_session,
+    find_authentication,
+    find_deployment_problems,
+    read_credentials,
+    set_session_cookie,
+)
 
 # Preferences ---------------------------------------------------------------------------------------
 #

@@ -12,13 +12,28 @@ from starlette.types import Receive, Scope, Send
 
 from backend.api.dependencies import InControl, Operator, ServiceInUse, SignedIn, require_signed_in, serve, service_of
 from backend.api.errors import STATUS
-from backend.commissioning.steps import StepId
+from backend.commissioning import StepId
 from backend.errors import RequestRejectedError
 from backend.public_url import PublicUrl
-from backend.schemas.commissioning import BringUpView, DrivesSwitch, StepValues
-from backend.schemas.state import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
-from backend.server.deployment import COOKIE_PATH, PUBLIC
-from backend.server.security import LIVE, find_authentication, read_credentials, render_message_page, set_session_cookie
+from backend.schemas import (
+    BackupView,
+    BringUpView,
+    DatabaseCheck,
+    DrivesSwitch,
+    RecordingsView,
+    RemovalRequest,
+    StepValues,
+    SystemView,
+)
+from backend.server import (
+    COOKIE_PATH,
+    LIVE,
+    PUBLIC,
+    find_authentication,
+    read_credentials,
+    render_message_page,
+    set_session_cookie,
+)
 
 _log = logging.getLogger(__name__)
 

@@ -6,25 +6,26 @@ from fastapi import APIRouter, Query, Request
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
 from backend.errors import RequestRejectedError
-from backend.schemas.base import Finite, RowNumber
-from backend.schemas.state import State
-from backend.schemas.tuning import (
+from backend.schemas import (
     BankDetail,
     BankDifference,
     BankFile,
     BankList,
     BankRequest,
     BankView,
+    Finite,
     Motion,
     MotorPreview,
     RobustTuning,
+    RowNumber,
     SavedTuning,
+    State,
     TrialRequest,
     TuningPreview,
     TuningRequest,
     TuningView,
 )
-from plant.errors import ErrorCode
+from plant import ErrorCode
 
 # Banks ---------------------------------------------------------------------------------------------
 #

@@ -1,0 +1,7 @@
+from .bridge import LiveSource, OtherVersionError, serve_foxglove
+
+__all__ = [
+    "LiveSource",
+    "OtherVersionError",
+    "serve_foxglove",
+]
