@@ -27,15 +27,8 @@ from .evaluation import (
     select_used_settings,
 )
 from .frequency_metrics import UNLIKE, Array, Complex, Lines, Response, build_bode_lines, compute_responses
-from .identification import (
-    MOTOR_B,
-    build_curves,
-    build_identification_document,
-    compute_trend,
-    estimate_run_friction,
-    fit_spring_table,
-    validate_on_run,
-)
+from .identification import MOTOR_B, build_identification_document, estimate_run_friction, fit_spring_table
+from .identification_views import build_curves, compute_trend, validate_on_run
 from .step_metrics import AT_REST, SETTLING_BAND, NoSamplesError, find_pushes
 
 __all__ = [

@@ -2,14 +2,14 @@
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis.step_metrics import NoSamplesError, figure
-from backend.control import build_decoupler, compute_bounds, stiffness_slope
+from backend.control import build_decoupler, stiffness_slope
 from backend.experiments import (
     ActuatorIdentificationPlan,
     MotorIdentificationPlan,
@@ -18,11 +18,9 @@ from backend.experiments import (
 )
 from backend.identification import (
     COLUMNS,
-    RESIDUAL_LEVEL,
     ActuatorGeometry,
     ActuatorIdentification,
     Candidates,
-    CorrelationTest,
     DataFileError,
     DecimalMark,
     Estimate,
@@ -31,34 +29,21 @@ from backend.identification import (
     IdentificationError,
     LoadFrictionResult,
     Method,
-    Model,
-    ModelComparison,
     MotorIdentification,
-    Record,
     RecordError,
     SpringIdentification,
     TensionRun,
     VoltageStepRecord,
-    count_fitted_samples,
     estimate_load_friction,
-    find_structure,
-    fit_parameters,
-    fit_percent,
     identify_motor,
     identify_spring,
     joint_method_name,
     read_load_sweep,
-    read_whiteness_test,
-    split_last_part,
     steady_speed,
     turn_from_rest,
-    validate_held_out,
-    validate_motor_step,
-    validate_on_record,
 )
 from backend.identification import identify_actuator as estimate_actuator
 from backend.models import (
-    CHANNELS,
     MODEL,
     MOTOR_MODELS,
     MOTOR_QUALITIES,
@@ -69,15 +54,12 @@ from backend.models import (
     ActuatorQuality,
     ArxEstimate,
     ChannelModel,
-    ChannelName,
     ChannelQuality,
     Document,
     FailedCandidate,
     Fitted,
     FrequencyEstimate,
-    IdentifiedChannel,
     IdentifiedMotor,
-    MotorFound,
     MotorModels,
     MotorQualities,
     MotorQuality,
@@ -101,9 +83,8 @@ from backend.models import (
 from backend.plain_text import PlainTextError, require_line, require_plain
 from backend.realtime import Excitation
 from backend.recording import Columns, count_missing_ticks, read_recorded_columns
-from backend.storage import Database, EndState, Identification, NewIdentification, Run, RunKind, identifications, runs
-from backend.tuning import PointModel, TuningError, linearize_one_motor, make_motor_loops
-from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, SinewError, T_s, parse_parameters
+from backend.storage import Database, EndState, NewIdentification, Run, RunKind
+from plant import SIDES, PlantParameters, Side, T_s
 
 # Actuator identification ---------------------------------------------------------------------------
 #
@@ -270,100 +251,6 @@ def _candidates(candidates: Candidates) -> tuple[TriedStructure | FailedCandidat
         for candidate in candidates.ranked
     ]
     return (*ranked, *(FailedCandidate(name, problem) for name, problem in candidates.failed.items()))
-
-
-# Identification curves -----------------------------------------------------------------------------
-#
-# What can be drawn of a stored identification: responses of its models, residual tests, errors.
-# Pure.
-
-
-OMEGA = np.geomspace(0.1, 60.0, 160)
-"""Where the models' frequency responses are drawn [rad/s]."""
-
-_STEP_POINTS = 200
-
-
-def build_curves(found: Identification) -> Document:
-    """Return the curves of one identification by kind: ``channels``, ``motors``, ``springs``."""
-    curves: Document = {"channels": [], "motors": [], "springs": []}
-    match found.kind:
-        case "actuator":
-            curves["channels"] = [_curve_channel(name, found.actuator.channel(name)) for name in CHANNELS]
-        case "motor":
-            curves["motors"] = [_motor(side, found.motors.side(side)) for side in SIDES]
-        case "spring":
-            curves["springs"] = [_spring(name, spring.quality) for name, spring in found.springs.items()]
-        case _:
-            raise ValueError(f"identification {found.id} is of unknown kind {found.kind!r}: it has no curves")
-    return curves
-
-
-def _motor(side: Side, found: MotorFound) -> Document:
-    return {"side": side, "steps": [asdict(step) for step in found.quality.steps]}
-
-
-def _curve_channel(name: ChannelName, channel: IdentifiedChannel) -> Document:
-    from scipy.signal import step
-
-    model, quality = channel.model, channel.quality
-    found = Model(model.structure, model.parameters)
-    K, T = model.first_order.K, model.first_order.T
-    t = np.linspace(0.0, 6.0 * T, _STEP_POINTS)
-    _, y = step(([found.gain], found.denominator[::-1]), T=t)
-    return {
-        "name": name,
-        "model": _bode(found.response(OMEGA)),
-        "first_order": _bode(np.asarray(K / (1j * OMEGA * T + 1.0), dtype=np.complex128)),
-        "measured": _measured(quality.frequency),
-        "step_t": t.tolist(),
-        "step_model": y.tolist(),
-        "step_first_order": (K * (1.0 - np.exp(-t / T))).tolist(),
-        "whiteness": _correlation(quality.residuals.whiteness),
-        "input_correlation": _correlation(quality.residuals.input_correlation),
-        "candidates": [_candidate(item) for item in quality.candidates],
-    }
-
-
-def _bode(response: NDArray[np.complex128]) -> Document:
-    phase = np.degrees(np.unwrap(np.angle(response)))
-    return {"omega": OMEGA.tolist(), "magnitude": np.abs(response).tolist(), "phase_deg": phase.tolist()}
-
-
-def _measured(frequency: FrequencyEstimate | None) -> Document | None:
-    """Return the lines drawn of the estimate without a model; none of a run made before it was kept."""
-    if frequency is None:
-        return None
-    shown = [line for line, omega in enumerate(frequency.omega) if OMEGA[0] <= omega <= OMEGA[-1]]
-    columns = {name: getattr(frequency, name) for name in ("omega", "magnitude", "phase_deg", "coherence")}
-    return {name: [column[line] for line in shown] for name, column in columns.items()}
-
-
-def _correlation(test: ResidualTest | CorrelationTest) -> Document:
-    found = read_whiteness_test(test)
-    outcome = {"bound": list(found.bound), "statistic": found.statistic, "critical": found.critical}
-    return {
-        "lags_s": list(test.lags_s),
-        "correlation": list(test.correlation),
-        **outcome,
-        "level": RESIDUAL_LEVEL,
-        "passed": found.passed,
-    }
-
-
-def _candidate(item: TriedStructure | FailedCandidate) -> Document:
-    figures = {name: getattr(item, name, None) for name in ("K", "T", "fit_percent", "BIC")}
-    grade = item.grade if isinstance(item, TriedStructure) else ""
-    return {"structure": item.structure, "grade": grade, "problem": item.problem, **figures}
-
-
-def _spring(name: str, quality: SpringQuality) -> Document:
-    orders = [
-        {"order": int(order), "errors": list(errors), "force": list(quality.curve[order])}
-        for order, errors in quality.errors.items()
-    ]
-    pairs = {"x": list(quality.x), "F": list(quality.F), "rising": list(quality.rising)}
-    return {"name": name, **pairs, "curve_x": list(quality.curve_x), "orders": orders}
 
 
 # Motor identification ------------------------------------------------------------------------------
@@ -809,136 +696,6 @@ def _listed_springs(values: Array) -> tuple[float, ...]:
     return tuple(round(float(value), 7) for value in values)
 
 
-# Unseen prediction ---------------------------------------------------------------------------------
-#
-# Identified models beside a record that they have not seen: what was measured, and what they say of
-# it.
-#
-# An actuator is judged on the last third of a record, a motor on each of its voltage steps. On the
-# record that an identification itself came from, its structure is fitted anew without what is
-# predicted: to the first two thirds, or to all other steps.
-
-
-POINTS = 400
-"""At most so many samples of a stretch are drawn, evenly spaced; fit and residual are those of all."""
-
-OUTPUTS = {"G_q": ("q", "rad"), "G_S": ("S", "N·m/rad")}
-
-
-class NotComparableError(SinewError, ValueError):
-    """An identification and a record of which the one says nothing about the other."""
-
-    category = ErrorCode.BAD_VALUE
-
-
-@dataclass(frozen=True)
-class _Stretch:
-    label: str
-    t: NDArray[np.float64]
-    beside: ModelComparison
-
-
-def validate_on_run(database: Database, run_id: int, of: int) -> Document:
-    """Set the newest estimate of a run beside the record of the run ``of``.
-
-    Raises UnknownRecordError, NotComparableError.
-    """
-    with database.reading() as session:
-        estimate, source = identifications.of_run(session, run_id), runs.get(session, of)
-    kind = source.kind.removesuffix("_identification")
-    if estimate.kind != kind or kind not in ("actuator", "motor"):
-        raise NotComparableError(
-            f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a model is compared "
-            "with the record of an actuator or motor identification of its own kind"
-        )
-    columns, _ = read_recorded_columns(database, of)
-    parameters = parse_parameters(source.parameters_name, source.parameters)
-    own = run_id == of
-    outputs = _channels(estimate, source, columns, own=own) if kind == "actuator" else None
-    listed = list(outputs or _motors(estimate, columns, parameters, own=own))
-    return {"run": run_id, "of": of, "own": own, "kind": kind, "outputs": listed}
-
-
-def _channels(estimate: Identification, source: Run, columns: Columns, *, own: bool) -> Iterator[Document]:
-    plan = parse_stored_plan(source.kind, source.set_to.plan or {})
-    if not isinstance(plan, ActuatorIdentificationPlan):
-        raise NotComparableError(f"run {source.id} has no excitation")
-    for name in CHANNELS:
-        signal, unit = OUTPUTS[name]
-        try:
-            start = excitation_start(columns, plan.excitation())
-            record = Record(T_s, columns["theta_A_ref"][start:], columns[signal][start:])
-            method = Method(estimate.actuator_options.estimator or Method.DEFAULT)
-            shown = _of_channel(estimate.actuator.channel(name).model, record, method, own=own)
-            first = start + count_fitted_samples(record) + shown.first
-            yield _output(name, signal, unit, [_Stretch("", columns["t"][first : first + shown.measured.size], shown)])
-        except (IdentificationError, NoSamplesError, np.linalg.LinAlgError) as error:
-            yield _nothing(name, signal, unit, str(error))
-
-
-def _of_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> ModelComparison:
-    if own:
-        return validate_held_out(fit_parameters(record, find_structure(model.structure), method))
-    return validate_on_record(Model(model.structure, model.parameters), split_last_part(record))
-
-
-def _motors(
-    estimate: Identification, columns: Columns, parameters: PlantParameters, *, own: bool
-) -> Iterator[Document]:
-    for side in SIDES:
-        try:
-            steps = side_steps(columns, side, parameters).steps
-            shown = [_of_step(estimate, side, steps, number, own=own) for number in range(len(steps))]
-            yield _output(side, f"theta_{side}", "rad", shown)
-        except (IdentificationError, NoSamplesError) as error:
-            yield _nothing(side, f"theta_{side}", "rad", str(error))
-
-
-def _of_step(
-    estimate: Identification, side: Side, steps: tuple[VoltageStepRecord, ...], number: int, *, own: bool
-) -> _Stretch:
-    step = steps[number]
-    if own:
-        found = identify_motor([other for other in steps if other is not step])
-        known = found.K_m, found.T_m, found.u_c
-    else:
-        kept = estimate.motors.side(side).model.parameters
-        if kept.K_m is None or kept.T_m is None or kept.u_c is None:
-            raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
-        known = kept.K_m, kept.T_m, kept.u_c
-    shown = validate_motor_step(step, *known)
-    return _Stretch(f"{step.voltage:.3g} V", np.asarray(np.arange(shown.measured.size) * T_s), shown)
-
-
-def _output(name: str, signal: str, unit: str, stretches: list[_Stretch]) -> Document:
-    if not stretches:
-        return _nothing(name, signal, unit, "the record holds nothing to compare with")
-    each = [stretch.beside for stretch in stretches]
-    error = np.concatenate([item.measured - item.predicted for item in each])
-    motion = np.concatenate([item.measured - np.mean(item.measured) for item in each])
-    return {
-        "name": name,
-        "signal": signal,
-        "unit": unit,
-        "fit_percent": fit_percent(error, motion),
-        "rms": float(np.sqrt(np.mean(error**2))),
-        "samples": int(error.size),
-        "problem": "",
-        "stretches": [_drawn(stretch) for stretch in stretches],
-    }
-
-
-def _drawn(stretch: _Stretch) -> Document:
-    every = slice(None, None, max(1, -(-stretch.t.size // POINTS)))
-    columns = {"t": stretch.t, "measured": stretch.beside.measured, "predicted": stretch.beside.predicted}
-    return {"label": stretch.label, **{name: column[every].tolist() for name, column in columns.items()}}
-
-
-def _nothing(name: str, signal: str, unit: str, problem: str) -> Document:
-    figures: Document = {"fit_percent": None, "rms": None, "samples": 0, "stretches": []}
-    return {"name": name, "signal": signal, "unit": unit, "problem": problem, **figures}
-
-
 # Load friction -------------------------------------------------------------------------------------
 #
 # Load-dependent Coulomb friction from stored actuator identifications at several tensions. Nothing
@@ -1005,72 +762,3 @@ def _excited(run: Run, columns: Columns) -> TensionRun:
     if count_missing_ticks({"t": columns["t"][start:]}):
         raise NoSamplesError("samples of its excitation are missing")
     return TensionRun(run.id, T_s, {name: columns[name][start:] for name in COLUMNS if name in columns})
-
-
-# Over stiffness ------------------------------------------------------------------------------------
-#
-# Identified gains and lags over S beside what geometry, springs and motor loops predict. Nothing is
-# stored.
-
-
-_STIFFNESS_CURVE_POINTS = 13
-
-
-def compute_trend(database: Database, parameters: PlantParameters, lam_motor: float) -> Document:
-    """Return the newest estimate of each actuator identification by stiffness, and the curves of what is in force."""
-    with database.reading() as session:
-        newest: dict[int, Identification] = {}
-        for found in identifications.find(session, kind="actuator"):
-            if found.run_id is not None:
-                newest.setdefault(found.run_id, found)
-        made = [(found, runs.get(session, number)) for number, found in newest.items()]
-    friction = load_friction_of_newest(database, [run for _, run in made])
-    rows, left_out = [], []
-    for found, run in made:
-        try:
-            rows.append(_row(found, run))
-        except (UnreadableDocumentError, ParameterError, TuningError, ValueError) as error:
-            left_out.append(f"run {run.id}: {error}")
-    bounds = compute_bounds(parameters)
-    S = np.linspace(bounds.S_min, bounds.S_max, _STIFFNESS_CURVE_POINTS)
-    return {
-        "rows": sorted(rows, key=lambda row: float(row["S"])),
-        "predicted": _curves(S.tolist(), [predicted(parameters, lam_motor, at) for at in S.tolist()]),
-        "left_out": left_out,
-        "friction": build_identification_document(friction),
-    }
-
-
-def predicted(parameters: PlantParameters, lam_motor: float, S: float) -> PointModel:
-    """Return gains and sums of lags from one motor reference that are to be expected at stiffness S [N·m/rad]."""
-    return linearize_one_motor(parameters, make_motor_loops(parameters, lam_motor), S)
-
-
-def _row(found: Identification, run: Run) -> Document:
-    lam_motor = run.set_to.loop.lam_motor
-    if lam_motor is None:
-        raise ValueError("λ of the motor loops was not kept with it, so that no lag can be predicted")
-    S = found.actuator.model.S_nominal
-    point = predicted(parse_parameters(run.parameters_name, run.parameters), lam_motor, S)
-    return {
-        "run": run.id,
-        "S": S,
-        "G_q": _stiffness_channel(found, "G_q", point.K_q, point.T_q),
-        "G_S": _stiffness_channel(found, "G_S", point.K_S, point.T_S),
-    }
-
-
-def _stiffness_channel(found: Identification, name: ChannelName, K: float, T: float) -> Document:
-    channel: IdentifiedChannel = found.actuator.channel(name)
-    model = channel.model.first_order
-    gain, lag = _against(model.K, model.K_std, K), _against(model.T, model.T_std, T)
-    return {"K": gain, "T": lag, "grade": channel.quality.grade}
-
-
-def _against(identified: float, std: float | None, predicted: float) -> Document:
-    off = 100.0 * (identified / predicted - 1.0)
-    return {"identified": identified, "std": std, "predicted": predicted, "off_percent": off}
-
-
-def _curves(S: Sequence[float], points: Sequence[PointModel]) -> Document:
-    return {"S": list(S), **{name: [getattr(at, name) for at in points] for name in ("K_q", "T_q", "K_S", "T_S")}}

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from backend.analysis.identification import _correlation
+from backend.analysis.identification_views import _correlation
 from backend.identification.models import CorrelationTest
 from backend.identification.validation import fit_autoregression, input_correlation, read_whiteness_test, whiteness
 from backend.models.identification import ResidualTest

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from backend.analysis.identification import build_curves
+from backend.analysis.identification_views import build_curves
 from backend.identification.validation import read_whiteness_test
 from backend.models import identification
 from backend.models.document import DocumentCodec, UnreadableDocumentError
