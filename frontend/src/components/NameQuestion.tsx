@@ -4,6 +4,7 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { useSetName } from "../service/commands";
+import { usePreferences } from "../service/preferences";
 import { sessionQuery } from "../service/queries";
 import { RefusedFields } from "../service/refusals";
 import { keepText, readKept } from "../wire/kept";
@@ -25,7 +26,10 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   const [leftOut, leaveOut] = useState(() => readKept("localStorage", LEFT_OUT) !== null);
   const [name, setName] = useState("");
   const set = useSetName();
-  const asked = session.data?.asks_name === true && !leftOut;
+  const { preferences, known } = usePreferences();
+  // one bar at a time: who is new here is shown around first
+  const isShownAround = !known || !preferences.toured;
+  const asked = session.data?.asks_name === true && !leftOut && !isShownAround;
   if (session.data === undefined || !(wanted || asked)) return null;
   const role = session.data.role;
 

@@ -10,8 +10,11 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
 import { preferencesQuery } from "../../service/preferences";
 import { sessionQuery } from "../../service/queries";
+import { NameQuestion } from "../NameQuestion";
 import { Tour } from "./Tour";
 
 const NEW = { toured: false } as Awaited<ReturnType<NonNullable<typeof preferencesQuery.queryFn>>>;
@@ -26,7 +29,10 @@ beforeEach(() => {
   render(
     <MantineProvider>
       <QueryClientProvider client={queries}>
-        <Tour />
+        <LiveProvider store={new LiveStore(0)}>
+          <NameQuestion wanted={false} onDone={() => undefined} />
+          <Tour />
+        </LiveProvider>
       </QueryClientProvider>
     </MantineProvider>,
   );
@@ -50,4 +56,15 @@ it("stays ended for whoever takes a name after it, and begins anew where it is a
 
   act(() => void queries.setQueryData(preferencesQuery.queryKey, NEW));
   await waitFor(() => expect(tour()).not.toBeNull());
+});
+
+it("is followed by the question for a name, one bar at a time", async () => {
+  const question = () => screen.queryByRole("form", { name: "Your name" });
+  act(() => {
+    const session = { name: "operator", role: "operator", asks_name: true };
+    queries.setQueryData(sessionQuery.queryKey, session as never);
+  });
+  expect([tour() === null, question() === null]).toEqual([false, true]);
+  fireEvent.click(screen.getByRole("button", { name: "Skip tour" }));
+  await waitFor(() => expect([tour() === null, question() === null]).toEqual([true, false]));
 });
