@@ -593,7 +593,10 @@ class State(Schema):
     earlier: ChosenTuning | None = Field(
         description="what was in force before the last change, and is again once that is undone; null for nothing"
     )
-    undone: bool = Field(default=False, description="the last change was an undo: to undo that is to do it again")
+    later: ChosenTuning | None = Field(
+        default=None,
+        description="what the last undo took back, and is in force again after a redo; null for nothing",
+    )
     recording_run: int | None = Field(description="run that the samples belong to at present")
     problems: list[str] = Field(description="what is wrong with the service without being a fault of the loop")
 

@@ -265,7 +265,7 @@ class Applied:
             self._kept.put(tuning, who)
             present = self._actuator.present
             present.use(parameters, tuning)
-            present.earlier, present.undone = self._kept.earlier(tuning), False
+            present.begin_steps(self._kept.earlier(tuning))
             identified = changed_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._use(parameters)

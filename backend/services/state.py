@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, assert_never
 
@@ -316,6 +317,9 @@ def wall_view(wall: Obstacle | None) -> WallView | None:
 # What the actuator does at present, put together from samples, events and the tuning in force.
 
 
+UNDO_STEPS = 20
+"""How many changes of the tuning can be taken back."""
+
 F_PUSH_MAX = 30.0
 """Largest push [N] that an operator may ask the simulator for."""
 
@@ -344,8 +348,8 @@ class LiveState:
         self.tuning_problem = ""
         self.on_the_way: Sequence[ResolvedTuning] = ()
         self._tuning_number = 0
-        self.earlier: ResolvedTuning | None = None
-        self.undone = False
+        self.undo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
+        self.redo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.trigger: Callable[[], TriggerView | None] = lambda: None
@@ -524,11 +528,18 @@ class LiveState:
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
             wall=wall_view(self.wall),
             player=self.player(self.tick),
-            earlier=None if self.earlier is None else chosen_view(self.earlier),
-            undone=self.undone,
+            earlier=chosen_view(self.undo_stack[-1]) if self.undo_stack else None,
+            later=chosen_view(self.redo_stack[-1]) if self.redo_stack else None,
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
+
+    def begin_steps(self, earlier: ResolvedTuning | None) -> None:
+        """Let one step lead back to ``earlier``, none where that is None, and none forward."""
+        self.undo_stack.clear()
+        self.redo_stack.clear()
+        if earlier is not None:
+            self.undo_stack.append(earlier)
 
     def _tuning_view(self, entry: float) -> TuningView:
         """Return the tuning in force: while an experiment has put one into use on its way, that one."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
@@ -24,7 +25,7 @@ from backend.services import background_work
 from backend.services.background_work import AskedTuning, Compute
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
-from backend.services.tuning_state import ActiveTuning, TuningStore, TuningTrial, parts_of
+from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningStore, TuningTrial, parts_of
 from backend.storage import Bank, Database, StoredSetting, settings
 from backend.supervision import Supervision
 from backend.tuning import DEVIATIONS, UNSEEN_F
@@ -68,7 +69,7 @@ class TuningService:
         self._changed = changed
         self._trial = TuningTrial(self._end_trial_by_itself, supervision)
         present.trial = self._trial.view
-        present.earlier = kept.earlier(present.tuning)
+        present.begin_steps(kept.earlier(present.tuning))
 
     async def set(self, request: TuningRequest, who: str) -> TuningView:
         """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
@@ -91,7 +92,7 @@ class TuningService:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
         if keep:
             self._trial.forget()
-            self._present.earlier, self._present.undone = before, False
+            self._remember_step(before)
             self._journal.note(MarkKind.TUNING, "trial kept", self._present.tick, who)
             await self._keep(who)
         else:
@@ -115,23 +116,34 @@ class TuningService:
         return self._present.tuning.view(self._present.entry)
 
     async def undo(self, who: str) -> TuningView:
-        """Put back in force what the operator had before the last change; to undo that is to do it again.
+        """Put back in force what the operator had before the last change; once more goes one change further back.
 
         Raises RequestRejectedError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
         """
+        stack, other = self._present.undo_stack, self._present.redo_stack
+        return await self._step(stack, other, "undone", "no change of the tuning is left to undo", who)
+
+    async def redo(self, who: str) -> TuningView:
+        """Put in force again what the last undo took back. Raises like ``undo``."""
+        stack, other = self._present.redo_stack, self._present.undo_stack
+        return await self._step(stack, other, "done again", "no change of the tuning was undone", who)
+
+    async def _step(
+        self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
+    ) -> TuningView:
+        """Put in force the newest tuning of a stack; what was in force goes onto the other one."""
         async with self._turn:
             self._require_own()
             if self._trial.before is not None:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
-            earlier, before = self._present.earlier, self._present.tuning
-            if earlier is None:
-                raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, "the tuning has not been changed: there is nothing to undo"
-                )
-            after = await asyncio.to_thread(before.with_choice, earlier.choice, earlier.bank)
-            again = self._present.undone
-            tick = await self._choose(after, undone=not again)
-            done = "done again" if again else "undone"
+            if not stack:
+                raise RequestRejectedError(ErrorCode.NOT_NOW, nothing)
+            step, before = stack[-1], self._present.tuning
+            after = await asyncio.to_thread(before.with_choice, step.choice, step.bank)
+            tick = await self._put_in_force(after)
+            stack.pop()
+            other.append(before)
+            self._changed()
             self._journal.note(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
         await self._keep(who)
         return self._present.tuning.view(self._present.entry)
@@ -299,14 +311,19 @@ class TuningService:
         """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
         await asyncio.to_thread(self._kept.put, self._present.tuning, who)
 
-    async def _choose(self, tuning: ActiveTuning, *, undone: bool = False) -> int:
-        """Put in force what the operator has chosen for good; one step back is remembered."""
+    async def _choose(self, tuning: ActiveTuning) -> int:
+        """Put in force what the operator has chosen for good; the way back is remembered."""
         before = self._trial.before or self._present.tuning
         tick = await self._put_in_force(tuning)
         if tuning.choice != before.choice:
-            self._present.earlier, self._present.undone = before, undone
+            self._remember_step(before)
             self._changed()
         return tick
+
+    def _remember_step(self, before: ResolvedTuning) -> None:
+        """Let ``undo`` go back to a tuning; what was undone before is not done again any more."""
+        self._present.undo_stack.append(before)
+        self._present.redo_stack.clear()
 
     async def _put_in_force(self, tuning: ActiveTuning) -> int:
         self._require_felt(tuning)

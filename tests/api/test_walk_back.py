@@ -1,4 +1,4 @@
-"""Every gain can be walked back: one step, whatever part of the tuning it was, and to the gains from geometry."""
+"""Every gain can be walked back, step by step, whatever part of the tuning it was, and to the gains from geometry."""
 
 import asyncio
 from collections.abc import Iterator
@@ -9,7 +9,8 @@ import pytest
 
 from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
 from backend.errors import RequestRejectedError
-from backend.schemas.tuning import TrialRequest, TuningRequest
+from backend.schemas.tuning import ChosenTuning, TrialRequest, TuningRequest
+from backend.services.state import UNDO_STEPS
 from backend.storage import banks, events
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
@@ -52,7 +53,15 @@ def in_force(parts: Parts) -> TuningSettings:
 
 def earlier(parts: Parts) -> TuningSettings | None:
     """What the page shows as what undoing puts back."""
-    shown = parts.present.state().earlier
+    return settings_of(parts.present.state().earlier)
+
+
+def later(parts: Parts) -> TuningSettings | None:
+    """What the page shows as what is done again."""
+    return settings_of(parts.present.state().later)
+
+
+def settings_of(shown: ChosenTuning | None) -> TuningSettings | None:
     if shown is None:
         return None
     values = shown.model_dump()
@@ -63,7 +72,7 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
     async def work(parts: Parts) -> None:
         retuning = parts.actuator.retuning
         assert earlier(parts) is None
-        with pytest.raises(RequestRejectedError, match="nothing to undo"):
+        with pytest.raises(RequestRejectedError, match="left to undo"):
             await retuning.undo(WHO)
         await retuning.use_bank(bank, WHO)
         for change in CHANGES:
@@ -76,11 +85,11 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
             assert earlier(parts) == before
             view = await retuning.undo(WHO)
             assert TuningSettings.of({**view.model_dump(), "bank": bank.id}) == before
-            assert (in_force(parts), earlier(parts)) == (before, changed)
-            assert parts.present.state().undone
-            await retuning.undo(WHO)
-            assert (in_force(parts), earlier(parts)) == (changed, before)
-            assert not parts.present.state().undone
+            assert (in_force(parts), later(parts)) == (before, changed)
+            await retuning.redo(WHO)
+            assert (in_force(parts), earlier(parts), later(parts)) == (changed, before, None)
+            with pytest.raises(RequestRejectedError, match="was undone"):
+                await retuning.redo(WHO)
 
     stepped(database, IDEAL, work)
     with database.reading() as session:
@@ -89,6 +98,34 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
     assert "done again: λ_q 0.5 → 0.61 s" in told
     assert "undone: b 0.25 → 0" in told
     assert "undone: interpolate yes → no" in told
+
+
+def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        retuning = parts.actuator.retuning
+        past = [in_force(parts)]
+        await retuning.use_bank(bank, WHO)
+        past.append(in_force(parts))
+        for change in CHANGES:
+            await retuning.set(change, WHO)
+            past.append(in_force(parts))
+        for before in reversed(past[:-1]):
+            await retuning.undo(WHO)
+            assert in_force(parts) == before
+        assert earlier(parts) is None
+        for after in past[1:]:
+            await retuning.redo(WHO)
+            assert in_force(parts) == after
+        await retuning.undo(WHO)
+        await retuning.set(TuningRequest(b=0.75), WHO)  # another way on: what was undone is forgotten
+        assert (later(parts), earlier(parts)) == (None, past[-2])
+        for n in range(2 * UNDO_STEPS):
+            await retuning.set(TuningRequest(b=0.2 + 0.01 * n), WHO)
+        for _ in range(UNDO_STEPS):
+            await retuning.undo(WHO)
+        assert earlier(parts) is None
+
+    stepped(database, IDEAL, work)
 
 
 def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: Bank) -> None:
@@ -101,7 +138,7 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
         assert (view.bank, in_force(parts).bank) == (None, 0)
         await retuning.undo(WHO)
         assert in_force(parts).bank == bank.id
-        await retuning.undo(WHO)
+        await retuning.redo(WHO)
 
     async def started_again(parts: Parts) -> tuple[TuningSettings, TuningSettings | None]:
         return in_force(parts), earlier(parts)

@@ -143,8 +143,14 @@ async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InContr
 
 @tuning_router.post("/undo")
 async def undo_change(service: ServiceInUse, person: InControl) -> TuningView:
-    """Undo the last change of what is in force, λ, b, bank and all; undone twice, it is in force again."""
+    """Undo the last change of what is in force, λ, b, bank and all; once more undoes the change before that."""
     return await service.actuator.retuning.undo(person.name)
+
+
+@tuning_router.post("/redo")
+async def redo_change(service: ServiceInUse, person: InControl) -> TuningView:
+    """Put in force again what the last undo took back."""
+    return await service.actuator.retuning.redo(person.name)
 
 
 @tuning_router.post("/trial")

@@ -124,11 +124,11 @@ export function useGeometry() {
   });
 }
 
-/** Undoes the last change of what is in force. */
-export function useUndo() {
+/** Undoes the last change of what is in force, or does again what was undone last. */
+export function useTuningStep(step: "undo" | "redo") {
   const queries = useQueryClient();
   return useMutation({
-    mutationFn: () => answered(api.POST("/api/tuning/undo")),
+    mutationFn: () => answered(api.POST(`/api/tuning/${step}`)),
     onSuccess: () =>
       Promise.all(["banks", "tuning"].map((key) => queries.invalidateQueries({ queryKey: [key] }))),
   });

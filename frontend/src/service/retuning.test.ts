@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import type { State } from "../wire/types";
-import { whyNoRejection, whyNoRetuning, whyNoUndo } from "./tuning";
+import { whyNoRejection, whyNoRetuning, whyNoStep } from "./tuning";
 
 const FREE = {
   mode: "run",
@@ -43,15 +43,17 @@ it("brings no rejection back of an estimate that moves more than its sixth of 0.
 });
 
 it("undoes what the service would undo, and says why not", () => {
-  expect(whyNoUndo(FREE, null)).toBe("Nothing was changed yet");
-  expect(whyNoUndo(learned(0.01), null)).toBeNull();
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0 } }), null)).toBeNull();
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }), null)).toContain(
+  expect(whyNoStep("undo", FREE, null)).toBe("No change is left to undo");
+  expect(whyNoStep("undo", learned(0.01), null)).toBeNull();
+  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0 } }), null)).toBeNull();
+  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }), null)).toContain(
     "on trial",
   );
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0 }, own_tuning: {}, task: { run: 7 } }), null)).toContain(
-    "Run 7",
-  );
-  expect(whyNoUndo(changed({ earlier: { k_ext: 0.7 } }), null)).toContain("learn at rest first");
-  expect(whyNoUndo(learned(0.08), null)).toContain("0.08 N");
+  expect(
+    whyNoStep("undo", changed({ earlier: { k_ext: 0 }, own_tuning: {}, task: { run: 7 } }), null),
+  ).toContain("Run 7");
+  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0.7 } }), null)).toContain("learn at rest first");
+  expect(whyNoStep("undo", learned(0.08), null)).toContain("0.08 N");
+  expect(whyNoStep("redo", changed({ earlier: { k_ext: 0 } }), null)).toBe("No change was undone");
+  expect(whyNoStep("redo", changed({ later: { k_ext: 0 } }), null)).toBeNull();
 });

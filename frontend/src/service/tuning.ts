@@ -35,11 +35,18 @@ export function whyNoRejection(state: State | null, k_ext: number | undefined): 
   return reason === null ? null : `It rejects pushes. ${reason}`;
 }
 
-/** Why the last change cannot be undone; null where it can. */
-export function whyNoUndo(state: State | null, noControl: string | null): string | null {
-  if (state?.earlier == null) return "Nothing was changed yet";
+/** Why the last change cannot be undone, or done again; null where it can. */
+export function whyNoStep(
+  step: "undo" | "redo",
+  state: State | null,
+  noControl: string | null,
+): string | null {
+  const tuning = step === "undo" ? state?.earlier : state?.later;
+  if (state === null || tuning == null) {
+    return step === "undo" ? "No change is left to undo" : "No change was undone";
+  }
   if (state.trial !== null) return ON_TRIAL;
-  return whyNoRetuning(state, noControl) ?? whyNoRejection(state, state.earlier.k_ext);
+  return whyNoRetuning(state, noControl) ?? whyNoRejection(state, tuning.k_ext);
 }
 
 /** A tuning in words: the λ, b, and the bank whose models it is applied to. Pure. */

@@ -5,7 +5,7 @@ from datetime import datetime
 
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
-from tests.e2e.truth.legality import compared, legal_modes, may_command, may_retune, may_start, may_undo, undo_named
+from tests.e2e.truth.legality import compared, legal_modes, may_command, may_retune, may_start, may_step
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
 
@@ -183,7 +183,8 @@ def banks(moment: Moment) -> Findings:
                for region in ("Versions",) if not one["active"]}  # fmt: skip
     offered |= {
         ("Versions", "Back to geometry"): bank is not None and free,
-        ("Versions", undo_named(state)): may_undo(state),
+        ("Versions", "Undo change"): may_step(state, state["earlier"]),
+        ("Versions", "Redo change"): may_step(state, state["later"]),
     }
     compared(found, moment, offered)
     return found

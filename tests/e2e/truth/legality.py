@@ -75,7 +75,8 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
         brought_back = saved["k_ext"] == 0.0 or may_reject(state)
         offered[changes, "Revert to saved"] = differs and own and brought_back
         offered[changes, "Save"] = differs
-        offered[changes, undo_named(state)] = may_undo(state)
+        offered[changes, "Undo change"] = may_step(state, state["earlier"])
+        offered[changes, "Redo change"] = may_step(state, state["later"])
     else:
         offered |= {(changes, "Keep"): mine, (changes, "Revert now"): mine}
     for symbol in ("λ_q", "λ_S"):
@@ -83,16 +84,11 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
     return offered
 
 
-def undo_named(state: State) -> str:
-    """Return what the button is called that takes the last change back, or does it again."""
-    return "Redo change" if state["undone"] else "Undo change"
-
-
-def may_undo(state: State) -> bool:
-    """Whether the last change may be taken back: ``TuningService.undo``."""
-    earlier = state["earlier"]
-    free = earlier is not None and state["trial"] is None and may_retune(state)
-    return bool(free and (earlier["k_ext"] == 0.0 or may_reject(state)))
+def may_step(state: State, tuning: State | None) -> bool:
+    """Whether the last change may be taken back, or done again, to ``tuning``: ``TuningService.undo`` and ``redo``."""
+    if tuning is None or state["trial"] is not None or not may_retune(state):
+        return False
+    return bool(tuning["k_ext"] == 0.0 or may_reject(state))
 
 
 def boxes_on_operate(state: State) -> dict[str, bool]:

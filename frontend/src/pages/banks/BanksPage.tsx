@@ -10,7 +10,7 @@ import { UndoTuning } from "../../components/UndoTuning";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { useGeometry, useImportBank, useUndo } from "../../service/commands";
+import { useGeometry, useImportBank, useTuningStep } from "../../service/commands";
 import { useNoControl } from "../../service/control";
 import { banksQuery } from "../../service/queries";
 import { RefusedFields, useDescribedBy, useRefusedInput } from "../../service/refusals";
@@ -92,7 +92,8 @@ function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
 export function InForce({ banks }: { banks: readonly Bank[] }) {
   const state = useLive((live) => live.state);
   const geometry = useGeometry();
-  const undo = useUndo();
+  const undo = useTuningStep("undo");
+  const redo = useTuningStep("redo");
   const noControl = useNoControl();
   if (state === null) return null;
   const { bank, entry_name } = state.tuning;
@@ -119,10 +120,10 @@ export function InForce({ banks }: { banks: readonly Bank[] }) {
           >
             Back to geometry
           </Button>
-          <UndoTuning undo={undo} />
+          <UndoTuning undo={undo} redo={redo} />
         </div>
       </OperatorsOnly>
-      <Refusal error={geometry.error ?? undo.error} about={own} text={noControl} />
+      <Refusal error={geometry.error ?? undo.error ?? redo.error} about={own} text={noControl} />
     </div>
   );
 }

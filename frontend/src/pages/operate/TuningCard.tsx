@@ -12,7 +12,13 @@ import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { notANumber } from "../../samples/number";
 import { type Angles, told } from "../../samples/quantity";
-import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from "../../service/commands";
+import {
+  useEndTrial,
+  useSaveTuning,
+  useSetTuning,
+  useTryTuning,
+  useTuningStep,
+} from "../../service/commands";
 import { useNoControl, useNoRetuning } from "../../service/control";
 import { isNumberOrText, useDraft } from "../../service/drafts";
 import { fieldEntry } from "../../service/glossary";
@@ -68,14 +74,15 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
   const save = useSaveTuning();
   const tryOut = useTryTuning();
   const end = useEndTrial();
-  const undo = useUndo();
+  const undo = useTuningStep("undo");
+  const redo = useTuningStep("redo");
   const noControl = useNoControl();
   const length = useDraft<number | string>("length of a trial", TRIAL_S, isNumberOrText);
   const seconds = length.value;
   const unlearned = useLive((live) => whyNoRejection(live.state, saved?.k_ext));
   const changed = saved !== undefined && PARTS.some(([name]) => saved[name] !== tuning[name]);
   const something = Object.keys(staged.values).length > 0;
-  const failure = lastRefusal(set, save, tryOut, end, undo);
+  const failure = lastRefusal(set, save, tryOut, end, undo, redo);
   const about = [...PARTS.map(([name]) => tuning[name]), seconds];
   const offersTrial = staged.staging && trial === null;
   const odd =
@@ -142,7 +149,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
             >
               Save
             </Button>
-            <UndoTuning undo={undo} size="compact-xs" />
+            <UndoTuning undo={undo} redo={redo} size="compact-xs" />
             <Switch
               size="xs"
               label="Stage changes"

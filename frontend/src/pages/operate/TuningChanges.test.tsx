@@ -118,11 +118,14 @@ it("keeps its row of buttons in its place on trial, disabled", async () => {
 });
 
 it.each([
-  [false, "Undo change", "Back to"],
-  [true, "Redo change", "Again"],
-])("says whether the last change is taken back or done again: undone %s", (undone, name, begin) => {
-  const earlier = { ...SAVED, bank: null };
-  open(OTHER, { trial: null, earlier, undone, touch: { learned: [] }, holder: null, own_tuning: null });
-  const button = screen.getByRole("button", { name }) as HTMLButtonElement;
-  expect(button.title.startsWith(begin)).toBe(true);
+  ["earlier", "Undo change", "Back to", "Redo change"],
+  ["later", "Redo change", "Again", "Undo change"],
+])("steps to the tuning that is %s, and says which that is", (which, name, begin, other) => {
+  const steps = { earlier: null, later: null, [which]: { ...SAVED, bank: null } };
+  open(OTHER, { trial: null, ...steps, touch: { learned: [] }, holder: null, own_tuning: null });
+  const [button, without] = [name, other].map((one) =>
+    screen.getByRole("button", { name: one }),
+  ) as HTMLButtonElement[];
+  expect(button?.title.startsWith(begin)).toBe(true);
+  expect(without?.disabled).toBe(true);
 });
