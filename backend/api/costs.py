@@ -108,6 +108,7 @@ COSTS: dict[str, Cost] = {
     "GET /api/tuning": AT_HAND,
     "PUT /api/tuning": FORMULAS,
     "POST /api/tuning/undo": FORMULAS,
+    "POST /api/tuning/redo": FORMULAS,
     "POST /api/tuning/trial": FORMULAS,
     "DELETE /api/tuning/trial": LOOP,
     "POST /api/tuning/trial/keep": ROWS,
