@@ -83,7 +83,7 @@ def test_a_sheet_has_as_much_longer_as_it_may_be_larger(
     """It would not come over a slow link in the time of other bodies."""
     assert connections.body_s(SHEETS) / connections.body_s("/thing") == body_limit(SHEETS) / MAX_BODY_BYTES > 1.0
     # as much larger that its time does not end here
-    monkeypatch.setattr(connections, "most_bytes", lambda path: MAX_BODY_BYTES * (10_000 if path == SHEETS else 1))
+    monkeypatch.setattr(connections, "body_limit", lambda path: MAX_BODY_BYTES * (10_000 if path == SHEETS else 1))
     monkeypatch.setattr(connections, "BODY_S", SHORT_S)
     head = b" HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 8\r\nConnection: close\r\n" + HOST + b"\r\n"
     with connected(address, b"POST " + SHEETS.encode() + head + b'{"a"') as sheet:

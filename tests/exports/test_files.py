@@ -80,13 +80,13 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str, erro
 
 def test_a_process_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
     program = (
-        "import time; from pathlib import Path; from backend.exports.formats import write_whole\n"
+        "import time; from pathlib import Path; from backend.exports import write_file_whole\n"
         "def pieces():\n yield bytes(1 << 20); print(flush=True); time.sleep(60)\n"
-        f"write_whole(pieces(), Path({str(tmp_path / 'file')!r}))"
+        f"write_file_whole(pieces(), Path({str(tmp_path / 'file')!r}))"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as writer:
         assert writer.stdout is not None
-        writer.stdout.readline()
+        assert writer.stdout.readline() == b"\n"
         time.sleep(0.05)
         writer.kill()
     assert contents(tmp_path) == {}

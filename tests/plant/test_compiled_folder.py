@@ -15,14 +15,14 @@ STRANGER = 54_321
 """Number of an account that is in no password file."""
 SHOWS = """
 import subprocess, sys
-from plant import compiled
+from plant import compilation
 
-@compiled.compiled
+@compilation.compiled
 def more(x):
     return x + 1.0
 
 assert more(1.0) == 2.0
-print(compiled.CACHE, flush=True)
+print(compilation.CACHE, flush=True)
 if sys.argv[1:]:
     subprocess.run([sys.executable, __file__], check=True)
 """

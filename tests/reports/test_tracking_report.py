@@ -176,10 +176,10 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> N
 def test_files_for_a_folder_say_the_same_as_the_report(
     tracking_source: RunData, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("backend.reports.build.catch_up", lambda *_: None)
+    monkeypatch.setattr("backend.reports.build.evaluate_pending_runs", lambda *_: None)
     monkeypatch.setattr("backend.reports.build.load_source", lambda *_: tracking_source)
     monkeypatch.setattr(
-        "backend.reports.build.stored_or_none", lambda *_: export_columns(tracking_source.columns, "run 12")
+        "backend.reports.build.export_run_if_recorded", lambda *_: export_columns(tracking_source.columns, "run 12")
     )
     paths = write_report_files(cast("Database", None), 12, tmp_path / "out")
     assert [path.name for path in paths] == ["report.html", "report.pdf", "data.csv", "metrics.json"]

@@ -106,7 +106,7 @@ def test_damaged_pages_are_found_and_the_way_back_works(database: Database, tmp_
 def test_a_large_file_is_looked_at_in_the_background(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(maintenance, "is_small", lambda _file: False)
+    monkeypatch.setattr(maintenance, "is_quick_to_check", lambda _file: False)
     database.close()
     damage(tmp_path / "sinew.db")
     with closing(open_database(tmp_path)) as damaged:
