@@ -29,6 +29,7 @@ class Fault(StrEnum):
     SERVICE_ENDED = "service_ended"
     SENSOR_SATURATED = "sensor_saturated"
     MOTOR_REVERSED = "motor_reversed"
+    INTERNAL_ERROR = "internal_error"
 
 
 FAULTS: tuple[Fault, ...] = tuple(Fault)
@@ -118,6 +119,11 @@ EXPLAINED: dict[Fault, Explanation] = {
         "A motor turns against its command.",
         "Look for swapped wires of motors or encoders, and for a wrong sign in the wiring file; "
         "go through the direction test before you close the loop again.",
+    ),
+    Fault.INTERNAL_ERROR: Explanation(
+        "The control loop made a mistake of its own.",
+        "Reset: it starts a new loop. Keep the flight record and the log, and report them; "
+        "if this comes back, do not go on.",
     ),
 }
 

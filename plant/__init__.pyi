@@ -46,7 +46,7 @@ from .dynamics import (
     tendon_tension,
     tendon_tension_slope,
 )
-from .errors import ErrorCode, SinewError
+from .errors import ErrorCode, InvariantError, SinewError
 from .factory import load_wiring_choice, make_plant, require_available
 from .interface import (
     DEFAULT_WIRING,
@@ -142,6 +142,7 @@ __all__ = [
     "Handled",
     "HasLimitSwitch",
     "HasWiring",
+    "InvariantError",
     "ManualInput",
     "Measurement",
     "Motor",

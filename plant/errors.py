@@ -31,3 +31,7 @@ class SinewError(Exception):
     def fields(self) -> dict[str, Any]:
         """Fields of the answer beside the message: code, and what is known of the refused value."""
         return {"code": str(self.category or "internal_error")}
+
+
+class InvariantError(SinewError):
+    """A state that must not be: a mistake of the program, whoever asked for what."""

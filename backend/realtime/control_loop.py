@@ -1,5 +1,6 @@
 """The control loop: one control step, the commands between two steps, zero volts at every exit."""
 
+import logging
 import math
 from collections.abc import Callable
 from typing import Final, assert_never
@@ -69,6 +70,7 @@ from plant import (
     ZERO_VOLTS,
     Handled,
     HasLimitSwitch,
+    InvariantError,
     Measurement,
     MotorCommand,
     Plant,
@@ -377,12 +379,16 @@ def _parted(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, st
 _AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
 
 
+_LOG = logging.getLogger(__name__)
+
+
 class Loop:
     """Control of one plant. ``finished`` tells that a Shutdown has been asked for."""
 
     def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
         self._plant, self._ring, self.finished = plant, ring, False
         self._known = known = collect_plant_knowledge(parameters)
+        self._u_max, self._has_failed = parameters.motor.u_max, False
         self.bounds = known.bounds
         self._checks, self._plant_watch = Checks(parameters), PlantHealthMonitor()
         self._tick = self._newest_tick = self._overruns = 0
@@ -439,10 +445,17 @@ class Loop:
             events.append(Refused(sequence, tick, str(error)))
         except AssertionError:  # of assert_never: a service of another version, which no type checker has seen
             events.append(Refused(sequence, tick, f"this loop knows no command {type(command).__name__}"))
+        except Exception as error:  # a mistake of the program: no voltage is decided on what it has left behind
+            self._step_failed(error)
+            events.append(Refused(sequence, tick, f"{type(command).__name__} ended in {_named(error)}"))
         else:
             events.append(Accepted(sequence, tick))
 
     def _carry_out(self, command: Command) -> None:
+        self._obey(command)
+        self._machine.require_consistent()
+
+    def _obey(self, command: Command) -> None:
         if isinstance(command, CommissioningCommand):
             carry_out(command, self._machine, self._plant, TickContext(self._newest_tick, self._desk.m))
             if isinstance(command, Zero):
@@ -484,6 +497,8 @@ class Loop:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
             raise CommandRejectedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
+        if self._has_failed:
+            raise CommandRejectedError("this loop has failed by a mistake of its own: a new one has to be started")
         fault, seen = self._checks.standing(machine.zeros.from_middle(self._desk.m), self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
@@ -526,17 +541,25 @@ class Loop:
         self._newest_tick = self._tick
         self._plant_watch.begin()
         self._events += self._hand.step(self._tick, machine.mode)
-        command = ZERO_VOLTS
+        command, has_changed = ZERO_VOLTS, self._changed
         try:
             came, u_A, u_B = begun or self._begin_tick(missed)
             if came not in (QUIET, DECIDED) or machine.interpreted is not None:
                 u_A, u_B = self._attend(came, missed)
                 self._changed = True
             if machine.mode not in (Mode.OFF, Mode.TRIPPED):
+                self._require_possible(u_A, u_B)
                 command = MotorCommand(u_A, u_B)
+            if has_changed or self._changed:
+                machine.require_consistent()
         except PlantError as error:
+            command = ZERO_VOLTS
             self._desk.decision = AT_REST
             self._plant_failed(error)
+        except Exception as error:  # a mistake of the program is a trip, never an end with a voltage on
+            command = ZERO_VOLTS
+            self._desk.decision = AT_REST
+            self._step_failed(error)
         finally:
             self._write(command)
         self._events += self._plant_watch.end(self._tick)
@@ -613,6 +636,22 @@ class Loop:
             return
         machine.tell_stopped(self._tick)
 
+    def _require_possible(self, u_A: float, u_B: float) -> None:
+        """Raise InvariantError for a voltage that the control step must not decide, nan among them."""
+        most = self._u_max
+        if not (-most <= u_A <= most and -most <= u_B <= most):
+            raise InvariantError(f"the control step decided {u_A} V and {u_B} V, beyond ±{most:g} V")
+
+    def _step_failed(self, error: Exception) -> None:
+        """Trip for a mistake of the program. This loop stays tripped: what it left behind is not to be trusted."""
+        self._changed = True
+        if not self._has_failed:
+            _LOG.critical("The control loop failed: %s", _named(error), exc_info=error)
+        self._has_failed = True
+        if self._machine.mode is not Mode.TRIPPED:
+            stop = Stop(Fault.INTERNAL_ERROR)
+            self._machine.begin_stop(stop, _named(error), TickContext(self._newest_tick, self._desk.m))
+
     def _plant_failed(self, error: PlantError) -> None:
         self._plant_watch.failure = str(error)
         self._changed = True
@@ -627,3 +666,7 @@ class Loop:
             pass
         finally:
             self._plant.close()
+
+
+def _named(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -38,7 +38,7 @@ from backend.realtime.motions import (
 from backend.realtime.program import IDENTIFYING, Program, may_start_from, program_mode
 from backend.realtime.shared_state import StepContext
 from backend.tuning import TuningParameters, collect_plant_knowledge
-from plant import Measurement, Plant, PlantParameters, SupportsDirectionCheck
+from plant import InvariantError, Measurement, Plant, PlantParameters, SupportsDirectionCheck
 
 # Now -----------------------------------------------------------------------------------------------
 #
@@ -186,6 +186,15 @@ class ModeManager:
     def has_to_tell(self) -> bool:
         """Whether a stop has come to zero volts that nobody was told of yet."""
         return self._pending_stop is not None and self.mode is Mode.TRIPPED
+
+    def require_consistent(self) -> None:
+        """Raise InvariantError where mode, motion and latched fault do not belong together."""
+        if (self.mode in (Mode.OFF, Mode.TRIPPED)) is not (self.motion is None):
+            raise InvariantError(f"mode {self.mode} with motion {type(self.motion).__name__}")
+        if self.mode is Mode.TRIPPED and self.fault is Fault.NONE:
+            raise InvariantError("mode tripped without a fault")
+        if self.mode not in (Mode.TRIPPED, Mode.STOPPING) and self.fault is not Fault.NONE:
+            raise InvariantError(f"mode {self.mode} with fault {self.fault}")
 
     def set_mode(self, command: SetMode, now: TickContext) -> None:
         """Carry out an operator's move. Raises CommandRejectedError."""

@@ -267,9 +267,13 @@ class ActuatorService:
         self.changed()
 
     async def reset(self, who: str) -> State:
-        """Clear the latched fault after its cause is gone; start the loop anew if it, its watchdog or its card died."""
+        """Clear the latched fault after its cause is gone.
+
+        Starts the loop anew where it failed by itself, and where it, its watchdog or its card died.
+        """
         async with self.starting, self._turn:
             lost = self._supervisor.guard.watchdog_lost or self.present.card_lost
+            lost = lost or self.present.fault is Fault.INTERNAL_ERROR  # a loop that failed is not trusted any more
             if self._supervisor.alive and not lost:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)

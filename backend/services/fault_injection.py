@@ -46,8 +46,9 @@ OF_A_CARD: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
 BY_HAND: dict[Fault, str] = {
     Fault.STOP_PRESSED: "press STOP",
     Fault.SERVICE_ENDED: "end the service, by Ctrl+C or a signal",
+    Fault.INTERNAL_ERROR: "not to be brought about: it is a mistake of the program",
 }
-"""What a person does to bring about the faults that nothing has to be broken for."""
+"""How the faults come about that nothing has to be broken for."""
 
 
 _NEEDS_A_CARD = "only with the virtual card: start with --plant rig --virtual-card"

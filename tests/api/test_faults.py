@@ -27,8 +27,8 @@ ONLY_HERE = [
 
 
 def test_every_fault_has_its_injection_or_a_button() -> None:
-    assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
-    assert set(BY_HAND) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
+    assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, *BY_HAND}
+    assert set(BY_HAND) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED, Fault.INTERNAL_ERROR}
 
 
 def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:

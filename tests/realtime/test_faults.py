@@ -43,6 +43,7 @@ FOUND_ELSEWHERE = {
     Fault.OPERATOR_LOST,
     Fault.SENSOR_SATURATED,
     Fault.MOTOR_REVERSED,
+    Fault.INTERNAL_ERROR,
 }
 
 

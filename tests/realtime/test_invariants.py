@@ -1,0 +1,127 @@
+"""What must not be in the loop is a trip at zero volts, told and recorded; that loop is not reset."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from backend.control import QUIET
+from backend.faults import FAULT_CODE, Fault
+from backend.realtime.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stopped
+from backend.realtime.modes import Mode
+from plant.interface import MotorCommand
+from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+from tests.docs.faults_page import documented_ms
+from tests.realtime.bench_top import BenchTop
+
+
+class Written(Simulator):
+    """Keeps what was written last."""
+
+    last = MotorCommand(0.0, 0.0)
+
+    def write(self, command: MotorCommand) -> None:
+        self.last = command
+        super().write(command)
+
+
+@pytest.fixture(scope="module")
+def lab() -> PlantParameters:
+    return load_parameters("lab")
+
+
+@pytest.fixture
+def moving(lab: PlantParameters) -> BenchTop:
+    bench = BenchTop(lab, plant=Written(lab))
+    bench.run()
+    bench.send(SetReferences(0.5, 11.0))
+    bench.advance(0.1)
+    assert abs(last(bench).u_A) > 0.1
+    return bench
+
+
+def last(bench: BenchTop) -> MotorCommand:
+    assert isinstance(bench.plant, Written)
+    return bench.plant.last
+
+
+def decides(u_A: float, u_B: float) -> Callable[[BenchTop], None]:
+    return lambda bench: setattr(bench.loop._desk, "decide", lambda: (QUIET, u_A, u_B))
+
+
+def raises(bench: BenchTop) -> None:
+    def look(*_: object) -> int:
+        raise ZeroDivisionError("a gain of zero")
+
+    bench.loop._desk.look = look
+
+
+def forgets_its_motion(bench: BenchTop) -> None:
+    bench.loop._machine.motion = None
+    bench.loop._changed = True
+
+
+def trips_without_a_fault(bench: BenchTop) -> None:
+    bench.loop._machine.mode = Mode.TRIPPED
+    bench.loop._changed = True
+
+
+MISTAKES = [
+    decides(math.nan, 1.0),
+    decides(1.0, math.inf),
+    decides(10.001, 0.0),
+    decides(0.0, -11.0),
+    raises,
+    forgets_its_motion,
+]
+
+
+@pytest.mark.parametrize("spoil", MISTAKES, ids=["nan", "inf", "beyond A", "beyond B", "exception", "no motion"])
+def test_a_mistake_in_the_step_is_a_trip_before_a_voltage_is_written(
+    moving: BenchTop, spoil: Callable[[BenchTop], None]
+) -> None:
+    spoil(moving)
+    rows = len(moving.samples.rows)
+    moving.advance(documented_ms(Fault.INTERNAL_ERROR) * 1e-3)
+    assert (moving.loop.mode, moving.loop.fault) == (Mode.TRIPPED, Fault.INTERNAL_ERROR)
+    assert last(moving) == MotorCommand(0.0, 0.0)
+    moving.advance(0.1)
+    assert len(moving.samples.rows) == rows + 101  # it goes on recording
+    assert set(moving.column("fault", 101)) == {float(FAULT_CODE[Fault.INTERNAL_ERROR])}
+    assert set(moving.column("u_A", 101)) == set(moving.column("u_B", 101)) == {0.0}
+    (stopped,) = [event for event in moving.events if isinstance(event, Stopped)]
+    assert (stopped.fault, stopped.hard) == (Fault.INTERNAL_ERROR, True)
+    assert isinstance(moving.send(Reset()), Refused)
+    assert isinstance(moving.send(SetMode(Mode.PRETENSION)), Refused)
+    assert moving.loop.mode is Mode.TRIPPED
+
+
+def test_a_loop_that_is_tripped_without_a_fault_is_not_reset(moving: BenchTop) -> None:
+    trips_without_a_fault(moving)
+    moving.advance(0.001)
+    assert last(moving) == MotorCommand(0.0, 0.0)
+    assert isinstance(moving.send(Reset()), Refused)
+
+
+def test_a_command_that_fails_is_refused_and_trips(moving: BenchTop, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise KeyError("S_ref")
+
+    monkeypatch.setattr(moving.loop._machine, "set_references", fail)
+    refused = moving.send(SetReferences(0.2, 11.0))
+    assert isinstance(refused, Refused)
+    assert "KeyError" in refused.reason
+    moving.advance(0.001)
+    assert (moving.loop.fault, last(moving)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
+
+
+def test_every_move_between_modes_leaves_a_consistent_machine(lab: PlantParameters) -> None:
+    bench = BenchTop(lab)
+    bench.run()
+    for mode in (Mode.PRETENSION, Mode.RUN, Mode.STOPPING):
+        assert isinstance(bench.send(SetMode(mode)), Accepted)
+        bench.loop._machine.require_consistent()
+        bench.advance(0.5)
+        bench.loop._machine.require_consistent()
+    assert bench.loop.fault is Fault.NONE
