@@ -2738,6 +2738,31 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ]
     ]
   },
+  "fault:internal_error": {
+    "kind": "fault",
+    "name": "internal_error",
+    "term": "internal error",
+    "meaning": "The control loop made a mistake of its own.",
+    "source": "docs/faults.md",
+    "more": [
+      [
+        "Cause",
+        "An invariant of the control step does not hold (a voltage that is no number or beyond the motors' limit, a mode without the motion or the latched fault that belongs to it), or the step ended with an exception. Nothing at the rig does that: it is a mistake of the program."
+      ],
+      [
+        "Reaction",
+        "Hard stop in the same tick, before a voltage is written; the loop goes on at zero volts and records. It is not trusted any more: reset starts a new one."
+      ],
+      [
+        "Within",
+        "1 ms of the mistake."
+      ],
+      [
+        "Remedy",
+        "Reset: it starts a new loop. Keep the flight record and the log, and report them; if this comes back, do not go on."
+      ]
+    ]
+  },
   "limit:VOLTAGE_A": {
     "kind": "limit",
     "name": "VOLTAGE_A",

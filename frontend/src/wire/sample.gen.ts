@@ -424,7 +424,8 @@ export const FAULTS = [
   "watchdog_dead",
   "service_ended",
   "sensor_saturated",
-  "motor_reversed"
+  "motor_reversed",
+  "internal_error"
 ] as const;
 export const LIMITS = {
   "VOLTAGE_A": 1,
