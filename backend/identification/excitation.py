@@ -1,4 +1,4 @@
-"""Excitation: pseudo-random sequences, spectra, and the part of an input that noise did not cause."""
+"""The part of an input that noise did not cause, frequency responses, and correlations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.identification.initialization import FitProblem, least_squares
 from backend.identification.models import Complex, FrequencyCheck, Model, moving_average
-from backend.identification.records import Controller, Record, RecordError, Signal, UnstableModelError
+from backend.identification.records import Controller, Record, Signal, UnstableModelError
 
 # Excitation ----------------------------------------------------------------------------------------
 #
@@ -183,23 +183,6 @@ def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:
         worst_phase_deg=float(np.max(phase_deg, initial=0.0)),
         trusted_lines=int(np.count_nonzero(trusted)),
     )
-
-
-# PRBS ----------------------------------------------------------------------------------------------
-#
-# Pseudo-random binary sequences of maximum length, held for a chip at a time.
-
-
-MIN_BITS, MAX_BITS = 3, 16
-
-
-def chips(bits: int) -> Signal:
-    """One period of the sequence of a register of that length, +1 and -1, shape (2^bits - 1,). Raises RecordError."""
-    from scipy.signal import max_len_seq
-
-    if not MIN_BITS <= bits <= MAX_BITS:
-        raise RecordError("length of the shift register", bits, MIN_BITS, MAX_BITS, "bits", "choose within these")
-    return np.asarray(2.0 * max_len_seq(bits)[0] - 1.0)
 
 
 # Spectra -------------------------------------------------------------------------------------------

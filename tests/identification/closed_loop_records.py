@@ -8,9 +8,7 @@ from typing import TypedDict
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, dlsim, lfilter, tf2ss
-
-from backend.identification.excitation import chips
+from scipy.signal import cont2discrete, dlsim, lfilter, max_len_seq, tf2ss
 
 Array = NDArray[np.float64]
 
@@ -60,8 +58,8 @@ def closed_loop_record(
     10 ms for third.
     """
     count = samples + cut
-    held = (chips(10), 10) if "a2" in truth else (chips(8), 50)
-    excitation = np.resize(np.repeat(*held), count)
+    bits, chip = (10, 10) if "a2" in truth else (8, 50)
+    excitation = np.resize(np.repeat(2.0 * max_len_seq(bits)[0] - 1.0, chip), count)
     A, B, C, _, _ = cont2discrete(tf2ss([truth["K"]], denominator(truth)), PERIOD_S)
     clean, _ = _loop(A, B[:, 0], C[0], excitation, np.zeros(count))
     random = np.random.default_rng(seed)
