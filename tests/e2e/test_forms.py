@@ -83,7 +83,7 @@ def lambda_box(stage: Stage, symbol: str) -> Locator:
 
 
 def lambda_on_operate(symbol: str, value: float) -> Callable[[Stage], None]:
-    """Return what types a λ: it is sent, in force, in the next session's record, and is undone."""
+    """Return what types a λ: it is sent, in force, in the next session's record, undone, done again and undone."""
 
     def change(stage: Stage) -> None:
         page, before, name = stage.page, stage.in_force(), BOXES[symbol]
@@ -101,6 +101,11 @@ def lambda_on_operate(symbol: str, value: float) -> Callable[[Stage], None]:
         undone = page.get_by_role("button", name="Undo change")
         _, answer = forms.pressed(page, undone, "/api/tuning/undo")
         assert answer[name] == before[name]
+        expect(box).to_have_value(f"{before[name]:.3f}")
+        assert stage.in_force() == before
+        _, answer = forms.pressed(page, page.get_by_role("button", name="Redo change"), "/api/tuning/redo")
+        assert answer[name] == value
+        forms.pressed(page, undone, "/api/tuning/undo")
         expect(box).to_have_value(f"{before[name]:.3f}")
         assert stage.in_force() == before
 

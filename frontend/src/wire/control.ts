@@ -15,7 +15,7 @@ const HEADER = "Sinew-Control";
 const LEFT_AS = "sinew-control";
 /** What moves the actuator or is going to; STOP needs no control. */
 const COMMANDS =
-  /^\/api\/(mode|reset|references|push|touch|wall|player|tuning|tuning\/(trial.*|undo)|experiments|experiments\/queue\/run|identifications(\/pause)?|parameters(\/undo)?|banks\/(\d+|geometry)\/activate|faults\/injection|bring-up\/[^/]+)$/;
+  /^\/api\/(mode|reset|references|push|touch|wall|player|tuning|tuning\/(trial.*|undo|redo)|experiments|experiments\/queue\/run|identifications(\/pause)?|parameters(\/undo)?|banks\/(\d+|geometry)\/activate|faults\/injection|bring-up\/[^/]+)$/;
 /** A state that comes so soon after control was taken may be from before that. */
 const FRESH_MS = 2000;
 /** A command waits for the answer to the one before it, but not for ever. */
