@@ -643,14 +643,15 @@ class Loop:
             raise InvariantError(f"the control step decided {u_A} V and {u_B} V, beyond ±{most:g} V")
 
     def _step_failed(self, error: Exception) -> None:
-        """Trip for a mistake of the program. This loop stays tripped: what it left behind is not to be trusted."""
+        """Trip for a mistake of the program, whatever has tripped before. This loop stays tripped from now on."""
         self._changed = True
-        if not self._has_failed:
-            _LOG.critical("The control loop failed: %s", _named(error), exc_info=error)
+        if self._has_failed:
+            return
         self._has_failed = True
-        if self._machine.mode is not Mode.TRIPPED:
-            stop = Stop(Fault.INTERNAL_ERROR)
-            self._machine.begin_stop(stop, _named(error), TickContext(self._newest_tick, self._desk.m))
+        _LOG.critical("The control loop failed: %s", _named(error), exc_info=error)
+        stop = Stop(Fault.INTERNAL_ERROR)
+        self._machine.begin_stop(stop, _named(error), TickContext(self._newest_tick, self._desk.m))
+        self._machine.fault = Fault.INTERNAL_ERROR  # by which the service knows that a reset starts a new loop
 
     def _plant_failed(self, error: PlantError) -> None:
         self._plant_watch.failure = str(error)

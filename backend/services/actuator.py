@@ -272,8 +272,8 @@ class ActuatorService:
         Starts the loop anew where it failed by itself, and where it, its watchdog or its card died.
         """
         async with self.starting, self._turn:
-            lost = self._supervisor.guard.watchdog_lost or self.present.card_lost
-            lost = lost or self.present.fault is Fault.INTERNAL_ERROR  # a loop that failed is not trusted any more
+            has_failed = self.present.fault is Fault.INTERNAL_ERROR
+            lost = has_failed or self._supervisor.guard.watchdog_lost or self.present.card_lost
             if self._supervisor.alive and not lost:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)

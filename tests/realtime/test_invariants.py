@@ -7,7 +7,7 @@ import pytest
 
 from backend.control import QUIET
 from backend.faults import FAULT_CODE, Fault
-from backend.realtime.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stopped
+from backend.realtime.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stop, Stopped
 from backend.realtime.modes import Mode
 from plant.interface import MotorCommand
 from plant.parameters import PlantParameters, load_parameters
@@ -100,8 +100,19 @@ def test_a_mistake_in_the_step_is_a_trip_before_a_voltage_is_written(
 def test_a_loop_that_is_tripped_without_a_fault_is_not_reset(moving: BenchTop) -> None:
     trips_without_a_fault(moving)
     moving.advance(0.001)
-    assert last(moving) == MotorCommand(0.0, 0.0)
+    assert (moving.loop.fault, last(moving)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
     assert isinstance(moving.send(Reset()), Refused)
+
+
+def test_a_mistake_after_another_trip_takes_its_place_so_that_reset_starts_a_new_loop(moving: BenchTop) -> None:
+    moving.send(Stop(Fault.STOP_PRESSED))
+    moving.advance(0.01)
+    assert moving.loop.fault is Fault.STOP_PRESSED
+    raises(moving)
+    moving.advance(0.002)
+    assert moving.column("fault", 1)[0] == FAULT_CODE[Fault.INTERNAL_ERROR]
+    told = [event.fault for event in moving.events if isinstance(event, Stopped)]
+    assert told == [Fault.STOP_PRESSED, Fault.INTERNAL_ERROR]
 
 
 def test_a_command_that_fails_is_refused_and_trips(moving: BenchTop, monkeypatch: pytest.MonkeyPatch) -> None:
