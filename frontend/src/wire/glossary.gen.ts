@@ -2747,11 +2747,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "An invariant of the control step does not hold (a voltage that is no number or beyond the motors' limit, a mode without the motion or the latched fault that belongs to it), or the step ended with an exception. Nothing at the rig does that: it is a mistake of the program."
+        "An invariant of the control step does not hold (a voltage that is no number or beyond the motors' limit, a mode without the motion or the latched fault that belongs to it), or the step or a command ended with an exception. Nothing at the rig does that: it is a mistake of the program."
       ],
       [
         "Reaction",
-        "Hard stop in the same tick, before a voltage is written; the loop goes on at zero volts and records. It is not trusted any more: reset starts a new one."
+        "Hard stop in the same tick, whatever was latched before, before a voltage is written; the loop goes on at zero volts and records. It is not trusted any more: reset starts a new one."
       ],
       [
         "Within",
