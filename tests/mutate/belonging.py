@@ -6,7 +6,7 @@ from tests.conftest import ONLY_COMPUTES, PAGE
 from tests.imports import imported
 from tests.mutate.trees import ROOT
 
-ROOMS = {
+TESTED_IN = {
     "plant": ("tests/plant", "tests/closed_loop"),
     "backend/control": ("tests/control", "tests/closed_loop", "tests/realtime"),
     "backend/identification": ("tests/identification",),
@@ -22,7 +22,7 @@ _ELSEWHERE = {"packaging", "mutate"}
 
 def sources() -> list[str]:
     """Return the files that are changed, as paths in the project; what only the installation runs computes nothing."""
-    files = [path for room in ROOMS for path in sorted((ROOT / room).glob("*.py"))]
+    files = [path for package in TESTED_IN for path in sorted((ROOT / package).glob("*.py"))]
     return [str(path.relative_to(ROOT)) for path in files if path.name != "compile_ahead.py"]
 
 
@@ -44,7 +44,7 @@ def reaching(steps: dict[str, int]) -> dict[str, int]:
 
 def belonging_to(path: str, away: dict[str, int]) -> list[str]:
     """Return those of the tests ``away`` that name a source file, or are of the packages where its like is tested."""
-    folders = tuple(f"{folder}/" for folder in ROOMS[path.rpartition("/")[0]])
+    folders = tuple(f"{folder}/" for folder in TESTED_IN[path.rpartition("/")[0]])
     return [test for test, n in away.items() if n == 0 or test.startswith(folders)]
 
 

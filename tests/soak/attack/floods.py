@@ -1,4 +1,4 @@
-"""STOP's latency while viewers pour frames, reconnect, sign in and send heads byte by byte, without end."""
+"""STOP's latency while viewers pour frames, reconnect, sign in, send slow heads or hold connections, without end."""
 
 import asyncio
 import base64
@@ -38,7 +38,10 @@ FRAMES: dict[str, bytes] = {
     "closes": _frame(8),
 }
 BEFORE = {"fragments": _frame(1, b"x", last=False)}
-KINDS = (*FRAMES, "reconnects", "sign-ins", "slow heads")
+HELD = b"POST /api/session HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 99\r\n\r\n{"
+KINDS = (*FRAMES, "reconnects", "sign-ins", "slow heads", "held connections")
+_EACH = 10
+"""Connections that a viewer holds at once."""
 
 
 async def _opened(host: str, port: int, cookie: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
@@ -100,6 +103,18 @@ async def _slow_head(host: str, port: int) -> None:
         writer.transport.abort()
 
 
+async def _hold(host: str, port: int) -> None:
+    """Open connections, send half a request on each, and hold them until the service closes the last."""
+    held = [await asyncio.open_connection(host, port) for _ in range(_EACH)]
+    try:
+        for _, writer in held:
+            writer.write(HELD)
+        await held[-1][0].read()
+    finally:
+        for _, writer in held:
+            writer.transport.abort()
+
+
 def flood(signals: Signals, kind: str, url: str, token: str, viewers: int) -> None:
     """Let so many viewers do one thing without end, each in a task of its own."""
     asyncio.run(_flood(signals, kind, url, token, viewers))
@@ -116,6 +131,8 @@ async def _flood(signals: Signals, kind: str, url: str, token: str, viewers: int
             return _pour(host, port, cookie, FRAMES[kind] * count, BEFORE.get(kind, b""))
         if kind == "reconnects":
             return _reconnect(host, port, cookie)
+        if kind == "held connections":
+            return _hold(host, port)
         return _sign_in(url, token) if kind == "sign-ins" else _slow_head(host, port)
 
     async def again(work: Callable[[], Awaitable[None]]) -> None:
