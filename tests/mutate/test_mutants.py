@@ -58,7 +58,7 @@ def test_a_mutant_is_another_program_that_says_the_same() -> None:
         assert words(changed) == words(text), mutant
 
 
-def test_places_are_spread_over_the_rooms_and_the_same_for_a_seed() -> None:
+def test_places_are_spread_over_the_packages_and_the_same_for_a_seed() -> None:
     some = chosen(100, seed=1)
     assert some == chosen(100, seed=1) != chosen(100, seed=2)
     there = Counter(mutant.path for mutant in all_there())

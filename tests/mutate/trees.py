@@ -27,7 +27,7 @@ from tests.imports import module_graph
 ROOT = Path(__file__).parents[2]
 COMPILED = (
     "plant",
-    *(f"backend/{room}" for room in ("control", "identification", "tuning", "realtime")),
+    *(f"backend/{package}" for package in ("control", "identification", "tuning", "realtime")),
 )
 """Where compiled functions stand."""
 
