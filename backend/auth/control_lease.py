@@ -13,7 +13,7 @@ from backend.auth.authentication import BEARER, OPEN, User
 from backend.errors import RequestRejectedError
 from backend.schemas import HolderView, Lease
 from backend.supervision import Part
-from plant import ErrorCode
+from plant import ErrorCode, InvariantError
 
 # Command turns -------------------------------------------------------------------------------------
 #
@@ -66,6 +66,8 @@ class CommandSequencer:
             await self._wait(number)
         finally:
             self._waiting.discard(number)
+        if number <= self._obeyed:
+            raise InvariantError(f"command {number} got its turn after command {self._obeyed}")
         self._obeyed = number
         self._busy_since = begun = _now_s()
         try:
@@ -151,7 +153,7 @@ class LeaseHolder:
     @property
     def lost(self) -> bool:
         """Whether the page is not heard any more."""
-        return self.is_page and self.silent_s > LOST_S
+        return self.is_page and not self.silent_s <= LOST_S
 
     def is_at(self, person: User, page: str | None) -> bool:
         """Return whether this is the page that holds control."""
@@ -291,8 +293,21 @@ class ControlLease:
             await self.look()
 
     async def look(self) -> None:
-        """Count the holder's silence; end control when it lasted too long."""
+        """Count the holder's silence; end control when it lasted too long.
+
+        Ends control and raises InvariantError where the lease is not consistent: the supervision of this watch then
+        stops softly whatever moves, and starts the watch anew.
+        """
         now = self._clock()
+        try:
+            if not now >= self._looked:
+                raise InvariantError(f"the clock of the lease went from {self._looked} s to {now} s")
+            self.require_consistent()
+        except InvariantError:
+            self._looked, self.holder = self._clock(), None
+            self.let_go()
+            self.holder_changed()
+            raise
         # What was said while this process stood still waits in its sockets: that is not silence.
         passed_s, self._looked = min(now - self._looked, _LATE_LOOK_S), now
         holder = self.holder
@@ -309,7 +324,20 @@ class ControlLease:
             if holder.is_page:
                 await self._lost(holder.person.name)
 
+    def require_consistent(self) -> None:
+        """Raise InvariantError where holder and lease do not belong together, a silence of nan s among it."""
+        holder = self.holder
+        if holder is None:
+            return
+        if holder.epoch != self._epoch:
+            raise InvariantError(f"a holder of epoch {holder.epoch} in a lease of epoch {self._epoch}")
+        if not 0.0 <= holder.silent_s <= LOST_S + HOLD_S + SCRIPT_S:
+            raise InvariantError(f"the holder of control is silent for {holder.silent_s} s")
+        if holder.person.session != self._last_session:
+            raise InvariantError("the holder of control has a session that did not take it")
+
     def _holder_at(self, person: User, page: str) -> LeaseHolder:
+        self.require_consistent()
         holder = self.holder
         if holder is None:
             raise RequestRejectedError(
@@ -332,6 +360,7 @@ class ControlLease:
                 f"a page takes control first and stamps its commands ({HEADER})",
                 code="control_needed",
             )
+        self.require_consistent()
         if holder is None:
             holder = self.take(person, is_page=False)
         if holder.is_page or holder.person != person:

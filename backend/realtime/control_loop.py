@@ -566,7 +566,11 @@ class Loop:
         self._overruns = overruns
         self._tell_desk()
         self._desk.write_row(self._row, self._tick, self._command, self._plant.raw, lateness_s, overruns)
-        self._ring.append(self._row)
+        try:
+            self._ring.append(self._row)
+        except InvariantError as error:
+            self._step_failed(error)
+            self._write(ZERO_VOLTS)
         self._tick += 1
 
     def _begin_tick(self, missed: int) -> tuple[int, float, float]:

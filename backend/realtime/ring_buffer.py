@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.sample import FIELDS
-from plant import SinewError
+from plant import InvariantError, SinewError
 
 WIDTH = len(FIELDS)
 _HEADER_WORDS = 8
@@ -49,6 +49,7 @@ class Ring:
         self.capacity = int(self._header[_CAPACITY])
         cells = np.frombuffer(self._memory, np.float64, self.capacity * WIDTH, offset=_HEADER_WORDS * _WORD)
         self.rows: NDArray[np.float64] = cells.reshape(self.capacity, WIDTH)
+        self._appended = self.count
 
     @classmethod
     def create(cls, capacity: int = 65536) -> "Ring":
@@ -79,22 +80,40 @@ class Ring:
         return int(self._header[_COUNT])
 
     def append(self, row: Sequence[float] | NDArray[np.float64]) -> None:
-        """Append one row of ``WIDTH`` values; the oldest is overwritten. For the one writer only."""
-        count = self.count
+        """Append one row of ``WIDTH`` values; the oldest is overwritten. For the one writer only.
+
+        Raises InvariantError where another process has changed the count. The row is appended, and the count is right
+        again.
+        """
+        count, found = self._appended, self.count
         self.rows[count % self.capacity] = row
-        self._header[_COUNT] = count + 1
+        self._appended = self._header[_COUNT] = count + 1
+        if found != count:
+            raise InvariantError(f"the ring counted {found} rows where {count} had been appended")
 
     def count_in(self, rows: int) -> None:
-        """Count rows that stand in ``rows`` each at its slot; no reader may be so far behind as to need them."""
-        self._header[_COUNT] = self.count + rows
+        """Count rows that the writer has put into ``rows``, each at its slot, without ``append``.
+
+        No reader may be so far behind as to need what they overwrite. Raises InvariantError as ``append`` does, and for
+        more rows than there are slots.
+        """
+        if not 0 <= rows <= self.capacity:
+            raise InvariantError(f"{rows} rows at once in a ring of {self.capacity}")
+        count, found = self._appended, self.count
+        self._appended = self._header[_COUNT] = count + rows
+        if found != count:
+            raise InvariantError(f"the ring counted {found} rows where {count} had been appended")
 
     def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
         """Copy rows ``since``, ``since + 1`` ... (at most ``limit``).
 
         Returns (index of the first row, rows [n, WIDTH], rows missed): rows that were overwritten before they could be
         copied are left out at the front and counted as missed; the first row then is ``since + missed``.
+        Raises InvariantError for a row that was never appended: its reader would wait for ever.
         """
         count = self.count
+        if not 0 <= since <= count:
+            raise InvariantError(f"row {since} of a ring into which {count} rows have been appended")
         first = max(since, count - self.capacity + 1, 0)
         rows = self._copy(first, min(count, first + limit))
         # The writer went on meanwhile, and may be writing row `count` into the slot of row `count - capacity` now.
@@ -106,7 +125,7 @@ class Ring:
 
     def newest(self) -> NDArray[np.float64] | None:
         """Copy the newest row [WIDTH], None before the first."""
-        _, rows, _ = self.read(self.count - 1, 1)
+        _, rows, _ = self.read(max(self.count - 1, 0), 1)
         return rows[0] if len(rows) else None
 
     def _copy(self, first: int, end: int) -> NDArray[np.float64]:

@@ -29,7 +29,7 @@ from backend.storage import (
     runs,
 )
 from backend.supervision import Part
-from plant import ErrorCode, Obstacle, SinewError, T_s
+from plant import ErrorCode, InvariantError, Obstacle, SinewError, T_s
 
 # Walls ---------------------------------------------------------------------------------------------
 #
@@ -94,6 +94,9 @@ class Walls:
 # take them, the loop goes on, the ring keeps the last minute, and what is overwritten meanwhile is
 # counted as missed.
 #
+# Samples that cannot be of one run end its recording, with an entry in the log and a gap: what is stored of
+# it so far is sure, and the next run is recorded.
+#
 # How a run ended is what the loop says of it, or that the loop is gone; its samples only tell
 # where. It is written here and nowhere else, once the last of them is stored.
 
@@ -137,6 +140,8 @@ class Recorder:
         # the commit and the step after it.
         self._beginning = self._storing = -1
         self._refused_run = 0
+        # A run whose recording has ended before the run, and how many of its samples came after that.
+        self._broken_run = self._skipped = 0
         # Runs whose samples are all stored and whose end has not been told; ends that were told and are not written.
         self._open: set[int] = set()
         self._told: dict[int, RunEnded] = {}
@@ -241,17 +246,25 @@ class Recorder:
 
     def _end(self, run: int, end_state: EndState, detail: str) -> None:
         with suppress(UnknownRecordError), self._database.session() as session:  # samples of such a run were refused
+            if run == self._broken_run and self._skipped:
+                recordings.add_gap(session, run, self._skipped, f"{self._skipped} samples after them, too")
             runs.end(session, run, end_state, detail)
         self._open.discard(run)
         if run == self._run:
             self._run = 0
+        if run == self._broken_run:
+            self._broken_run = 0
 
     def _store_next(self, *, partial: bool) -> bool:
         """Store the next chunks, a short one only where a run or the ring (``partial``) ends; False: there are none."""
-        self._position, rows, missed = self._ring.read(self._position, CHUNKS_AT_ONCE * CHUNK_TICKS)
-        if not len(rows):
+        try:
+            self._position, rows, missed = self._ring.read(self._position, CHUNKS_AT_ONCE * CHUNK_TICKS)
+            if not len(rows):
+                return False
+            run, tick = self._identify(rows[0])
+        except InvariantError as error:
+            self._refuse_rest(str(error))
             return False
-        run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
         if self._run and run != self._run:
             self._leave_run(tick)
         if run not in (0, self._run, self._refused_run):
@@ -263,8 +276,36 @@ class Recorder:
             if not length:
                 return False
             self._store(rows[:length])
+        elif run == self._broken_run != 0:
+            self._skipped += length
         self._position += length
         return True
+
+    def _identify(self, row: NDArray[np.float64]) -> tuple[int, int]:
+        """Return run and tick of a row. Raises InvariantError where it cannot follow what is stored."""
+        run, tick = float(row[_RUN]), float(row[_TICK])
+        if not (run.is_integer() and tick.is_integer() and min(run, tick) >= 0):
+            raise InvariantError(f"a sample of run {run:g} at tick {tick:g}")
+        if run == self._run != 0 and tick < self._next_tick:
+            raise InvariantError(f"tick {tick:.0f} after tick {self._next_tick - 1} in run {run:.0f}")
+        return int(run), int(tick)
+
+    def _refuse_rest(self, reason: str) -> None:
+        """End the recording of the run, if there is one, and go on after the newest sample."""
+        count = self._ring.count
+        skipped = max(count - self._position, 0)
+        _LOG.critical("The recorder skips %d samples: %s", skipped, reason)
+        text = f"the rest of it is not recorded, as its samples are not consistent: {reason}"
+        with self._database.session() as session:
+            if self._run:
+                recordings.add_gap(session, self._run, skipped, text)
+            of = f"of run {self._run}, " if self._run else ""
+            events.add(session, EventKind.RECORDING, f"{skipped} samples are skipped: {of}{reason}")
+        if self._run:
+            self._open.add(self._run)
+            self._refused_run = self._broken_run = self._run
+            self._run = self._skipped = 0
+        self._position = count
 
     def _begin_run(self, run: int, tick: int, missed: int) -> None:
         again, self._beginning = self._beginning == run, run

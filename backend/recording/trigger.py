@@ -257,7 +257,7 @@ class Trigger:
         """Wait for a condition from the next sample on."""
         self._ring = self._present()
         self._position = self._ring.count
-        _, rows, _ = self._ring.read(self._position - 1, 1)
+        _, rows, _ = self._ring.read(max(self._position - 1, 0), 1)
         self._previous = self._last_of(rows, armed.condition)
         self.standing = TriggerStatus(armed)
         self.heard.changed()

@@ -9,6 +9,8 @@ from backend.control import QUIET
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stop, Stopped
 from backend.realtime.modes import Mode
+from backend.realtime.ring_buffer import Ring
+from backend.sample import INDEX
 from plant.interface import MotorCommand
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -125,6 +127,23 @@ def test_a_command_that_fails_is_refused_and_trips(moving: BenchTop, monkeypatch
     assert "KeyError" in refused.reason
     moving.advance(0.001)
     assert (moving.loop.fault, last(moving)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
+
+
+def test_a_ring_that_another_process_spoils_is_a_trip(lab: PlantParameters) -> None:
+    bench = BenchTop(lab, plant=Written(lab))
+    ring = bench.loop._ring = Ring.create(1000)
+    bench.run()
+    assert abs(last(bench).u_A) > 0.1
+    count = ring.count
+    ring._header[3] = 0
+    bench.advance(documented_ms(Fault.INTERNAL_ERROR) * 1e-3)
+    assert (bench.loop.fault, last(bench)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
+    bench.advance(0.1)
+    assert ring.count == count + 101
+    newest = ring.newest()
+    assert newest is not None
+    assert newest[INDEX["fault"]] == FAULT_CODE[Fault.INTERNAL_ERROR]
+    ring.close()
 
 
 def test_every_move_between_modes_leaves_a_consistent_machine(lab: PlantParameters) -> None:

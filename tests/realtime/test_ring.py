@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backend.realtime.ring_buffer import WIDTH, Ring, RingError
+from plant.errors import InvariantError
 
 
 def row(k: int) -> list[float]:
@@ -115,4 +116,37 @@ def test_ring_of_another_version_is_refused() -> None:
     ring._header[2] = WIDTH + 1
     with pytest.raises(RingError, match="same version"):
         Ring.attach(ring.fd)
+    ring.close()
+
+
+def test_a_reader_beyond_the_newest_row_is_a_mistake() -> None:
+    ring = Ring.create(8)
+    ring.append(row(0))
+    for since in (-1, 2, 500):
+        with pytest.raises(InvariantError, match=f"row {since} "):
+            ring.read(since, 1)
+    assert ring.read(1, 5)[0] == 1
+    ring.close()
+
+
+@pytest.mark.parametrize("spoilt", [-1, 0, 2, 10**6])
+def test_a_count_that_another_process_changed_is_put_right_by_the_writer(spoilt: int) -> None:
+    ring = Ring.create(8)
+    other = Ring.attach(os.dup(ring.fd))
+    for k in range(5):
+        ring.append(row(k))
+    other._header[3] = spoilt
+    with pytest.raises(InvariantError, match=f"counted {spoilt} rows where 5 "):
+        ring.append(row(5))
+    assert other.count == 6
+    assert [int(r[0]) for r in other.read(0, 10)[1]] == [0, 1, 2, 3, 4, 5]
+    other._header[3] = spoilt
+    with pytest.raises(InvariantError):
+        ring.count_in(2)
+    assert other.count == 8
+    ring.append(row(8))
+    with pytest.raises(InvariantError, match="9 rows at once"):
+        ring.count_in(9)
+    assert ring.count == 9
+    other.close()
     ring.close()

@@ -271,3 +271,46 @@ def test_a_headless_station_drains_what_is_worth_it_and_each_end_that_is_told(
     with database.reading() as session:
         assert recordings.span(session, run.id).end_tick == 20_500
     recorder.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("tick", 900.0), ("tick", np.nan), ("tick", 1000.5), ("run", np.nan), ("run", -1.0)]
+)
+def test_samples_that_cannot_follow_end_the_recording_of_their_run(
+    database: Database, writer: Writer, name: str, value: float
+) -> None:
+    run, following = new_run(database), new_run(database)
+    recorder = recorder_of(writer, database)
+    head = writer.write(1000, run.id)
+    recorder.drain()
+    writer.write(1, run.id)
+    writer.ring.rows[(writer.ring.count - 1) % writer.ring.capacity, INDEX[name]] = value
+    writer.write(1200, run.id)
+    recorder.drain()
+    recorder.drain()
+    assert recorder.problem == ""
+    writer.write(100, run.id)
+    whole = writer.write(1500, following.id)
+    writer.write(1)
+    recorder.drain()
+    recorder.close()
+    assert_stored(database, run.id, head)
+    assert_stored(database, following.id, whole)
+    with database.reading() as session:
+        assert recordings.get(session, run.id).missed == 1301
+        assert recordings.get(session, following.id).missed == 0
+        (entry,) = events.find(session, kind=events.EventKind.RECORDING)
+    assert "1201 samples are skipped" in entry.text
+    assert stored_run(database, following.id).end_state == EndState.COMPLETED
+
+
+def test_a_position_beyond_the_ring_is_noticed(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = recorder_of(writer, database)
+    recorder._position = 10**6
+    recorder.drain()
+    rows = writer.write(1500, run.id)
+    writer.write(1)
+    recorder.drain()
+    assert_stored(database, run.id, rows)
+    recorder.close()

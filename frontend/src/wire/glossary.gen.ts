@@ -2747,7 +2747,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "An invariant of the control step does not hold (a voltage that is no number or beyond the motors' limit, a mode without the motion or the latched fault that belongs to it), or the step or a command ended with an exception. Nothing at the rig does that: it is a mistake of the program."
+        "An invariant of the control step does not hold (a voltage that is no number or beyond the motors' limit, a mode without the motion or the latched fault that belongs to it), another process changed the count of samples, or the step or a command ended with an exception. Nothing at the rig does that: it is a mistake of the program."
       ],
       [
         "Reaction",
